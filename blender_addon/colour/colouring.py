@@ -68,7 +68,7 @@ def coloured(source: Source, mode: Mode, report: Callable[[float], None]) -> Col
     view = source.rendered or rasterised_view_of(source.loaded)
     colour, messages = baked_colour_of(view, mode, lambda fraction: report(SEEN + (BAKED - SEEN) * fraction))
     report(BAKED)
-    vertices = colour_vertices(view.mesh, view.view) if isinstance(colour, TextureAtlas) else colour
+    vertices = colour_vertices(view.mesh, view.views) if isinstance(colour, TextureAtlas) else colour
     report((BAKED + 1) / 2)
     return Colouring(view, colour, vertices, coverage_of(view, colour), (*view.messages, *messages))
 

@@ -19,10 +19,10 @@ from ..pipeline.blender.bridge.data_blocks import absolute_path, exact
 from ..pipeline.blender.case.load_case import load_frame
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
-from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure
+from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure, case_from_text
 from ..pipeline.case.landmarks import Landmark
-from ..pipeline.case.loaded_case import LoadedCase, LoadedSurface, check_pose, load_surface
-from ..pipeline.case.posed_frame import PosedFrame
+from ..pipeline.case.loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
+from ..pipeline.case.posed_frame import PosedFrame, UnreadFrame
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
@@ -222,6 +222,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         image=absolute_path(settings.frame_path),
         camera=camera(scene),
         distortion=distortion(scene),
+        frames=further_frames(scene),
         mesh=absolute_path(surface.oneframe.mesh_path),
         cam_from_mesh=cam_from_mesh(scene),
         structures=structures,
@@ -229,6 +230,12 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         landmarks=landmarks_mesh(scene),
         **(json.loads(settings.case_kept_text) if settings.case_kept_text else {}),
     )
+
+
+def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:
+    """The case's frames beside the one that is shown, as its file has them."""
+    text = scene.oneframe.case_frames_text
+    return case_from_text(text, absolute_path(scene.oneframe.case_path)).frames if text else ()
 
 
 def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
@@ -276,16 +283,19 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
     mesh, mesh_from_model, messages = _surface(wanted.mesh, stamp(wanted.mesh), wanted.mm_per_unit)
     _check_unedited(surface_of(scene), mesh)
     pose = cam_from_model(scene)
+    frames = [PosedFrame(image, valid, wanted.camera, pose, path=wanted.image)]
+    for given in wanted.frames:
+        shown = _frame(given.image, stamp(given.image), given.camera, given.distortion)
+        frames.append(PosedFrame(*shown, given.camera, given.cam_from_mesh @ mesh_from_model, path=given.image))
     if aligned:
-        check_pose(wanted, mesh, pose)
+        check_poses(wanted, mesh, frames)
     structures = tuple(
         (structure, _mesh(structure.mesh, stamp(structure.mesh)).scaled(wanted.mm_per_unit).moved(-offset))
         for offset in (mesh_from_model[:3, 3],)
         for structure in wanted.structures
     )
     surface = LoadedSurface(mesh, mesh_from_model, structures)
-    frame = PosedFrame(image, valid, wanted.camera, pose, path=wanted.image, alignment=wanted.alignment)
-    return LoadedCase(wanted, surface, (frame,), tuple(messages))
+    return LoadedCase(wanted, surface, tuple(frames), tuple(messages))
 
 
 def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -352,7 +362,7 @@ def stamp(path: Path) -> tuple[int, int]:
     return status.st_mtime_ns, status.st_size
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _frame(
     path: Path, _stamp: tuple[int, int], camera: PinholeCamera, distortion: Distortion | None
 ) -> tuple[np.ndarray, np.ndarray]:

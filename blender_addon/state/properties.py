@@ -161,6 +161,9 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     case_dataset_text: str = prop(
         StringProperty, description="The case's [dataset] table as read (JSON)", options={"HIDDEN"}
     )
+    case_frames_text: str = prop(
+        StringProperty, description="The case file as read, for its further frames (TOML)", options={"HIDDEN"}
+    )
     case_kept_text: str = prop(
         StringProperty, description="What the add-on keeps of the case without showing it (JSON)", options={"HIDDEN"}
     )

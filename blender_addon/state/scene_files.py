@@ -24,9 +24,10 @@ _asked: set[Path] = set()
 
 
 def input_files(scene: bpy.types.Scene) -> dict[str, Path]:
-    """Case file, frame, surface and structures, by what they are, which no operator replaces; those the scene has."""
+    """Case file, frames, surface and structures, by what they are, which no operator replaces; those the scene has."""
     settings = scene.oneframe
     texts = {"case": settings.case_path, "frame": settings.frame_path}
+    texts |= {f"frame {n}": str(each.image) for n, each in enumerate(from_scene.further_frames(scene), start=2)}
     surface = from_scene.present_surface(scene)
     if surface is not None:
         texts["surface"] = surface.oneframe.mesh_path

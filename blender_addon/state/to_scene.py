@@ -13,6 +13,7 @@ from ..pipeline.blender.colour.surface_colour import rescale_colour
 from ..pipeline.camera.distortion import Distortion, checked_distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case
+from ..pipeline.case.case_writer import case_text
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
@@ -58,6 +59,7 @@ def remember_file(scene: bpy.types.Scene, case: Case) -> None:
     """Tie the scene to the file of a case, as it was read or written: Save Case writes there."""
     settings = scene.oneframe
     settings.case_path, settings.case_dataset_text = str(case.path.resolve()), json.dumps(case.dataset)
+    settings.case_frames_text = case_text(case.path, replace(case, dataset={}, landmarks=())) if case.frames else ""
     settings.case_files_text = json.dumps([str(case.image.resolve()), str(case.mesh.resolve())])
 
 
@@ -71,7 +73,7 @@ def _part_from_case(scene: bpy.types.Scene) -> None:
         # which was relative to that file
         dataset["poses"] = str(absolute_path(settings.case_path).parent / dataset["poses"])
         settings.case_dataset_text = json.dumps(dataset)
-    for name in ("case_path", "case_files_text", "dataset_out"):
+    for name in ("case_path", "case_files_text", "case_frames_text", "dataset_out"):
         settings.property_unset(name)
 
 
@@ -255,6 +257,8 @@ def rescale(context: bpy.types.Context, units: str) -> None:
         alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     pose_evidence.rescale(surface, factor)
     rescale_colour(surface, factor)
+    # its numbers stay, as those of the surface's file do
+    settings.case_frames_text = settings.case_frames_text.replace(f'"{settings.units}"', f'"{units}"', 1)
     settings.units = units
     moved = []
     for mark in landmarks:

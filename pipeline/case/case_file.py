@@ -1,4 +1,4 @@
-"""The case file: one frame, its camera, surface and pose, read strictly from TOML.
+"""The case file: a frame, its camera, surface and pose, and further frames, read strictly from TOML.
 
 This module reads paths and numbers; :mod:`oneframe.blender.case.load_case` opens the files that they name.
 """
@@ -6,6 +6,7 @@ This module reads paths and numbers; :mod:`oneframe.blender.case.load_case` open
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
 from .landmarks import Landmark, landmarks_from_tables
+from .posed_frame import UnreadFrame
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ()),
@@ -28,6 +30,7 @@ _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "surface": (("mesh",), ("name",)),
     "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
     "structures": (("name", "mesh"), ("color",)),
+    "frames": (("image", POSE_KEY), ("camera",)),
 }
 """Table -> its required and its optional keys."""
 LONGEST_NAME = 100
@@ -60,6 +63,8 @@ class Case:
         The surface's file.
     cam_from_mesh
         4x4, mm: the pose in the file, from the frame of the mesh file.
+    frames
+        Further frames of the surface, which colour what they show best.
     structures
         What overlays show in addition to the surface.
     dataset
@@ -83,6 +88,7 @@ class Case:
     distortion: Distortion | None
     mesh: Path
     cam_from_mesh: np.ndarray
+    frames: tuple[UnreadFrame, ...] = ()
     structures: tuple[Structure, ...] = ()
     dataset: dict[str, object] = field(default_factory=dict)
     cluster: dict[str, object] = field(default_factory=dict)
@@ -91,9 +97,15 @@ class Case:
     landmarks: tuple[Landmark, ...] = ()
     alignment: dict[str, object] = field(default_factory=dict)
 
+    @property
+    def every_frame(self) -> tuple[UnreadFrame, ...]:
+        """The frame, and the further ones."""
+        return UnreadFrame(self.image, self.camera, self.distortion, self.cam_from_mesh), *self.frames
+
     def input_files(self) -> dict[str, Path]:
         """All files that the results depend on, by a name that does not depend on their location."""
         files = {"case": self.path, "frame": self.image, "surface": self.mesh}
+        files |= {f"frame {number}": frame.image for number, frame in enumerate(self.frames, start=2)}
         return files | {f"structure {structure.name}": structure.mesh for structure in self.structures}
 
 
@@ -120,7 +132,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     table = parsed_toml(text, name)
     check_keys(
         table, ("units", "frame", "camera", "surface", "pose"),
-        ("structures", "landmarks", "alignment", "dataset", "cluster"), f"{name}: ",
+        ("frames", "structures", "landmarks", "alignment", "dataset", "cluster"), f"{name}: ",
     )  # fmt: skip
     if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
         raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
@@ -128,10 +140,17 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     frame, camera, surface, pose = (_table(table, key, name) for key in ("frame", "camera", "surface", "pose"))
     intrinsics, distortion = checked_camera(camera, f"{name}: [camera]")
     key = pose_key(pose, f"{name}: [pose] ")
-    cam_from_mesh, message = checked_rigid(pose[key], f"{name}: [pose] {key}")
-    cam_from_mesh[:3, 3] = [millimetres(row[3], mm_per_unit) for row in pose[key][:3]]
-    if not np.isfinite(cam_from_mesh).all():
-        raise InputError(f"{name}: [pose] {key}: expected a translation in {table['units']}, it is too long")
+    cam_from_mesh, messages = _pose(pose[key], mm_per_unit, f"{name}: [pose] {key}")
+    frames = []
+    for number, entry in enumerate(_tables(table.get("frames", []), "frames", name), start=1):
+        where = f"{name}: [[frames]] number {number}: "
+        check_keys(entry, *_TABLES["frames"], where)
+        lens = intrinsics, distortion
+        if "camera" in entry:
+            lens = checked_camera(_table(entry, "camera", where), f"{where}camera")
+        pose_of_frame, said = _pose(entry[POSE_KEY], mm_per_unit, f"{where}{POSE_KEY}")
+        frames.append(UnreadFrame(_path(path, entry["image"], f"{where}image"), *lens, pose_of_frame))
+        messages += said
     return Case(
         path=path,
         mm_per_unit=mm_per_unit,
@@ -141,10 +160,11 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         mesh=_path(path, surface["mesh"], f"{name}: [surface] mesh"),
         object_name=_object_name(surface.get("name"), f"{name}: [surface] name"),
         cam_from_mesh=cam_from_mesh,
+        frames=tuple(frames),
         structures=_structures(path, table.get("structures", [])),
         dataset=_raw_table(table.get("dataset", {}), "dataset", name),
         cluster=_raw_table(table.get("cluster", {}), "cluster", name),
-        messages=(message,) if message else (),
+        messages=tuple(messages),
         landmarks=landmarks_from_tables(
             table.get("landmarks", []),
             f"{name}: [[landmarks]]",
@@ -171,6 +191,21 @@ def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion |
     return camera, checked_distortion(table["distortion"], camera, f"{where} distortion")
 
 
+def _pose(rows: Any, mm_per_unit: float, where: str) -> tuple[np.ndarray, list[str]]:
+    """``cam_from_mesh`` in mm, from the unit of the file, and messages about what was corrected."""
+    cam_from_mesh, message = checked_rigid(rows, where)
+    cam_from_mesh[:3, 3] = [millimetres(row[3], mm_per_unit) for row in rows[:3]]
+    if not np.isfinite(cam_from_mesh).all():
+        raise InputError(f"{where}: expected a translation that is finite in mm, it is too long")
+    return cam_from_mesh, [] if message is None else [message]
+
+
+def _tables(entries: object, key: str, name: str) -> list[dict]:
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(f"{name}: expected a list of tables [[{key}]], found {entries!r}")
+    return entries
+
+
 def _table(table: dict, key: str, name: str) -> dict:
     if not isinstance(table[key], dict):
         raise InputError(f"{name}: expected a table [{key}], found {table[key]!r}")
@@ -189,10 +224,8 @@ def _object_name(value: object, where: str) -> str | None:
 
 def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     name = path.name
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InputError(f"{name}: expected a list of tables [[structures]], found {entries!r}")
     structures = []
-    for index, entry in enumerate(entries):
+    for index, entry in enumerate(_tables(entries, "structures", name)):
         where = f"{name}: [[structures]] number {index + 1}: "
         check_keys(entry, *_TABLES["structures"], where)
         if not isinstance(entry["name"], str) or not entry["name"]:

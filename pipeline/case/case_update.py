@@ -111,6 +111,10 @@ def _meaning(case: Case) -> dict[str, Any]:
     del meaning["path"], meaning["messages"]
     meaning |= {name: os.path.realpath(meaning[name]) for name in ("image", "mesh")}
     meaning["cam_from_mesh"] = case.cam_from_mesh.tolist()
+    meaning["frames"] = [
+        (os.path.realpath(each.image), each.camera, each.distortion, each.cam_from_mesh.tolist())
+        for each in case.frames
+    ]
     meaning["structures"] = {each.name: (os.path.realpath(each.mesh), each.colour) for each in case.structures}
     poses = case.dataset.get("poses")
     if isinstance(poses, str):
@@ -156,11 +160,12 @@ def _change(target: Any, before: Any, after: Any) -> None:
 
 
 def _changed_entries(present: "AoT", before: "AoT", after: "AoT") -> "AoT":
-    """The wanted entries of an array of tables; entries are the same by name, else by place."""
+    """The wanted entries of an array of tables; entries are the same by name, frames by image, else by place."""
     import tomlkit
 
-    by_name = {str(entry["name"]): index for index, entry in enumerate(before)}
-    sources = [by_name.get(str(entry["name"])) for entry in after]
+    key = "name" if all("name" in entry for entry in before) else "image"
+    by_name = {str(entry[key]): index for index, entry in enumerate(before)}
+    sources = [by_name.get(str(entry[key])) for entry in after]
     if len(before) == len(after):  # renamed in place
         sources = [index if source is None and index not in sources else source for index, source in enumerate(sources)]
     for source, entry in zip(sources, after, strict=True):

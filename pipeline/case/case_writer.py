@@ -19,6 +19,7 @@ from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text
 from .landmarks import Landmark
+from .posed_frame import UnreadFrame
 
 UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 
@@ -94,6 +95,7 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
             f"{POSE_KEY} = {_rows(_pose_texts(case.cam_from_mesh, case.mm_per_unit))}",
         ],
     ]
+    blocks += [_frame_lines(frame, case, folder) for frame in case.frames]
     if case.alignment:
         alignment_record = checked_alignment_record(case.alignment, f"{path.name}: [alignment]")
         blocks.append(["[alignment]", *_pairs(alignment_record)])
@@ -120,6 +122,15 @@ def _camera_lines(case: Case) -> list[str]:
     if case.distortion is not None:
         lines.append(f"distortion = {toml_value(astuple(case.distortion))}  # OpenCV: k1, k2, p1, p2, k3")
     return lines
+
+
+def _frame_lines(frame: UnreadFrame, case: Case, folder: Path) -> list[str]:
+    lines = ["[[frames]]", f"image = {_file(frame.image, folder)}"]
+    if (frame.camera, frame.distortion) != (case.camera, case.distortion):
+        distortion = None if frame.distortion is None else astuple(frame.distortion)
+        camera = _given(size=frame.camera.size_wh, K=frame.camera.k, distortion=distortion)
+        lines.append(f"camera = {toml_value(camera)}")
+    return [*lines, f"{POSE_KEY} = {_rows(_pose_texts(frame.cam_from_mesh, case.mm_per_unit))}"]
 
 
 def _landmark_lines(landmark: Landmark, mm_per_unit: float) -> list[str]:

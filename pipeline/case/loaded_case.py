@@ -1,6 +1,6 @@
 """A case in memory, and a check that its pose is plausible: the surface in view, at a microscope's distance."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -98,6 +98,13 @@ def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarr
     given = given.scaled(mm_per_unit)
     centre = given.vertices.mean(axis=0)
     return given.moved(-centre), rigid(translation=centre), messages
+
+
+def check_poses(case: Case, mesh: TriangleMesh, frames: Sequence[PosedFrame]) -> None:
+    """:func:`check_pose` for each of the case's frames, the own one first; messages name the others."""
+    for number, frame in enumerate(frames, start=1):
+        path = case.path if number == 1 else case.path.with_name(f"{case.path.name}: frame {number}")
+        check_pose(replace(case, path=path, camera=frame.camera), mesh, frame.cam_from_model)
 
 
 def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:

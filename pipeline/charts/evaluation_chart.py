@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..evaluation.record.evaluation_notes import where_peers_lead
 from ..evaluation.record.evaluation_record import ALL, Evaluation
+from ..evaluation.record.evaluation_tables import where_peers_lead
 from .page import OURS, WARNING, Theme, note, write_chart
 
 PANELS = {
@@ -53,7 +53,7 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
                 axes.axvline(bound.mean, color=theme.muted, linewidth=1.4, linestyle=(0, (4, 3)))
             for row, method in enumerate(methods):
                 found = evaluation.mean(case, method.name, score)
-                if found is None or not math.isfinite(found.mean):
+                if not math.isfinite(found.mean):
                     continue
                 colour, marker = (theme.series[WARNING], "^") if method.peer else (theme.series[OURS], "o")
                 if not math.isnan(found.low):
@@ -93,7 +93,7 @@ def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> lis
                     axes.plot(bound.mean, row, "|", color=theme.text, markersize=16, markeredgewidth=1.6, label=label)
             for number, method in enumerate(evaluation.ran):
                 means = [evaluation.mean(case, method.name, score) for case in names]
-                points = [(m.mean, row) for row, m in enumerate(means) if m is not None and math.isfinite(m.mean)]
+                points = [(m.mean, row) for row, m in enumerate(means) if math.isfinite(m.mean)]
                 if not points:
                     continue
                 look = (
@@ -131,7 +131,7 @@ def _case_label(evaluation: Evaluation, case: str) -> str:
     """The case's name, and how much of the surface in its views the frame saw."""
     for method in evaluation.ran:
         surface, observed = (evaluation.mean(case, method.name, name) for name in ("surface_px", "observed_px"))
-        if surface is not None and observed is not None and surface.mean > 0:
+        if surface.mean > 0:
             return f"{case} ({observed.mean / surface.mean:.0%} observed)"
     return case
 

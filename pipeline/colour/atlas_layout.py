@@ -198,7 +198,7 @@ def pack_rectangles(sizes: np.ndarray, layer_size: np.ndarray, max_size: int) ->
             break
     if max(width, widest, top) > max_size:
         raise InputError(
-            f"texture atlas: expected at most {max_size}x{max_size} texels, found {len(sizes)} faces that need "
+            f"texture atlas: expected at most {max_size}x{max_size} texels, found {len(sizes)} charts that need "
             f"{max(width, widest)}x{top}; use the vertex or the projective colour mode, or a frame of fewer pixels"
         )
     return origins, (max(width, widest), top)

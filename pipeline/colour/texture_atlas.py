@@ -3,24 +3,26 @@
 The upper part of the atlas is the *frame layer*: a cut-out of the frame in which the UV of a face is its projection.
 Texel centres are pixel centres there, so baking copies pixels and adds no blur. The layer holds one surface per texel.
 Faces that would read texels of another surface (across a depth step, or behind it), and faces on which the projection
-is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch.
+is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch. Several
+frames have an atlas each, of the faces that they show best, in one image.
 
 Every texel has a flag: whether the frame saw its point of the surface. A lookup is the mean over its observed texels.
 Renders ask the reference view whether the point itself was seen. Without that, a lookup counts as observed if all
 texels of non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import among_centres, sample_bilinear
+from ..images.pixel_values import among_centres
 from ..projection.rasteriser import Samples, barycentric, nearest_barycentric, rasterise
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, transform_points
 from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
+from .best_view import resolutions
 from .source_view import SourceView
 from .vertex_colours import NEUTRAL
 
@@ -32,6 +34,9 @@ MAX_SLOPE = 16.0
 
 COVERED_LEAST = 1e-3
 """Least weight of observed texels in a lookup: below it, single precision tells too little of their colour."""
+
+_ELSEWHERE = 3
+"""In the place of 0, 1 and 2 of :func:`classify_faces`: the face is in the atlas of another view."""
 
 NEUTRAL_PATCH = 4
 """Side of the patch for faces that the frame did not see, texels."""
@@ -144,34 +149,69 @@ def classify_faces(
 
 def bake_atlas(
     mesh: TriangleMesh,
-    camera: PinholeCamera,
-    cam_from_model: np.ndarray,
-    image: np.ndarray,
-    observed: Observed,
-    seen_faces: np.ndarray,
+    views: Sequence[SourceView],
+    seen_faces: Sequence[np.ndarray],
     *,
     unseen: np.ndarray | None = None,
     max_size: int = MAX_SIZE,
+    step: Callable[[], None] = lambda: None,
 ) -> TextureAtlas:
-    """Lay out the faces that the frame saw, and bake the frame into their texels.
+    """Lay out the faces that the frames saw, and bake the frames into their texels.
 
     Parameters
     ----------
-    image
-        ``(H, W, C)`` float32 code values of the frame.
-    observed
-        The visibility rule, see :data:`Observed`.
+    views
+        The frames. A face gets the colours of the one that shows it best (:mod:`.best_view`), and those of the others
+        where that one did not see it.
     seen_faces
-        ``(F,)`` uint8 from :func:`classify_faces`.
+        ``(F,)`` uint8 of each view, from :func:`classify_faces`.
     unseen
-        ``(V, C)`` colours of the vertices for what the frame did not see; ``None``: :data:`NEUTRAL`.
+        ``(V, 3)`` colours of the vertices for what the frames did not see; ``None``: :data:`NEUTRAL`.
+    step
+        Called often; what it raises ends the work.
 
     Raises
     ------
     InputError
         The atlas would be larger than ``max_size`` texels in width or height.
     """
-    seen = np.flatnonzero(seen_faces)
+    if len(views) == 1:
+        return _baked(mesh, views, seen_faces[0], unseen, max_size, step)
+    seen = np.stack(seen_faces)
+    best = np.where(seen > 0, resolutions(mesh, views), -np.inf).argmax(axis=0)
+    atlases = []
+    for number, view in enumerate(views):
+        others = [other for other in views if other is not view]
+        levels = np.where(best == number, seen[number], _ELSEWHERE)
+        atlases.append(_baked(mesh, [view, *others], levels, unseen, max_size, step))
+    sizes = np.array([atlas.observed.shape[::-1] for atlas in atlases])
+    origins, (width, height) = pack_rectangles(sizes, np.zeros(2, np.int64), max_size)
+    image, flags = np.full((height, width, 3), NEUTRAL, np.float32), np.zeros((height, width), dtype=bool)
+    uv = np.empty((len(mesh.faces), 3, 2))
+    for number, (atlas, size, (x, y)) in enumerate(zip(atlases, sizes, origins, strict=True)):
+        part, own = (slice(y, y + size[1]), slice(x, x + size[0])), best == number
+        image[part], flags[part] = atlas.image, atlas.observed
+        uv[own] = (atlas.uv[own] * size + [x, height - y - size[1]]) / [width, height]
+    separate, coarse = sum(atlas.separate_charts for atlas in atlases), sum(atlas.coarse_charts for atlas in atlases)
+    return TextureAtlas(uv, image, flags, _counts(seen.max(axis=0)), separate, coarse)
+
+
+def _counts(seen_faces: np.ndarray) -> tuple[int, int, int]:
+    nothing, partly, fully = (int((seen_faces == level).sum()) for level in range(3))
+    return nothing, partly, fully
+
+
+def _baked(
+    mesh: TriangleMesh,
+    views: Sequence[SourceView],
+    seen_faces: np.ndarray,
+    unseen: np.ndarray | None,
+    max_size: int,
+    step: Callable[[], None],
+) -> TextureAtlas:
+    """The atlas of the faces that are not elsewhere, in the charts of the first view; the others fill its gaps."""
+    camera, cam_from_model = views[0].camera, views[0].cam_from_model
+    seen = np.flatnonzero((seen_faces > 0) & (seen_faces < _ELSEWHERE))
     corners, normals = mesh.vertices[mesh.faces[seen]], mesh.face_normals[seen]
     points_cam = transform_points(cam_from_model, mesh.vertices)[mesh.faces[seen]]
     charts = affine_charts(points_cam, camera)
@@ -197,7 +237,7 @@ def bake_atlas(
             yield samples._replace(triangle=separate[samples.triangle])
 
     footprints = points_cam[..., 2] / min(camera.fx, camera.fy)
-    baked = np.full((height, width, image.shape[2]), NEUTRAL, dtype=np.float32)
+    baked = np.full((height, width, 3), NEUTRAL, dtype=np.float32)
     flags = np.zeros((height, width), dtype=bool)
     for samples in owned_texels():
         face, x, y, _ = samples
@@ -205,17 +245,21 @@ def bake_atlas(
             weights = np.clip(samples.barycentric, 0, None)
             weights /= weights.sum(axis=1, keepdims=True)
             baked[y, x] = np.einsum("nk,nkc->nc", weights, unseen[mesh.faces[seen[face]]])
-        points, fallback, retry = _surface_points(samples, texels, corners, footprints)
-        good = observed(points, normals[face])
-        # where the extended plane leaves the true surface, test the nearest point of the face instead
-        retry = retry[~good[retry]]
-        points[retry] = fallback[retry]
-        good[retry] = observed(points[retry], normals[face[retry]])
-        pixels = camera.project(transform_points(cam_from_model, points[good]))
-        inside = among_centres(pixels, camera.size_wh)
-        good[good] = inside
-        flags[y[good], x[good]] = True
-        baked[y[good], x[good]] = sample_bilinear(image, pixels[inside])
+        for view in views:
+            step()
+            points, fallback, retry = _surface_points(samples, texels, corners, footprints)
+            good = view.observed(points, normals[face])
+            # where the extended plane leaves the true surface, test the nearest point of the face instead
+            retry = retry[~good[retry]]
+            points[retry] = fallback[retry]
+            step()
+            good[retry] = view.observed(points[retry], normals[face[retry]])
+            good &= ~flags[y, x]
+            pixels, _ = view.project(points[good])
+            inside = among_centres(pixels, view.camera.size_wh)
+            good[good] = inside
+            flags[y[good], x[good]] = True
+            baked[y[good], x[good]] = view.colours(pixels[inside])
     uv = np.empty((len(mesh.faces), 3, 2))
     uv[:] = origins[-1] + np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 1.0]])
     if unseen is not None and len(others):
@@ -230,8 +274,7 @@ def bake_atlas(
     uv[seen] = texels
     uv = (uv + 0.5) / [width, height]
     uv[..., 1] = 1 - uv[..., 1]
-    nothing, partly, fully = (int((seen_faces == level).sum()) for level in range(3))
-    return TextureAtlas(uv, baked, flags, (nothing, partly, fully), len(separate), int(charts.coarse[separate].sum()))
+    return TextureAtlas(uv, baked, flags, _counts(seen_faces), len(separate), int(charts.coarse[separate].sum()))
 
 
 def _surface_points(

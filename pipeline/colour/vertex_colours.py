@@ -1,10 +1,11 @@
-"""Vertex colours: the frame sampled bilinearly at the projected vertices (Zhang & Noble, eq. 1).
+"""Vertex colours: the frames sampled bilinearly at the projected vertices (Zhang & Noble, eq. 1).
 
 Triangles that the frame saw in part have vertices without a colour from it. These get the mean of their neighbours', so
 that the part is not mixed with grey. Whether the frame saw a point of a triangle does not follow from its vertices: a
 :class:`.SourceView` tells, as in the other modes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,13 +45,29 @@ class VertexColours:
         return self.observed if self.source is None else self.covered
 
 
-def colour_vertices(mesh: TriangleMesh, source: SourceView) -> VertexColours:
-    """Sample the frame at every vertex that it saw.
+def colour_vertices(mesh: TriangleMesh, views: Sequence[SourceView]) -> VertexColours:
+    """Sample the frames at every vertex that they saw, each from the one that shows it best (:mod:`.best_view`).
 
     A vertex counts as facing the frame if any of its faces does, so that the rim of the visible surface is kept. Those
     beside a depth step get the colour of the pixels that show their surface. The others of a triangle with a colour get
     the mean of their neighbours.
     """
+    first, *others = (_sampled(mesh, view) for view in views)
+    rgb, observed, covered = first
+    if others:
+        best = views[0].resolution(mesh.vertices, mesh.vertex_normals)
+    for view, (own_rgb, seen, found) in zip(views[1:], others, strict=True):
+        own = view.resolution(mesh.vertices, mesh.vertex_normals)
+        better = np.where(seen == observed, found & (~covered | (own > best)), seen)
+        rgb[better], best[better] = own_rgb[better], own[better]
+        observed |= seen
+        covered |= found
+    _continue_to_neighbours(rgb, covered, mesh.faces)
+    return VertexColours(rgb, observed, covered)
+
+
+def _sampled(mesh: TriangleMesh, source: SourceView) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """``(V, 3)`` colours of the vertices from one frame, ``(V,)`` whether it saw them, and whether they have one."""
     facing = source.facing_faces(mesh)
     vertex_facing = np.zeros(len(mesh.vertices), dtype=bool)
     vertex_facing[mesh.faces[facing]] = True
@@ -63,8 +80,7 @@ def colour_vertices(mesh: TriangleMesh, source: SourceView) -> VertexColours:
     rgb[beside[found]] = colours[found]
     covered = observed.copy()
     covered[beside[found]] = True
-    _continue_to_neighbours(rgb, covered, mesh.faces)
-    return VertexColours(rgb, observed, covered)
+    return rgb, observed, covered
 
 
 def _continue_to_neighbours(rgb: np.ndarray, covered: np.ndarray, faces: np.ndarray) -> None:

@@ -1,15 +1,13 @@
 """The command ``oneframe compare``."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..dataset.options import COLOURS
+from ..process.arguments import explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Compare synthetic views with real photographs of the same poses, and measure their similarity."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml held_out.json --out comparison
   %(prog)s case.toml held_out.json --out comparison --colour vertex
@@ -36,29 +34,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    return run(command_parser("oneframe compare", ABOUT, EPILOG, add_arguments).parse(argv))
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Write the comparison and report the similarity for each photograph."""
     with explained_imports():
         from ..blender.case.load_case import load_case
-        from ..blender.evaluation.comparison_files import SHEET, check_comparisons, write_comparisons
+        from ..blender.evaluation.comparison import SHEET, check_comparisons, write_comparisons
         from ..case.case_file import read_case
         from ..dataset.check.findings import printable
         from ..evaluation.photographs import read_photographs
     output = own_output()
     case = read_case(arguments.case)
     loaded = load_case(case)
-    photographs = read_photographs(arguments.photographs, loaded)
-    for message in (*loaded.messages, *(photograph.message for photograph in photographs)):
-        if message:
-            output.write(f"note: {message}\n")
+    photographs, messages = read_photographs(arguments.photographs, case)
+    for message in (*loaded.messages, *messages):
+        output.write(f"note: {message}\n")
     check_comparisons(arguments.out, photographs, {**case.input_files(), "list of photographs": arguments.photographs})
     for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
-        found, name = comparison.similarity, printable(comparison.photograph.path.name)
+        found, name = comparison.similarity, printable(comparison.photograph.image.name)
         if found is None:
             output.write(f"{name}: shows nothing that the frame saw; not compared\n")
             continue

@@ -10,10 +10,10 @@ from .. import __version__
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..case.loaded_case import LoadedCase
+from ..case.posed_frame import UnreadFrame
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
-from .differences import COUNT, DEPTH_SCALE, POSES_HASH
-from .identity import geometry_hash, poses_hash
+from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
 from .options import DatasetOptions
 from .view import depth_scale_for
@@ -79,6 +79,7 @@ def describe(
     content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
     if options.sampler == "trajectory" and poses is None:
         content["views"] = count  # each pose depends on it
+    frames = [described_frame(frame, loaded.surface.mesh_from_model) for frame in case.every_frame]
     listed: dict[str, object] = {}
     if poses is not None:
         listed = {
@@ -93,12 +94,9 @@ def describe(
         "object": object_name(case),
         "options": content,
         "camera": {**asdict(camera), "K": camera.k.tolist()},
-        "frame": {
-            **asdict(case.camera),
-            "distortion": None if case.distortion is None else asdict(case.distortion),
-            # computed as from the file, to the last bit
-            "cam_from_model": (case.cam_from_mesh @ loaded.surface.mesh_from_model).tolist(),
-        },
+        "frame": frames[0],
+        # a dataset of one frame is described as ever
+        **({"frames": frames[1:]} if case.frames else {}),
         "mesh_from_model": loaded.surface.mesh_from_model.tolist(),
         "mm_per_unit": case.mm_per_unit,
         "geometry_sha256": geometry_hash(loaded.surface.mesh),
@@ -106,6 +104,15 @@ def describe(
         # of the list of poses, the poses themselves count, and only those of the views
         "inputs_sha256": {name: digest for name, digest in hashes.items() if name != POSES},
         **listed,
+    }
+
+
+def described_frame(frame: UnreadFrame, mesh_from_model: np.ndarray) -> dict[str, object]:
+    """Camera and pose of a frame in the description; the pose is computed as from the file, to the last bit."""
+    return {
+        **asdict(frame.camera),
+        "distortion": None if frame.distortion is None else asdict(frame.distortion),
+        "cam_from_model": (frame.cam_from_mesh @ mesh_from_model).tolist(),
     }
 
 

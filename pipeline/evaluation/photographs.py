@@ -1,11 +1,9 @@
 """Photographs with known poses, to compare views with."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from ..case.loaded_case import LoadedCase
+from ..case.case_file import Case
+from ..case.posed_frame import UnreadFrame
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
@@ -15,17 +13,12 @@ from ..transforms import checked_rigid
 MOST_PHOTOGRAPHS = 10_000
 
 
-@dataclass(frozen=True)
-class PosedPhotograph:
-    """A real photograph: its file, ``cam_from_model`` (4x4, mm), and what was corrected in it, if anything."""
-
-    path: Path
-    cam_from_model: np.ndarray
-    message: str | None = None
-
-
-def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
+def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
     """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file.
+
+    Returns
+    -------
+    The photographs, undistorted and of the case's camera; and messages about what was corrected.
 
     Raises
     ------
@@ -43,13 +36,13 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
             f"{path.name}: expected 1 to {MOST_PHOTOGRAPHS} photographs, found {len(entries)}; "
             + ("split it" if entries else "list some")
         )
-    photographs = []
+    photographs, messages = [], []
     for number, entry in enumerate(entries):
         key = pose_key(entry, f"{path.name}: entry {number}: ")
         pose, message = checked_rigid(entry[key], f"{path.name}: entry {number}: {key}")
-        pose[:3, 3] *= loaded.case.mm_per_unit
+        pose[:3, 3] *= case.mm_per_unit
         if not isinstance(entry["image"], str) or not entry["image"]:
             raise InputError(f"{path.name}: entry {number}: image: expected a file name, found {entry['image']!r}")
-        pose = pose @ loaded.surface.mesh_from_model
-        photographs.append(PosedPhotograph(path.parent / entry["image"], pose, message))
-    return photographs
+        photographs.append(UnreadFrame(path.parent / entry["image"], case.camera, None, pose))
+        messages += [] if message is None else [message]
+    return photographs, messages

@@ -2,10 +2,12 @@
 
 import io
 import math
+import operator
 import re
 import sys
 import warnings
 from decimal import Decimal, DecimalException
+from typing import Any
 
 import numpy as np
 
@@ -141,3 +143,10 @@ def number_rows(text: str) -> np.ndarray | None:
 def format_two_digits(value: float) -> str:
     """Two significant digits, without an exponent for large numbers: 0.034, 1.2, 120."""
     return f"{value:.2g}" if abs(value) < 99.5 else f"{value:.0f}"
+
+
+def whole_number(value: Any, most: int) -> int:
+    """A whole number from 0 to ``most``; raises TypeError or ValueError for something else."""
+    if not 0 <= operator.index(value) <= most:
+        raise ValueError(f"expected at most {most}, found {str(value)[:60]}")
+    return int(value)

@@ -27,14 +27,15 @@ def downscaled(image: np.ndarray, width: int) -> np.ndarray:
     if width >= width_in:
         return image
     height = max(1, round(height_in * width / width_in))
-    rows = _area_weights(height_in, height) @ image.reshape(height_in, -1)
-    columns = rows.reshape(height, width_in, -1).transpose(0, 2, 1) @ _area_weights(width_in, width).T
-    return np.ascontiguousarray(columns.transpose(0, 2, 1), dtype=np.float32)
+    rows = _area_means(image, height)
+    return np.ascontiguousarray(_area_means(rows.swapaxes(0, 1), width).swapaxes(0, 1))
 
 
-def _area_weights(size_in: int, size_out: int) -> np.ndarray:
-    """``(size_out, size_in)`` weight of each input cell in each output cell; rows sum to 1."""
-    edges = np.arange(size_out + 1) * size_in / size_out
-    cells = np.arange(size_in)
-    overlap = np.minimum(edges[1:, None], cells + 1) - np.maximum(edges[:-1, None], cells)
-    return (np.clip(overlap, 0, None) * size_out / size_in).astype(np.float32)
+def _area_means(values: np.ndarray, count: int) -> np.ndarray:
+    """Means of ``(N, M, C)`` over ``count`` equal parts of the first axis -> ``(count, M, C)`` float32."""
+    # the sum before a place inside a value's cell is linear in it
+    edges = np.arange(count + 1) * len(values) / count
+    cells = np.minimum(edges.astype(np.int64), len(values) - 1)
+    sums = np.cumsum(values, axis=0, dtype=np.float64)[cells]
+    sums += (edges - cells - 1)[:, None, None] * values[cells]
+    return (np.diff(sums, axis=0) * count / len(values)).astype(np.float32)

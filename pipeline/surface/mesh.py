@@ -102,8 +102,7 @@ class TriangleMesh:
 
     def front_facing(self, viewpoint: np.ndarray, faces: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Whether faces, all or those with indices ``(N,)``, show a viewpoint (3,), mm, their front: ``(N,)`` bool."""
-        towards_viewpoint = viewpoint - self.vertices[self.faces[faces, 0]]
-        return np.einsum("nk,nk->n", towards_viewpoint, self.face_cross[faces]) > 0
+        return self.face_cross[faces] @ viewpoint > self.plane_offsets[faces]
 
     def moved(self, offset: np.ndarray) -> "TriangleMesh":
         """The mesh with ``offset`` (3,) in mm added to all vertices."""

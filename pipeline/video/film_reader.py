@@ -59,7 +59,7 @@ class FilmInfo:
 
 @dataclass(frozen=True)
 class FilmFrame:
-    """A frame of a film.
+    """A small picture of a film's frame for scoring it; the chosen frame is read again, at full size, for a case.
 
     Attributes
     ----------

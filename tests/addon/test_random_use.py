@@ -145,7 +145,7 @@ class RandomUser:
         bpy.ops.oneframe.open_case(filepath=str(self.case))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_use_raises_no_tracebacks(addon, write_tiny_case, tmp_path, monkeypatch, capfd, seed):
     # names without a folder refer to this one
     monkeypatch.chdir(tmp_path)

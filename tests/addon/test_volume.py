@@ -9,7 +9,7 @@ sitk = pytest.importorskip("SimpleITK")
 from blender_addon.state import from_scene
 from blender_addon.volume import drill_session, drill_strokes, loaded
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.commands import surface as surface_command
+from oneframe.commands.__main__ import dispatch
 from oneframe.images.png import encode_png
 from oneframe.transforms import transform_points
 from oneframe.volume.drill.drill_plan import read_drill_plan
@@ -82,7 +82,7 @@ def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
     with_labels(files)
     bpy.ops.oneframe.make_surface()
     ct = ["--labels", str(files / "labels.nii.gz"), "--out"]
-    surface_command.main([str(files / "ct.nii.gz"), *ct, str(tmp_path / "plain")])
+    dispatch(["surface", str(files / "ct.nii.gz"), *ct, str(tmp_path / "plain")])
     assert surface_bytes(scene) == (tmp_path / "plain" / "surface.ply").read_bytes()
     (nerve,) = scene.oneframe.surface.children
     assert nerve.name == "facial_nerve"
@@ -97,7 +97,7 @@ def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
     assert not scene.oneframe_ct.drilling
     assert not scene.oneframe.surface.hide_get()
     plan = ["--drill", str(tmp_path / "drill.toml")]
-    surface_command.main([str(files / "ct.nii.gz"), *plan, *ct, str(tmp_path / "drilled")])
+    dispatch(["surface", str(files / "ct.nii.gz"), *plan, *ct, str(tmp_path / "drilled")])
     assert surface_bytes(scene) == (tmp_path / "drilled" / "surface.ply").read_bytes()
     assert surface_bytes(scene) != (tmp_path / "plain" / "surface.ply").read_bytes()
 

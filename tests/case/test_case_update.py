@@ -16,7 +16,18 @@ from oneframe.errors import InputError
 from oneframe.transforms import rigid
 from tests.case.test_case_writer import cases
 
-SECTIONS = ("frame", "camera", "surface", "pose", "alignment", "landmarks", "structures", "cluster", "dataset")
+SECTIONS = (
+    "frame",
+    "camera",
+    "surface",
+    "pose",
+    "frames",
+    "alignment",
+    "landmarks",
+    "structures",
+    "cluster",
+    "dataset",
+)
 
 
 def changed(data, case, other):
@@ -78,6 +89,7 @@ def keys(case):
     names = {(name, key) for name, table in tables.items() for key in table}
     names |= {name for name in ("distortion", "object_name") if getattr(case, name) is not None}
     names |= {(each.name, key) for each in case.landmarks for key in ("name", "point", "pixel") if getattr(each, key)}
+    names |= {str(each) for each in case.frames}
     return names | {each.name for each in case.structures} | {each.name for each in case.landmarks if not each.enabled}
 
 

@@ -82,7 +82,7 @@ def test_no_colour_leaks_from_background_or_occluder(seed):
     colours = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
     mesh, view = seen_from_frame(balls, colours)
     start, nearer = 0, []
-    vertices = colour_vertices(mesh, view)
+    vertices = colour_vertices(mesh, [view])
     for each, colour, centre in zip(balls, colours, centres, strict=True):
         points = Points(each, 4000, rng)
         observed = view.observed(points.points, points.normals)
@@ -126,7 +126,7 @@ def test_a_vertex_beside_a_step_gets_the_colour_of_its_own_surface():
     wall = grid_mesh(x, y, 40 + 0 * x).flipped()
     front = ball(60, 6.0)
     mesh, view = seen_from_frame([wall, front], [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])
-    found = colour_vertices(mesh, view)
+    found = colour_vertices(mesh, [view])
     of_wall = slice(0, len(wall.vertices))
     pixels, _ = view.project(wall.vertices)
     inside = ((pixels > 0) & (pixels < np.array(CAMERA.size_wh) - 1)).all(axis=1)

@@ -92,8 +92,14 @@ def facing_rule(camera, cam_from_model):
 
 
 def bake(mesh, image, observed, camera=CAMERA, cam_from_model=CAM_FROM_MODEL, **options):
+    class Ruled(SourceView):
+        def observed(self, points_model, normals_model):
+            return observed(points_model, normals_model)
+
+    everywhere = np.ones(camera.shape_hw, np.float32)
+    view = Ruled(image, everywhere > 0, camera, cam_from_model, inverse_depth=everywhere)
     seen = classify_faces(mesh, camera, cam_from_model, observed)
-    atlas = bake_atlas(mesh, camera, cam_from_model, image, observed, seen, **options)
+    atlas = bake_atlas(mesh, [view], [seen], **options)
     assert atlas.uv.shape == (len(mesh.faces), 3, 2)
     assert atlas.uv.min() >= 0
     assert atlas.uv.max() <= 1

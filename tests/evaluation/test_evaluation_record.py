@@ -8,7 +8,6 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.errors import InputError
 from oneframe.evaluation.conditions import current_conditions
-from oneframe.evaluation.record.evaluation_notes import evaluation_notes
 from oneframe.evaluation.record.evaluation_record import (
     Distribution,
     EvaluatedCase,
@@ -19,10 +18,10 @@ from oneframe.evaluation.record.evaluation_record import (
     read_evaluation,
     summarised,
 )
-from oneframe.evaluation.record.evaluation_tables import latex_summary, markdown_summary
+from oneframe.evaluation.record.evaluation_tables import evaluation_notes, latex_summary, markdown_summary
 from oneframe.evaluation.scores.distribution_distance import mean_interval
 from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
-from oneframe.evaluation.scores.reachable_scores import jittered_pose, perfect_view
+from oneframe.evaluation.scores.reachable_scores import jittered_pose, perfect_views
 from oneframe.evaluation.scores.view_scores import SCORES, colour_gain
 from oneframe.transforms import transform_points
 
@@ -97,10 +96,10 @@ def test_a_perfect_view_differs_by_the_exposure_and_the_shift_alone(rng, sharp_i
     real = np.clip(sharp_image(camera), 0.05, 0.9).astype(np.float32)
     depth = np.full(camera.shape_hw, 300.0, np.float32)
     depth[:, :30] = 0
-    exact = perfect_view(real, depth, camera, np.ones(3), 0.0, rng)
+    exact = next(perfect_views(real, depth, camera, np.ones(3), 0.0, [rng]))
     assert exact[:, 30:] == pytest.approx(real[:, 30:], abs=2e-3)
     assert not exact[:, :30].any()
     gain = np.array([1.2, 1.1, 1.05])
-    view, surface = perfect_view(real, depth, camera, gain, 1.5, rng), depth > 0
+    view, surface = next(perfect_views(real, depth, camera, gain, 1.5, [rng])), depth > 0
     assert colour_gain(real, view, surface) == pytest.approx(gain, rel=0.03)
     assert aligned_by_flow(real, view, surface).median_px == pytest.approx(1.5, abs=0.6)

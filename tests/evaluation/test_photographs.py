@@ -28,6 +28,7 @@ def test_poses_are_those_of_the_model_in_millimetres(tmp_path, loaded, oblique_p
     in_metres[:3, 3] /= 1000
     path = tmp_path / "list.json"
     path.write_text(json.dumps([listed(in_metres.tolist())]))
-    (photograph,) = read_photographs(path, loaded)
-    assert photograph.path == tmp_path / "a.png"
-    np.testing.assert_allclose(photograph.cam_from_model, oblique_pose, atol=1e-9)
+    (photograph,), messages = read_photographs(path, loaded.case)
+    assert photograph.image == tmp_path / "a.png"
+    assert not messages
+    np.testing.assert_allclose(photograph.cam_from_mesh @ MESH_FROM_MODEL, oblique_pose, atol=1e-9)

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.evaluation.scores.edge_measures import edge_measures
+from oneframe.evaluation.scores.edge_measures import Gradients, edge_measures
 from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
-from oneframe.evaluation.scores.similarity import segmented_similarity, similarity
+from oneframe.evaluation.scores.similarity import similarity, whole_and_parts
 from oneframe.evaluation.scores.view_scores import SCORES, colour_gain, corrected, scores_of
 
 HEIGHT, WIDTH = 180, 240
@@ -55,7 +55,7 @@ def test_the_whole_image_is_that_of_a_plain_library(photograph, masks, rng):
     view = np.clip(photograph + rng.normal(0, 0.1, photograph.shape), 0, 1).astype(np.float32)
     black = [np.where(surface[..., None], image, np.float32(0)) for image in (photograph, view)]
     _, full = structural_similarity(*black, win_size=7, channel_axis=2, data_range=1.0, full=True)
-    ssim, psnr = segmented_similarity(photograph, view, surface)
+    (ssim, psnr), _ = whole_and_parts(photograph, view, [surface], surface.size)
     assert ssim == pytest.approx(float(full.mean()), abs=1e-6)
     assert psnr == pytest.approx(peak_signal_noise_ratio(*black, data_range=1.0), abs=1e-4)
     # more background, more similar: why the paper's protocol flatters
@@ -117,4 +117,4 @@ def test_what_is_missing_has_no_scores(photograph, masks):
     assert np.isnan([values["ssim_observed"], values["ssim_aligned"], values["flow_px"], values["edge_f"]]).all()
     # a uniform photograph has no edges
     flat = np.full_like(photograph, 0.5)
-    assert np.isnan(edge_measures(flat, flat, observed).edge_f)
+    assert np.isnan(edge_measures(Gradients.of(flat), Gradients.of(flat), observed).edge_f)

@@ -59,7 +59,6 @@ def pyramid(
     camera: PinholeCamera,
     surface: Surface,
     *,
-    crop: tuple[int, int, int, int],
     sides: tuple[float, ...],
     area_px: float,
     depth_mm: float,
@@ -69,29 +68,25 @@ def pyramid(
     Parameters
     ----------
     image, valid
-        ``(H, W, C)`` full image, and ``(H, W)`` bool: pixels that may be used.
+        ``(H, W, C)`` the part of the image around the surface, and ``(H, W)`` bool: pixels that may be used.
     camera, surface
-        Of the full image, and at full resolution.
-    crop
-        Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1).
+        Of this part, and at full resolution.
     sides
         Increasing. Levels are never upsampled: those finer than the image are replaced by one at its resolution.
     depth_mm
         Typical depth of the surface, which sets the decimation.
     """
-    x0, y0, x1, y1 = crop
-    part = replace(camera, width=x1 - x0, height=y1 - y0, cx=camera.cx - x0, cy=camera.cy - y0)
-    pixels, mask = image[y0:y1, x0:x1], valid[y0:y1, x0:x1].astype(np.float32)
+    mask = valid.astype(np.float32)
     levels: list[PyramidLevel] = []
     for side in reversed(sides):
         factor = min(side / np.sqrt(area_px), 1.0)
         if factor == 1.0 and levels:
             continue
-        size = max(round(part.width * factor), 8), max(round(part.height * factor), 8)
+        size = max(round(camera.width * factor), 8), max(round(camera.height * factor), 8)
         weight = cv2.resize(mask, size, interpolation=cv2.INTER_AREA)
-        reduced = cv2.resize(pixels * mask[..., None], size, interpolation=cv2.INTER_AREA)
+        reduced = cv2.resize(image * mask[..., None], size, interpolation=cv2.INTER_AREA)
         reduced = reduced.reshape(*weight.shape, -1) / np.maximum(weight, 1e-6)[..., None]
-        level_camera = part.resized(*size)
+        level_camera = camera.resized(*size)
         previous = levels[-1].surface if levels else surface
         cell_mm = CELL_PX * depth_mm / min(level_camera.fx, level_camera.fy)
         levels.append(
@@ -101,7 +96,7 @@ def pyramid(
                 valid=weight > 0.5,
                 surface=Surface(*cluster_vertices(previous.mesh, cell_mm, previous.colours)),
                 window_px=WINDOW * factor * np.sqrt(area_px),
-                px=part.width / size[0],
+                px=camera.width / size[0],
             )
         )
     return levels[::-1]

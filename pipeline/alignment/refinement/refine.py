@@ -7,6 +7,7 @@ refined from coarse to fine. Where the image shows cast shadows, :mod:`.side_lig
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -166,12 +167,12 @@ def _levels(
     end = np.ceil(opposite / factor + margin).astype(int).clip(None, camera.size_wh)
     canvas_px = np.prod(end - first + 2 * REACH * camera.fx)
     coarsest = np.sqrt(area_px * min(MAX_CANVAS_PX / canvas_px, 1.0))
+    (x0, y0), (x1, y1) = first, end
     levels = pyramid(
-        image,
-        valid,
-        camera,
+        image[y0:y1, x0:x1],
+        valid[y0:y1, x0:x1],
+        replace(camera, width=int(x1 - x0), height=int(y1 - y0), cx=camera.cx - x0, cy=camera.cy - y0),
         surface,
-        crop=(*first, *end),
         sides=(min(SIDES_PX[0], coarsest), *SIDES_PX[1:]),
         area_px=area_px,
         depth_mm=float(np.median(points_cam[:, 2])),

@@ -122,4 +122,4 @@ def alignment_picture(aligned: AlignedCase) -> np.ndarray:
 def _with_pose(loaded: LoadedCase, cam_from_mesh: np.ndarray, record: dict[str, object]) -> LoadedCase:
     case = replace(loaded.case, cam_from_mesh=cam_from_mesh, alignment=record)
     pose = cam_from_mesh @ loaded.surface.mesh_from_model
-    return replace(loaded, case=case, frames=(replace(loaded.frame, cam_from_model=pose, alignment=record),))
+    return replace(loaded, case=case, frames=(replace(loaded.frame, cam_from_model=pose), *loaded.frames[1:]))

@@ -15,7 +15,7 @@ from ..bridge.image import read_image
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame in memory, as its file holds it: with the lens's distortion.
+    """A frame in memory, as its file holds it: with the lens's distortion, before it has a camera or a pose.
 
     Attributes
     ----------

@@ -8,8 +8,8 @@ from ...camera.distortion import Distortion, undistort
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case
 from ...case.case_writer import UNIT_OF
-from ...case.loaded_case import LoadedCase, LoadedSurface, check_pose, load_surface
-from ...case.posed_frame import PosedFrame
+from ...case.loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
+from ...case.posed_frame import PosedFrame, UnreadFrame
 from ...case.precision import precision_doubts
 from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
@@ -33,13 +33,13 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         A file cannot be used; the image's size differs from the camera's; or, for an aligned case, the surface is
         behind the camera, outside the frame or at an implausible distance.
     """
-    image, valid = load_frame(case.image, case.camera, case.distortion, name=case.path.name)
     mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
+    frames = tuple(load_posed_frame(frame, mesh_from_model, name=case.path.name) for frame in case.every_frame)
     cam_from_model = case.cam_from_mesh @ mesh_from_model
     doubt = size_doubt(extents_of(mesh), UNIT_OF[case.mm_per_unit], case.camera, case.mesh.name)
     messages = messages if doubt is None else [*messages, doubt.message]
     if aligned:
-        check_pose(case, mesh, cam_from_model)
+        check_poses(case, mesh, frames)
         messages = [*messages, *precision_doubts(case.mesh.name, case.camera, mesh, mesh_from_model, cam_from_model)]
     structures = []
     for structure in case.structures:
@@ -47,9 +47,20 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         centre = mesh_from_model[:3, 3]
         structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
         messages += structure_messages
-    frame = PosedFrame(image, valid, case.camera, cam_from_model, path=case.image, alignment=case.alignment)
     surface = LoadedSurface(mesh, mesh_from_model, tuple(structures))
-    return LoadedCase(case, surface, (frame,), (*case.messages, *messages))
+    return LoadedCase(case, surface, frames, (*case.messages, *messages))
+
+
+def load_posed_frame(frame: UnreadFrame, mesh_from_model: np.ndarray, *, name: str) -> PosedFrame:
+    """Read and undistort a posed frame; ``name`` begins messages.
+
+    Raises
+    ------
+    InputError
+        As :func:`load_frame`.
+    """
+    image, valid = load_frame(frame.image, frame.camera, frame.distortion, name=name)
+    return PosedFrame(image, valid, frame.camera, frame.cam_from_mesh @ mesh_from_model, path=frame.image)
 
 
 def load_frame(

@@ -64,7 +64,7 @@ def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> 
     observed &= mesh.front_facing(camera_centre(frame.cam_from_model), face)
     differences = 255 * np.abs(rgb[observed] - frame.image[v[observed], u[observed]])
     areas = np.linalg.norm(mesh.face_cross, axis=1)
-    seen = frame.observed(mesh.face_centres, mesh.face_normals)
+    seen = source.observed(mesh.face_centres, mesh.face_normals)
     return Coverage(
         of_view=float(observed.sum() / max(len(face), 1)),
         of_surface=float(areas[seen].sum() / areas.sum()),

@@ -1,4 +1,4 @@
-"""The reference view: the aligned frame as a source of colour, and the surface that it saw.
+"""The reference view: the aligned frame as a source of colour, further frames, and the surface that each saw.
 
 Datasets take the surface from a render, by the ray tracer of their views. Coloured surfaces for the viewport and for
 files take it from a z-buffer in double precision, which needs no Blender. The depths agree to the rounding of
@@ -6,7 +6,7 @@ single precision, except at the few pixels whose centre lies on the outline of a
 depends on the depth only through the question whether the frame saw its point, so the colours are the same.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from ...colour.texture_atlas import TextureAtlas, bake_atlas, classify_faces
 from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...errors import InputError
 from ...projection.rays import MeshRays
+from ...projection.rendered_view import RenderedView
 from ...projection.visible_surface import most_central
 from ...projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ...surface.mesh import TriangleMesh
@@ -34,57 +35,69 @@ STEP = 0.05
 
 @dataclass(frozen=True)
 class ReferenceView:
-    """The frame's view of the surface.
+    """The frames' views of the surface.
 
     Attributes
     ----------
     mesh
         The surface, model frame, with front sides that face the frame.
-    view
-        Image, camera, pose and inverse depth.
+    views
+        Image, camera, pose and inverse depth of each frame, the case's own first.
     pivot_model
         ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
     messages
         Messages for the user.
     raster, rays
-        The z-buffer of the view, or what casts rays at ``mesh``, if it comes from one.
+        The z-buffer of the first view, or what casts rays at ``mesh``, if it comes from one.
     """
 
     mesh: TriangleMesh
-    view: SourceView
+    views: tuple[SourceView, ...]
     pivot_model: np.ndarray
     messages: tuple[str, ...]
     raster: DepthRaster | None = None
     rays: MeshRays | None = None
 
+    @property
+    def view(self) -> SourceView:
+        """Of the case's own frame."""
+        return self.views[0]
+
+    def observed(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` surface points and their unit face normals -> ``(N,)`` bool: a frame saw them."""
+        return np.any([view.observed(points_model, normals_model) for view in self.views], axis=0)
+
 
 def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceView:
-    """Render the frame's own pose to find the surface that it saw: by ``"raster"`` if that is the engine, or Cycles.
+    """Render each frame's own pose to find the surface that it saw: by ``"raster"`` if that is the engine, or Cycles.
 
     Raises
     ------
     InputError
-        No pixel of the frame shows the surface, or there is no such engine here.
+        No pixel of a frame shows the surface, or there is no such engine here.
     """
-    mesh, camera, pose = loaded.surface.mesh, loaded.frame.camera, loaded.frame.cam_from_model
-    if engine == "raster":
-        rays = MeshRays(mesh)
-        seen = RayTracer(mesh, camera, None, rays=rays).render(pose)
-        view = _view_of(loaded, seen.depth_mm, seen.observed)
-        return replace(view, rays=rays) if view.mesh is mesh else view
-    with SurfaceScene(mesh, camera, None) as surface_scene:
-        seen = render_view(surface_scene, pose)
-    return _view_of(loaded, seen.depth_mm, seen.observed)
+    mesh = loaded.surface.mesh
+    rays = MeshRays(mesh) if engine == "raster" else None
+    seen: list[RenderedView] = []
+    for frame in loaded.frames:
+        if rays is not None:
+            seen.append(RayTracer(mesh, frame.camera, None, rays=rays).render(frame.cam_from_model))
+            continue
+        with SurfaceScene(mesh, frame.camera, None) as surface_scene:
+            seen.append(render_view(surface_scene, frame.cam_from_model))
+    view = _view_of(loaded, [each.depth_mm for each in seen], seen[0].observed)
+    return replace(view, rays=rays) if view.mesh is mesh else view
 
 
 def limited_to_incidence(source: ReferenceView, max_incidence_deg: float) -> ReferenceView:
-    """The same view, which counts surface as seen up to this angle between ray and normal."""
-    return replace(source, view=replace(source.view, max_incidence_deg=max_incidence_deg))
+    """The same views, which count surface as seen up to this angle between ray and normal."""
+    return replace(source, views=tuple(replace(view, max_incidence_deg=max_incidence_deg) for view in source.views))
 
 
 def can_rasterise(loaded: LoadedCase) -> bool:
-    """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind the frame's camera."""
-    return is_within_limits(loaded.surface.mesh, loaded.frame.camera, loaded.frame.cam_from_model)
+    """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind a frame's camera."""
+    mesh = loaded.surface.mesh
+    return all(is_within_limits(mesh, frame.camera, frame.cam_from_model) for frame in loaded.frames)
 
 
 def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
@@ -93,15 +106,18 @@ def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
     Raises
     ------
     InputError
-        No pixel of the frame shows the surface.
+        No pixel of a frame shows the surface.
     """
-    mesh, pose = loaded.surface.mesh, loaded.frame.cam_from_model
-    raster = rasterise_depth(mesh, loaded.frame.camera, pose)
-    inverse, shown = raster.inverse_depth, raster.face >= 0
-    depth_mm = np.divide(1.0, inverse, out=np.zeros(inverse.shape, np.float32), where=shown, casting="same_kind")
+    mesh, depths_mm = loaded.surface.mesh, []
+    rasters = [rasterise_depth(mesh, frame.camera, frame.cam_from_model) for frame in loaded.frames]
+    for raster in rasters:
+        inverse = raster.inverse_depth
+        depth_mm = np.zeros(inverse.shape, np.float32)
+        depths_mm.append(np.divide(1.0, inverse, out=depth_mm, where=raster.face >= 0, casting="same_kind"))
+    raster, shown = rasters[0], rasters[0].face >= 0
     front = np.zeros(shown.shape, dtype=bool)
-    front[shown] = mesh.front_facing(camera_centre(pose), raster.face[shown])
-    return _view_of(loaded, depth_mm, front, raster)
+    front[shown] = mesh.front_facing(camera_centre(loaded.frame.cam_from_model), raster.face[shown])
+    return _view_of(loaded, depths_mm, front, raster)
 
 
 def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
@@ -116,36 +132,48 @@ def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
 
 
 def _view_of(
-    loaded: LoadedCase, depth_mm: np.ndarray, front: np.ndarray, raster: DepthRaster | None = None
+    loaded: LoadedCase, depths_mm: Sequence[np.ndarray], front: np.ndarray, raster: DepthRaster | None = None
 ) -> ReferenceView:
-    """The view of a surface with this depth (0 without surface), which shows its front side where ``front``."""
+    """The views of a surface with these depths (0 without surface); the first shows its front side where ``front``."""
     camera, cam_from_model, mesh, messages = loaded.frame.camera, loaded.frame.cam_from_model, loaded.surface.mesh, []
     name = loaded.case.path.name
+    views = []
+    for frame, depth_mm in zip(loaded.frames, depths_mm, strict=True):
+        views.append(SourceView(**vars(frame), inverse_depth=inverse_depth_map(depth_mm, frame.valid)))
+        if not views[-1].inverse_depth.any():
+            which = "" if frame is loaded.frame else f" {frame.path.name}"
+            raise InputError(
+                f"{name}: expected the surface in the frame{which}, no pixel shows it; align the pose first"
+            )
+    depth_mm = depths_mm[0]
     shown = depth_mm > 0
-    if not (shown & loaded.frame.valid).any():
-        raise InputError(f"{name}: expected the surface in the frame, no pixel shows it; align the pose first")
     part = front[shown].mean()
     if part < 0.5:
         mesh = mesh.flipped()
         messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
-    view = SourceView(**vars(loaded.frame), inverse_depth=inverse_depth_map(depth_mm, loaded.frame.valid))
     v, u = np.nonzero(shown & loaded.frame.valid)
     central = most_central(np.stack([u, v], axis=1))
     pixel = np.array([[u[central], v[central]]], float)
     pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
     pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
-    return ReferenceView(mesh, view, pivot_model, tuple(messages), raster)
+    return ReferenceView(mesh, tuple(views), pivot_model, tuple(messages), raster)
 
 
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
-    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user.
+    """The surface's colour from the first frame in a mode (``projective``, ``texture``, ``vertex``), and messages.
 
     In all modes the reference view tells which points it saw.
     """
     if mode == "projective":
         return source.view, []
-    colour, messages = baked_colour_of(source, mode)
+    colour, messages = baked_colour_of(replace(source, views=source.views[:1]), mode)
     return replace(colour, source=source.view), messages
+
+
+def colours_of(source: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
+    """The same from each of the frames."""
+    found = [colour_of(replace(source, views=(view,)), mode) for view in source.views]
+    return [colour for colour, _ in found], [message for _, messages in found for message in messages]
 
 
 def baked_colour_of(
@@ -155,7 +183,7 @@ def baked_colour_of(
     *,
     unseen: np.ndarray | None = None,
 ) -> tuple[TextureAtlas | VertexColours, list[str]]:
-    """The same for the modes that other programs know: ``texture`` and ``vertex``.
+    """The same for the modes that other programs know, ``texture`` and ``vertex``, from all frames.
 
     Runs without Blender, so it may run in a thread. ``progress`` is called often with a fraction 0..1; an exception
     that it raises ends the work. ``unseen`` are colours ``(V, 3)`` of the vertices for what the frame did not see.
@@ -167,16 +195,18 @@ def baked_colour_of(
         if unseen is not None:
             colours = replace(colours, rgb=np.where(colours.covered[:, None], colours.rgb, unseen))
         return colours, messages
-    view, mesh = source.view, source.mesh
     stage = _Stage(report, CLASSIFIED)
 
-    def observed(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        stage.step()
-        return view.observed(points, normals)
+    def classified(view: SourceView) -> np.ndarray:
+        def observed(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+            stage.step()
+            return view.observed(points, normals)
 
-    faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, observed)
-    stage = _Stage(report, 1.0, CLASSIFIED)
-    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.continued[0], observed, faces_seen, unseen=unseen)
+        return classify_faces(source.mesh, view.camera, view.cam_from_model, observed)
+
+    faces_seen = list(map(classified, source.views))
+    baking = _Stage(report, 1.0, CLASSIFIED)
+    atlas = bake_atlas(source.mesh, source.views, faces_seen, unseen=unseen, step=baking.step)
     return atlas, atlas.messages()
 
 
@@ -199,7 +229,7 @@ def unseen_colours_of(source: ReferenceView, unseen: str) -> np.ndarray | None:
     """``(V, 3)`` colours of the vertices for what the frame did not see; ``None``, neutral grey, unless ``"fill"``."""
     if unseen != "fill":
         return None
-    vertices = colour_vertices(source.mesh, source.view)
+    vertices = colour_vertices(source.mesh, source.views)
     if vertices.covered.any():
         return filled_colours(source.mesh.vertices, source.mesh.faces, vertices.rgb, vertices.covered)
     # no vertex of large triangles is in the frame
@@ -210,7 +240,7 @@ def unseen_colours_of(source: ReferenceView, unseen: str) -> np.ndarray | None:
 def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:
     """The colours of the vertices, and a message with their spacing."""
     view, mesh = source.view, source.mesh
-    colours = colour_vertices(mesh, view)
+    colours = colour_vertices(mesh, source.views)
     spacing_px = (
         mesh.median_edge
         * view.camera.fx

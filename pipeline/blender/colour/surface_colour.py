@@ -69,7 +69,7 @@ def put_colour(
     if isinstance(colour, VertexColours):
         vertices = colour
     elif vertices is None:
-        vertices = colour_vertices(source.mesh, source.view)
+        vertices = colour_vertices(source.mesh, source.views)
     _set_colour_attribute(surface, vertices, mark_unseen)
     if isinstance(colour, TextureAtlas):
         material = _textured(surface, colour, mark_unseen, flipped)

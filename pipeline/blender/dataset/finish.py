@@ -35,7 +35,7 @@ def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``camera.json`` and ``models/``, which are known before the first view."""
     out, source = job.job.out, renderer.source
     write_camera(out, renderer.camera, renderer.depth_scale)
-    colours = colour_vertices(source.mesh, source.view)
+    colours = colour_vertices(source.mesh, source.views)
     write_models(out, source.mesh, to_uint8(colours.rgb))
 
 

@@ -1,6 +1,6 @@
 """One view of a dataset from its number: pose, render, ground truth. Independent of worker, shard and order."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 
@@ -10,8 +10,9 @@ from mathutils.bvhtree import BVHTree
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...colour.best_view import Render, best_of
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from ...colour.ray_tracer import RayTracer
+from ...colour.ray_tracer import best_traced
 from ...colour.shading import SurfaceColour
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
@@ -20,11 +21,10 @@ from ...dataset.run.resume_record import ViewRecord
 from ...dataset.view import RenderedSample, depth_scale_for, encode_view
 from ...poses.constraints import Constraints, PlannedPose, ViewStatistics, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
-from ...projection.rendered_view import RenderedView
 from ...projection.silhouette import SilhouetteEdges
 from ...projection.visible_surface import cast_grid
 from ...transforms import camera_centre
-from ..colour.reference_view import ReferenceView, colour_of, limited_to_incidence, unseen_colours_of
+from ..colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
@@ -53,15 +53,13 @@ class ViewProbe:
         if len(seen.pixels) == 0:
             return ViewStatistics(0.0, 0.0, clearance)
         # back sides are surface too, but never observed
-        observed = self._source.view.observed(seen.points_model, seen.normals_model)
+        observed = self._source.observed(seen.points_model, seen.normals_model)
         return ViewStatistics(seen.image_fraction, float(observed.mean()), clearance)
 
     def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
         point, normal, _, _ = self._tree.ray_cast(origin, direction)
         return None if point is None or normal is None else (point, normal)
 
-
-Render = Callable[[np.ndarray], RenderedView]
 
 SAMPLED_VIEWS = 4
 """Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
@@ -114,10 +112,10 @@ class ViewRenderer:
             reduction_doubt(view_px, frame_px, farthest, options.samples),
         )
         self.messages = (*loaded.messages, *source.messages, *filter(None, doubts))
-        colour, messages = colour_of(source, options.colour)
+        colours, messages = colours_of(source, options.colour)
         self.messages = (*self.messages, *messages)
         self._resources = ExitStack()
-        opened = _opened_renderer(source, self.camera, colour, options, threads)
+        opened = _opened_renderer(source, self.camera, colours, options, threads)
         self.render, self._probe = self._resources.enter_context(opened)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
@@ -198,34 +196,46 @@ class ViewRenderer:
 
 @contextmanager
 def _opened_renderer(
-    source: ReferenceView, camera: PinholeCamera, colour: SurfaceColour, options: DatasetOptions, threads: int
+    source: ReferenceView,
+    camera: PinholeCamera,
+    colours: Sequence[SurfaceColour],
+    options: DatasetOptions,
+    threads: int,
 ) -> Iterator[tuple[Render, ViewProbe]]:
-    """What renders any pose (4x4, mm) with the options' engine, and the probe."""
-    unseen, pivot = unseen_colours_of(source, options.unseen), source.pivot_model
+    """What renders any pose (4x4, mm) with the options' engine, from the best of the colours, and the probe."""
+    mesh, unseen, pivot = source.mesh, unseen_colours_of(source, options.unseen), source.pivot_model
     if options.engine == "raster":
-        with SurfaceScene(source.mesh, camera, None) as scene:
+        with SurfaceScene(mesh, camera, None) as scene:
             probe = ViewProbe(scene, source, camera)
-        tracer = RayTracer(
-            source.mesh, camera, colour, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
+        traced = best_traced(
+            mesh, camera, colours, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
         )
-        yield tracer.render, probe
+        yield traced, probe
         return
     # Eevee averages many samples at little cost
     at_edges = options.samples > 1 and options.engine == "cycles"
-    with SurfaceScene(
-        source.mesh,
-        camera,
-        colour,
-        unseen=unseen,
-        engine=options.engine,
-        samples=1 if at_edges else options.samples,
-        filtered=at_edges,
-        threads=threads,
-    ) as scene:
-        render: Render = partial(render_view, scene)
-        if at_edges:
-            render = EdgeSampler(scene, source.view, pivot, colour, camera, options.samples).render
-        yield render, ViewProbe(scene, source, camera)
+    with ExitStack() as opened:
+        renders: list[Render] = []
+        for view, colour in zip(source.views, colours, strict=True):
+            scene = SurfaceScene(
+                mesh,
+                camera,
+                colour,
+                unseen=unseen,
+                engine=options.engine,
+                samples=1 if at_edges else options.samples,
+                filtered=at_edges,
+            )
+            opened.enter_context(scene)
+            scene.limit_threads(threads)
+            if len(colours) > 1 and not renders:
+                scene.add_face_pass()
+            renders.append(
+                EdgeSampler(scene, view, pivot, colour, camera, options.samples).render
+                if at_edges
+                else partial(render_view, scene)
+            )
+        yield best_of(mesh, source.views, renders), ViewProbe(scene, source, camera)
 
 
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:

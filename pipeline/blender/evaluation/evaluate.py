@@ -1,16 +1,19 @@
 """Score the views of several methods against real photographs, and estimate what could be reached.
 
-Methods are opened one after the other, so that only one scene is in memory; scoring runs in threads beside the renders.
+Methods are opened one after the other, and photographs are read one after the other, so that only one scene and one
+photograph are in memory.
 """
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...case.loaded_case import LoadedCase
+from ...case.posed_frame import UnreadFrame
+from ...colour.best_view import Render
+from ...colour.ray_tracer import best_traced
 from ...dataset.options import DatasetOptions
 from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, Row
 from ...evaluation.scores.distribution_distance import (
@@ -21,12 +24,11 @@ from ...evaluation.scores.distribution_distance import (
     mean_interval,
 )
 from ...evaluation.scores.inception import Inception
-from ...evaluation.scores.reachable_scores import JITTERS, perfect_view
+from ...evaluation.scores.reachable_scores import JITTERS, perfect_views
 from ...evaluation.scores.view_scores import SCORES, scores_of
-from ...files.machine import available_cores
 from ...poses.distributions import Cone, ReferencePose
+from ..case.load_case import load_posed_frame
 from ..colour.reference_view import ReferenceView, reference_view_of
-from .evaluation_case import EvaluationCase, ShownSurface, read_photograph, shown_surfaces
 from .methods import Method, opened
 
 NOVEL_POSES = 6
@@ -36,25 +38,45 @@ UNBOUNDED = ("surface_px", "observed_px", "gain_red", "gain_green", "gain_blue",
 
 
 @dataclass(frozen=True)
-class View:
-    """A view beside its photograph, for pictures: ``(H, W, 3)`` code values 0..1 and ``(H, W)`` bool."""
+class EvaluationCase:
+    """A case in memory and its photographs; ``images`` are their names, which differ."""
 
-    case: EvaluationCase
-    number: int
-    method: Method
-    real: np.ndarray
-    rendered: np.ndarray
-    shown: ShownSurface
+    name: str
+    loaded: LoadedCase
+    photographs: tuple[UnreadFrame, ...]
+    images: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class NovelView:
-    """A view of a novel pose, for the gallery."""
+class ShownSurface:
+    """A photograph and what it shows where its alpha is not 0.
+
+    Attributes
+    ----------
+    number, real
+        Its place in the case, and ``(H, W, 3)`` code values 0..1.
+    surface, observed
+        ``(H, W)`` bool: surface, and surface that the frame saw.
+    depth_mm
+        ``(H, W)`` of the surface; 0 without surface.
+    """
+
+    number: int
+    real: np.ndarray
+    surface: np.ndarray
+    observed: np.ndarray
+    depth_mm: np.ndarray
+
+
+@dataclass(frozen=True)
+class View:
+    """A view beside its photograph, or of a novel pose of this number, for pictures: ``(H, W, 3)`` code values 0..1."""
 
     case: EvaluationCase
     number: int
     method: Method
     rendered: np.ndarray
+    shown: ShownSurface | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +100,12 @@ class Settings:
     pose_error_px: float | None
     inception: Inception | None
 
+    @property
+    def compared(self) -> list[Method]:
+        """The leading method and a peer, else the second: the methods of the figure and of the gallery."""
+        leading, *others = self.methods
+        return [leading, *sorted(others, key=lambda method: not method.peer)[:1]]
+
 
 @dataclass
 class Findings:
@@ -90,74 +118,91 @@ class Findings:
     without_overlap: list[tuple[str, str]] = field(default_factory=list)
 
 
+def named_cases(
+    given: Sequence[tuple[LoadedCase, Sequence[UnreadFrame]]],
+) -> tuple[EvaluationCase, ...]:
+    """Give each case the name of its surface, and each photograph its number: names of files may name the patient."""
+    cases: list[EvaluationCase] = []
+    for place, (loaded, photographs) in enumerate(given, start=1):
+        name = loaded.case.object_name or "case"
+        if name in {case.name for case in cases}:
+            name = f"{name} {place}"
+        images = tuple(f"photograph_{number}" for number in range(1, len(photographs) + 1))
+        cases.append(EvaluationCase(name, loaded, tuple(photographs), images))
+    return tuple(cases)
+
+
 def steps_px(case: EvaluationCase, methods: int) -> list[int]:
     """Pixels of the photograph of each step of :func:`evaluate_case`."""
-    return [math.prod(case.loaded.frame.camera.size_wh)] * len(case.photographs) * (methods + 2)
+    return [math.prod(case.loaded.frame.camera.size_wh)] * len(case.photographs) * (methods + 1)
 
 
 def evaluate_case(
-    case: EvaluationCase,
-    settings: Settings,
-    findings: Findings,
-    *,
-    advance: Callable[[], None],
-    show: Callable[[View], None],
-    show_novel: Callable[[NovelView], None],
-) -> None:
+    case: EvaluationCase, settings: Settings, findings: Findings, *, novel: int, advance: Callable[[], None]
+) -> Iterator[View]:
     """Evaluate one case and add the results to ``findings``.
 
     Parameters
     ----------
     case, settings, findings
         What, how, and where to put it.
+    novel
+        Number of novel poses at which the compared methods are shown.
     advance
         Called after each step.
-    show, show_novel
-        Get the views, in the order of the photographs for each method.
+
+    Yields
+    ------
+    The views, in the order of the photographs for each method, and then its views of novel poses.
 
     Raises
     ------
     InputError
         A photograph cannot be used, or the case shows no surface.
     """
-    source = reference_view_of(case.loaded)
-    shown = []
-    for each in shown_surfaces(case, source):
-        shown.append(_Packed(each))
-        advance()
-    hidden = [number for number, each in enumerate(shown) if not each.overlaps]
-    findings.without_overlap += [(case.name, case.images[number]) for number in hidden]
-    novel = _novel_poses(case, source, settings.seed)
-    poses = [photograph.cam_from_model for photograph in case.photographs] + novel
+    source = reference_view_of(case.loaded, "raster")
+    trace = best_traced(source.mesh, case.loaded.frame.camera, source.views, rays=source.rays)
+    novel_poses = _novel_poses(case, source, settings.seed)[:novel]
+    mesh_from_model = case.loaded.surface.mesh_from_model
+    poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses
     real_features: dict[int, np.ndarray] = {}
     for method in settings.methods:
-        features: dict[int, np.ndarray] = {}
-        with opened(method, source, case.loaded.frame.camera, poses) as render, _Scorer() as scorer:
-            for number, photograph in enumerate(case.photographs):
-                if shown[number].overlaps:
-                    real = read_photograph(photograph, case.loaded).image
-                    view = View(case, number, method, real, render(photograph.cam_from_model), shown[number].surfaces())
-                    scorer.submit(number, view.real, view.rendered, view.shown)
+        rows, features = [], {}
+        with opened(method, source, case.loaded.frame.camera, poses) as render:
+            for shown in _shown_surfaces(case, trace):
+                scores = dict.fromkeys(SCORES, float("nan"))
+                if shown.surface.any():
+                    view = View(case, shown.number, method, render(poses[shown.number]), shown)
+                    scores = scores_of(shown.real, view.rendered, shown.surface, shown.observed)
                     if settings.inception is not None:
-                        features[number] = _features(settings.inception, view.rendered, view.shown)
-                        if number not in real_features:
-                            real_features[number] = _features(settings.inception, real, view.shown)
-                    show(view)
+                        features[shown.number] = _features(settings.inception, view.rendered, shown)
+                        if shown.number not in real_features:
+                            real_features[shown.number] = _features(settings.inception, shown.real, shown)
+                    yield view
+                elif method == settings.methods[0]:
+                    findings.without_overlap.append((case.name, case.images[shown.number]))
+                rows.append(Row(case.name, case.images[shown.number], method.name, scores))
                 advance()
-            for number, pose in enumerate(novel):
-                show_novel(NovelView(case, number, method, render(pose)))
-            found = scorer.results()
-        nothing = dict.fromkeys(SCORES, float("nan"))
-        findings.rows += [
-            Row(case.name, image, method.name, found.get(number, nothing)) for number, image in enumerate(case.images)
-        ]
+            if method in settings.compared:
+                for number, pose in enumerate(novel_poses):
+                    yield View(case, number, method, render(pose))
+        findings.rows += rows
         if features:
-            order = sorted(features)
             findings.features[case.name, method.name] = (
-                np.stack([real_features[number] for number in order]),
-                np.stack([features[number] for number in order]),
+                np.stack([real_features[number] for number in features]),
+                np.stack(list(features.values())),
             )
-    _add_bound(case, source, settings, findings, advance)
+        if method == settings.methods[0]:
+            leading = rows
+    _add_bound(case, _shown_surfaces(case, trace), leading, settings, findings, advance)
+
+
+def _shown_surfaces(case: EvaluationCase, trace: Render) -> Iterator[ShownSurface]:
+    for number, photograph in enumerate(case.photographs):
+        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=case.loaded.case.path.name)
+        view = trace(frame.cam_from_model)
+        depth_mm = np.where(frame.valid, view.depth_mm, np.float32(0))
+        yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid, depth_mm)
 
 
 def _novel_poses(case: EvaluationCase, source: ReferenceView, seed: int) -> list[np.ndarray]:
@@ -181,37 +226,29 @@ def _features(inception: Inception, image: np.ndarray, shown: ShownSurface) -> n
 
 def _add_bound(
     case: EvaluationCase,
-    source: ReferenceView,
+    surfaces: Iterable[ShownSurface],
+    leading: Sequence[Row],
     settings: Settings,
     findings: Findings,
     advance: Callable[[], None],
 ) -> None:
     """Score perfect views with the measured exposure, and with the measured or the stated error of the poses."""
-    leading = settings.methods[0].name
-    rows = {row.image: row.scores for row in findings.rows if (row.case, row.method) == (case.name, leading)}
-    measured = [scores["flow_px"] for scores in rows.values() if np.isfinite(scores["flow_px"])]
+    measured = [row.scores["flow_px"] for row in leading if np.isfinite(row.scores["flow_px"])]
     jitter = settings.pose_error_px
     if jitter is None:
         jitter = float(np.median(measured)) if measured else 0.0
     findings.jitter_px[case.name] = jitter
-    camera, reached = case.loaded.frame.camera, findings.bound.setdefault(case.name, [])
-    with _Scorer() as scorer:
-        for number, shown in enumerate(shown_surfaces(case, source)):
-            if shown.surface.any():
-                real = read_photograph(case.photographs[number], case.loaded).image
-                scores = rows[case.images[number]]
-                gain = np.array([scores[f"gain_{name}"] for name in ("red", "green", "blue")])
-                gain = np.where(np.isfinite(gain), gain, 1.0)
-                for draw in range(JITTERS):
-                    rng = np.random.default_rng([settings.seed, number, draw])
-                    view = perfect_view(real, shown.depth_mm, camera, gain, jitter, rng)
-                    scorer.submit(JITTERS * number + draw, real, view, shown)
-            advance()
-        found = scorer.results()
-    for number in range(len(case.photographs)):
-        draws = [found[key] for key in range(JITTERS * number, JITTERS * (number + 1)) if key in found]
-        if draws:
+    reached = findings.bound.setdefault(case.name, [])
+    for shown in surfaces:
+        if shown.surface.any():
+            scores = leading[shown.number].scores
+            gain = np.array([scores[f"gain_{name}"] for name in ("red", "green", "blue")])
+            gain = np.where(np.isfinite(gain), gain, 1.0)
+            rngs = [np.random.default_rng([settings.seed, shown.number, draw]) for draw in range(JITTERS)]
+            views = perfect_views(shown.real, shown.depth_mm, case.loaded.frame.camera, gain, jitter, rngs)
+            draws = [scores_of(shown.real, view, shown.surface, shown.observed) for view in views]
             reached.append({score: float(np.mean([each[score] for each in draws])) for score in SCORES})
+        advance()
 
 
 def bounds(findings: Findings, rng: np.random.Generator) -> Iterator[Bound]:
@@ -239,51 +276,6 @@ def distributions(findings: Findings) -> Iterator[Distribution]:
                 case, method, frechet_distance(real, rendered), len(real) < FID_IMAGES, kernel.kid,
                 kernel.standard_error, len(real),
             )  # fmt: skip
-
-
-class _Packed:
-    """The masks of a photograph in an eighth of the memory."""
-
-    def __init__(self, shown: ShownSurface) -> None:
-        self._shape = shown.surface.shape
-        self._bits = [np.packbits(mask) for mask in (shown.surface, shown.observed)]
-        self.overlaps = bool(shown.surface.any())
-
-    def surfaces(self) -> ShownSurface:
-        count = self._shape[0] * self._shape[1]
-        surface, observed = (np.unpackbits(b, count=count).astype(bool).reshape(self._shape) for b in self._bits)
-        return ShownSurface(surface, observed, np.zeros((0, 0), np.float32))
-
-
-class _Scorer:
-    """Scores views in threads while the next one is rendered, with a bounded number in memory."""
-
-    def __init__(self) -> None:
-        self._threads = available_cores()
-        self._pool = ThreadPoolExecutor(self._threads, "score")
-        self._waiting: deque[tuple[int, Future[dict[str, float]]]] = deque()
-        self._found: dict[int, dict[str, float]] = {}
-
-    def __enter__(self) -> "_Scorer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._pool.shutdown(cancel_futures=True)
-
-    def submit(self, key: int, real: np.ndarray, rendered: np.ndarray, shown: ShownSurface) -> None:
-        """Score a view; waits while too many are waiting."""
-        self._waiting.append((key, self._pool.submit(scores_of, real, rendered, shown.surface, shown.observed)))
-        self._collect(2 * self._threads)
-
-    def results(self) -> dict[int, dict[str, float]]:
-        """All scores by key, once they are complete."""
-        self._collect(0)
-        return self._found
-
-    def _collect(self, leave: int) -> None:
-        while len(self._waiting) > leave:
-            key, future = self._waiting.popleft()
-            self._found[key] = future.result()
 
 
 def shown_numbers(count: int, most: int) -> Iterable[int]:

@@ -14,7 +14,6 @@ from ...charts.evaluation_chart import evaluation_charts
 from ...charts.page import chart_outputs
 from ...errors import InputError
 from ...evaluation.conditions import Conditions, current_conditions, write_table
-from ...evaluation.record.evaluation_notes import evaluation_notes
 from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
 from ...evaluation.record.evaluation_record import (
     EvaluatedCase,
@@ -26,6 +25,7 @@ from ...evaluation.record.evaluation_record import (
 )
 from ...evaluation.record.evaluation_tables import (
     FRAME_COLUMNS,
+    evaluation_notes,
     frame_rows,
     latex_summary,
     markdown_summary,
@@ -35,14 +35,25 @@ from ...files.outputs import check_outputs, check_own_folder, made_folder, writi
 from ...images.contact_sheet import downscaled
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
-from .evaluate import Findings, NovelView, Settings, View, bounds, distributions, evaluate_case, shown_numbers, steps_px
-from .evaluation_case import EvaluationCase
+from .evaluate import (
+    NOVEL_POSES,
+    EvaluationCase,
+    Findings,
+    Settings,
+    View,
+    bounds,
+    distributions,
+    evaluate_case,
+    shown_numbers,
+    steps_px,
+)
 from .methods import Method
 
 RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE = "evaluation.json", "frames.csv", "summary.md", "summary.tex"
 FIGURE, PAIRS, PICTURES, CHART = "figure.png", "pairs.png", "pictures", "scores.svg"
 _FILES = (RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
 _NAMES = "|".join([*map(re.escape, _FILES), PICTURES, r"scores(_cases)?(-dark)?\.(svg|png)"])
+NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
 PICTURE_WIDTH = 960
 """Pictures are reduced to this width, px."""
 MOST_COLUMNS = 6
@@ -63,10 +74,6 @@ class EvaluationRun:
         Methods that cannot run, and why.
     pictures
         Number of photographs of each case of which pictures are written.
-    missing
-        Why there are no FID and KID; empty if there are.
-    configuration
-        For the record.
     """
 
     out: Path
@@ -74,8 +81,6 @@ class EvaluationRun:
     settings: Settings
     skipped: Mapping[Method, str]
     pictures: int
-    missing: str
-    configuration: Mapping[str, object]
 
 
 def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
@@ -90,11 +95,14 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
     """
     out = run.out
     check_own_folder(out, _NAMES)
-    outputs = [out / name for name in (*_FILES, *_PictureNames(run).all())]
+    kinds = ["real", "segmented"]
+    kinds += [f"{method.key}{suffix}" for method in run.settings.methods for suffix in ("", " difference")]
+    outputs = [out / name for name in _FILES]
+    outputs += [out / f"{stem} {kind}.png" for stem in _stems(run).values() for kind in kinds]
     for data in _chart_files(out, len(run.cases)):
         outputs += chart_outputs(data)
     photographs = {
-        f"photograph {number} of {case.name}": photograph.path
+        f"photograph {number} of {case.name}": photograph.image
         for case in run.cases
         for number, photograph in enumerate(case.photographs, start=1)
     }
@@ -131,8 +139,10 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     def advance() -> None:
         reach(next(shares) / total)
 
-    for case in run.cases:
-        evaluate_case(case, run.settings, findings, advance=advance, show=gallery.add, show_novel=gallery.add_novel)
+    for place, case in enumerate(run.cases):
+        novel = NOVEL_POSES if len(run.cases) == 1 else PAIR_COLUMNS if place < PAIR_ROWS else 0
+        for view in evaluate_case(case, run.settings, findings, novel=novel, advance=advance):
+            gallery.add(view)
     if all(np.isnan(row.scores["ssim_whole"]) for row in findings.rows):
         raise InputError("photographs: expected views of a surface, none of them shows any; check the poses")
     rng = np.random.default_rng(run.settings.seed)
@@ -147,7 +157,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
         summary=summarised(findings.rows, rng),
         distribution=tuple(distributions(findings)),
         bound=tuple(bounds(findings, rng)),
-        missing=run.missing,
+        missing="" if run.settings.inception else NO_INCEPTION,
         pictures=tuple(gallery.pictures),
     )
     gallery.write_sheets()
@@ -188,144 +198,89 @@ def _chart_files(out: Path, cases: int) -> list[Path]:
 
 
 def _conditions(run: EvaluationRun) -> Conditions:
-    return current_conditions(run.configuration, blender=bpy.app.version_string)
+    settings = run.settings
+    configuration = {
+        "methods": " ".join(method.key for method in settings.methods),
+        "seed": settings.seed,
+        "pose error": "measured" if settings.pose_error_px is None else f"{settings.pose_error_px:g} px",
+        "inception": settings.inception.name if settings.inception else "none",
+    }
+    return current_conditions(configuration, blender=bpy.app.version_string)
 
 
-class _PictureNames:
-    """Names of the pictures of an evaluation, relative to its folder."""
-
-    def __init__(self, run: EvaluationRun) -> None:
-        self.shown = {case.name: set(shown_numbers(len(case.images), run.pictures)) for case in run.cases}
-        self._stems = {
-            (case.name, number): f"case_{place} {case.images[number]}"
-            for place, case in enumerate(run.cases, start=1)
-            for number in sorted(self.shown[case.name])
-        }
-        self._methods = run.settings.methods
-
-    def of(self, case: str, number: int, what: str) -> str:
-        """A picture of a photograph: ``what`` is shown."""
-        return f"{PICTURES}/{self._stems[case, number]} {what}.png"
-
-    def all(self) -> list[str]:
-        """All names."""
-        kinds = ["real", "segmented"]
-        kinds += [f"{method.key}{suffix}" for method in self._methods for suffix in ("", " difference")]
-        return [self.of(case, number, kind) for case, number in self._stems for kind in kinds]
+def _stems(run: EvaluationRun) -> dict[tuple[str, int], str]:
+    """Case and number of the photographs of which pictures are written -> how the names of these begin."""
+    return {
+        (case.name, number): f"{PICTURES}/case_{place} {case.images[number]}"
+        for place, case in enumerate(run.cases, start=1)
+        for number in shown_numbers(len(case.images), run.pictures)
+    }
 
 
 @dataclass
 class _Gallery:
-    """Collects what the pictures show, and writes them."""
+    """Collects what the pictures show, and writes them; tiles are in the order of the methods."""
 
     run: EvaluationRun
     pictures: list[Pictures] = field(default_factory=list)
-    _tiles: dict[tuple[str, int, str], np.ndarray] = field(default_factory=dict)
+    _columns: dict[tuple[str, int], list[np.ndarray]] = field(default_factory=dict)
+    _pairs: dict[tuple[str, int], list[np.ndarray]] = field(default_factory=dict)
     _crops: dict[tuple[str, int], Crop] = field(default_factory=dict)
-    _novel: dict[tuple[str, int, str], np.ndarray] = field(default_factory=dict)
+    _first: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._names = _PictureNames(self.run)
-        methods = list(self.run.settings.methods)
-        leading, others = methods[0], methods[1:]
-        # an engine of ours and, if there is one, a peer
-        second = next((method for method in others if method.peer), others[0] if others else None)
-        self._engines = [leading] if second is None else [leading, second]
-        most = 1 if len(self.run.cases) > 1 else MOST_COLUMNS
-        self._columns = {
-            case.name: set(shown_numbers(len(case.images), most)) for case in self.run.cases[:MOST_COLUMNS]
-        }
+        self._stems = _stems(self.run)
+        self._compared = self.run.settings.compared
 
     def add(self, view: View) -> None:
         """Write the pictures of a view, if it is one of those that are shown."""
-        case, number = view.case.name, view.number
-        surface = view.shown.surface[..., None]
-        segmented = np.where(surface, view.real, np.float32(0))
-        rendered = np.where(surface, view.rendered, np.float32(0))
-        if view.method in self._engines:
-            self._keep_tiles(view, segmented, rendered)
-        if number not in self._names.shown[case]:
+        key = case, number = view.case.name, view.number
+        if view.shown is None:
+            crop = self._crops.setdefault(key, crop_of(view.rendered.any(axis=2)))
+            self._pairs.setdefault(key, []).append(tile(view.rendered, crop))
             return
-        kinds = {"real": view.real, "segmented": segmented}
-        entry = {kind: self._names.of(case, number, kind) for kind in kinds}
-        if view.method == self.run.settings.methods[0]:
-            for kind, image in kinds.items():
-                self._write(entry[kind], image)
-        entry["rendered"] = self._names.of(case, number, view.method.key)
-        entry["difference"] = self._names.of(case, number, f"{view.method.key} difference")
-        self._write(entry["rendered"], rendered)
-        self._write(entry["difference"], np.abs(rendered - segmented))
-        self.pictures.append(Pictures(case=case, image=view.case.images[number], method=view.method.name, **entry))
-
-    def add_novel(self, view: NovelView) -> None:
-        """Keep a view of a novel pose for the gallery."""
-        few = len(self.run.cases) == 1 or view.number < PAIR_COLUMNS
-        if view.method in self._engines and few and view.case.name in {c.name for c in self.run.cases[:PAIR_ROWS]}:
-            key = view.case.name, view.number
-            if key not in self._crops:
-                self._crops[key] = crop_of(view.rendered.any(axis=2))
-            self._novel[*key, view.method.key] = tile(view.rendered, self._crops[key])
+        real, surface = view.shown.real, view.shown.surface
+        segmented, rendered = (np.where(surface[..., None], each, np.float32(0)) for each in (real, view.rendered))
+        leads = view.method == self._compared[0]
+        if view.method in self._compared and self._has_column(view):
+            shown = [real, segmented, rendered] if leads else [rendered]
+            self._columns.setdefault(key, []).extend(tile(image, crop_of(surface)) for image in shown)
+        if key not in self._stems:
+            return
+        kinds = {"real": real, "segmented": segmented} if leads else {}
+        kinds |= {view.method.key: rendered, f"{view.method.key} difference": np.abs(rendered - segmented)}
+        for kind, image in kinds.items():
+            self._write(f"{self._stems[key]} {kind}.png", downscaled(image, PICTURE_WIDTH))
+        named = (f"{self._stems[key]} {kind}.png" for kind in ("real", "segmented", *list(kinds)[-2:]))
+        self.pictures.append(Pictures(case, view.case.images[number], view.method.name, *named))
 
     def write_sheets(self) -> None:
-        """Write the paper's figure and the gallery of pairs."""
-        places = [place for place in self._tile_places() if (*place, "real") in self._tiles]
-        rows = [("real", "real"), ("segmented", "segmented")]
-        rows += [(engine.name, engine.key) for engine in self._engines]
-        if places:
-            labels = [self._label(*place) for place in places]
-            lines = [(name, [self._tiles[*place, kind] for place in places]) for name, kind in rows]
-            self._write(FIGURE, labelled_grid(lines, labels), width=None)
-        self._write_pairs()
-
-    def _write_pairs(self) -> None:
-        """Six pairs of one case in three rows of two; of several cases a row each."""
-        cases = self.run.cases[:PAIR_ROWS]
-        pairs = [
-            [self._novel[case.name, number, engine.key] for engine in self._engines]
-            for case in cases
-            for number in range(len({key[1] for key in self._novel if key[0] == case.name}))
-        ]
-        columns = PAIR_COLUMNS
-        labels = [engine.name for _ in range(columns) for engine in self._engines]
-        per_case = len(pairs) // max(len(cases), 1)
+        """Write the paper's figure, and the gallery: pairs in rows of two, of several cases a row each."""
+        engines = [method.name for method in self._compared]
+        if self._columns:
+            images = {case.name: case.images for case in self.run.cases}
+            several = len(images) > 1
+            labels = [f"{case}: " * several + images[case][number] for case, number in self._columns]
+            rows = zip(["real", "segmented", *engines], zip(*self._columns.values(), strict=True), strict=True)
+            self._write(FIGURE, labelled_grid(list(rows), labels))
         lines = []
-        for start in range(0, len(pairs), columns):
-            chunk = [image for pair in pairs[start : start + columns] for image in pair]
-            case = cases[min(start // per_case, len(cases) - 1)].name
-            first = start % per_case + 1
-            last = first + len(chunk) // len(self._engines) - 1
-            lines.append((f"{case}: novel poses {first} to {last}", chunk))
+        for case in dict.fromkeys(case for case, _ in self._pairs):
+            pairs = [pair for (of, _), pair in self._pairs.items() if of == case]
+            for first in range(0, len(pairs), PAIR_COLUMNS):
+                chunk = pairs[first : first + PAIR_COLUMNS]
+                label = f"{case}: novel poses {first + 1} to {first + len(chunk)}"
+                lines.append((label, list(itertools.chain.from_iterable(chunk))))
         if lines:
-            self._write(PAIRS, labelled_grid(lines, labels), width=None)
+            self._write(PAIRS, labelled_grid(lines, engines * PAIR_COLUMNS))
 
-    def _keep_tiles(self, view: View, segmented: np.ndarray, rendered: np.ndarray) -> None:
-        case, number = view.case.name, view.number
-        columns = self._columns.get(case, set())
-        # of several cases the first photograph that shows the surface
-        wanted = (
-            number in columns if len(self.run.cases) == 1 else case in self._columns and self._is_first(case, number)
-        )
-        if not wanted:
-            return
-        crop = crop_of(view.shown.surface)
-        self._tiles[case, number, view.method.key] = tile(rendered, crop)
-        if view.method == self._engines[0]:
-            self._tiles[case, number, "real"] = tile(view.real, crop)
-            self._tiles[case, number, "segmented"] = tile(segmented, crop)
+    def _has_column(self, view: View) -> bool:
+        """Whether the figure shows a view: of several cases the first photograph that shows the surface."""
+        cases = [case.name for case in self.run.cases[:MOST_COLUMNS]]
+        if len(self.run.cases) == 1:
+            return view.number in shown_numbers(len(view.case.images), MOST_COLUMNS)
+        return view.case.name in cases and self._first.setdefault(view.case.name, view.number) == view.number
 
-    def _is_first(self, case: str, number: int) -> bool:
-        kept = [key[1] for key in self._tiles if key[0] == case]
-        return not kept or number == min(kept)
-
-    def _tile_places(self) -> list[tuple[str, int]]:
-        return list(dict.fromkeys((case, number) for case, number, _ in self._tiles))
-
-    def _label(self, case: str, number: int) -> str:
-        image = next(each for each in self.run.cases if each.name == case).images[number]
-        return image if len(self.run.cases) == 1 else f"{case}: {image}"
-
-    def _write(self, name: str, image: np.ndarray, width: int | None = PICTURE_WIDTH) -> None:
+    def _write(self, name: str, image: np.ndarray) -> None:
         path = made_folder(self.run.out / name)
-        shown = image if width is None else downscaled(image, width)
         with writing(path):
-            write_bytes_atomically(path, encode_png(to_uint8(shown)))
+            write_bytes_atomically(path, encode_png(to_uint8(image)))

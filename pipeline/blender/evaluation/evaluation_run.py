@@ -11,12 +11,9 @@ from ...evaluation.record.evaluation_record import ALL
 from ...evaluation.scores.inception import Inception
 from ...progress import ShareProgress
 from ..case.load_case import load_case
-from .evaluate import Settings
-from .evaluation_case import named_cases
+from .evaluate import Settings, named_cases
 from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
 from .methods import Method, skipped_because
-
-NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
 
 
 def evaluation_run(
@@ -46,7 +43,7 @@ def evaluation_run(
     given = []
     for number, (case_path, list_path) in enumerate(pairs, start=1):
         loaded = load_case(read_case(case_path))
-        given.append((loaded, read_photographs(list_path, loaded)))
+        given.append((loaded, read_photographs(list_path, loaded.case)[0]))
         files = {**loaded.case.input_files(), "list of photographs": list_path}
         inputs |= {f"{name} of case {number}": path for name, path in files.items()}
     network = None
@@ -57,18 +54,9 @@ def evaluation_run(
     running = [method for method in methods if method.key not in reasons]
     if not running:
         raise RunError("; ".join(f"{method.key}: {reasons[method.key]}" for method in methods))
-    settings = Settings(running, seed, pose_error_px, network)
-    configuration = {
-        "methods": " ".join(method.key for method in running),
-        "seed": seed,
-        "pose error": "measured" if pose_error_px is None else f"{pose_error_px:g} px",
-        "inception": "none" if inception is None else inception.name,
-    }
     skipped = {method: reasons[method.key] for method in methods if method.key in reasons}
-    run = EvaluationRun(
-        out, named_cases(given), settings, skipped, pictures, NO_INCEPTION if network is None else "", configuration
-    )
-    return run, inputs
+    settings = Settings(running, seed, pose_error_px, network)
+    return EvaluationRun(out, named_cases(given), settings, skipped, pictures), inputs
 
 
 def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: TextIO) -> Iterator[str]:
@@ -91,7 +79,7 @@ def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: Te
     case = ALL if len(run.cases) > 1 else run.cases[0].name
     for ran in evaluation.ran:
         means = [evaluation.mean(case, ran.name, f"ssim_{part}") for part in ("whole", "surface", "observed")]
-        values = " / ".join("-" if each is None else f"{each.mean:.3f}" for each in means)
+        values = " / ".join(f"{each.mean:.3f}" if each.n else "-" for each in means)
         yield f"{ran.name}: SSIM {values} (whole / surface / observed)"
     limits = [evaluation.bound_of(case, f"ssim_{part}") for part in ("whole", "surface", "observed")]
     yield "limit: SSIM " + " / ".join("-" if each is None else f"{each.mean:.3f}" for each in limits)

@@ -12,13 +12,13 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...colour.shading import SurfaceColour
 from ...colour.vertex_colours import VertexColours
-from ...dataset.options import COLOURS, UNSEEN
+from ...dataset.options import COLOURS, ENGINES, UNSEEN
 from ...errors import InputError
 from ...evaluation.baseline import projected_colours, pyvista_renderer
 from ...files.keys import nearest_name
 from ...images.pixel_values import to_uint8
 from ...transforms import transform_points
-from ..colour.reference_view import ReferenceView, colour_of, unseen_colours_of
+from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ..render.engines import check_engine, opened_engine
 
 Render = Callable[[np.ndarray], np.ndarray]
@@ -64,18 +64,17 @@ def _ours(colour: str, engine: str, unseen: str = "neutral") -> Method:
 METHODS = {
     method.key: method
     for method in (
-        *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ("cycles", "eevee") for colour in COLOURS),
-        *(_ours("projective", "raster", unseen) for unseen in UNSEEN),
+        *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ENGINES for colour in COLOURS),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
         Method("paper-pytorch3d", "paper (PyTorch3D)", PAPER, "pytorch3d"),
     )
 }
 DEFAULT = (
-    "projective-cycles",
-    "projective-fill-cycles",
-    "texture-cycles",
-    "vertex-cycles",
+    "projective-raster",
+    "projective-fill-raster",
+    "texture-raster",
+    "vertex-raster",
     "projective-eevee",
     "paper-pyvista",
     "paper-pytorch3d",
@@ -156,17 +155,17 @@ def opened(
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
     unseen = unseen_colours_of(source, method.unseen)
-    with opened_engine(method.renderer, source.mesh, camera, _colour(method, source), unseen=unseen) as render_view:
+    with opened_engine(method.renderer, source.mesh, camera, _colours(method, source), unseen=unseen) as render_view:
         yield lambda pose: render_view(pose).rgb
 
 
-def _colour(method: Method, source: ReferenceView) -> SurfaceColour:
+def _colours(method: Method, source: ReferenceView) -> list[SurfaceColour]:
     if method.colour == PAPER:
         view = source.view
         rgb = projected_colours(source.mesh, view.image, view.camera, view.cam_from_model)
         everywhere = np.ones(len(rgb), bool)
-        return VertexColours(rgb, everywhere, everywhere)
-    return colour_of(source, method.colour)[0]
+        return [VertexColours(rgb, everywhere, everywhere)]
+    return colours_of(source, method.colour)[0]
 
 
 def _depth_range(source: ReferenceView, poses: Sequence[np.ndarray]) -> tuple[float, float]:

@@ -7,16 +7,17 @@ only to files, so they are read from an uncompressed EXR in a temporary folder.
 import ctypes
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import cache, partial
 
 import bpy
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...colour.ray_tracer import RayTracer
-from ...colour.shading import SurfaceColour
+from ...colour.best_view import Render, best_of
+from ...colour.ray_tracer import best_traced
+from ...colour.shading import SurfaceColour, source_of
 from ...errors import InputError
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
@@ -26,7 +27,7 @@ from ...projection.rendered_view import RenderedView
 from ...surface.mesh import TriangleMesh
 from ..bridge.image import render_path
 from ..bridge.versions import set_multilayer_exr
-from .material import OBSERVED_PASS
+from .material import FACE_PASS, OBSERVED_PASS
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
@@ -46,7 +47,8 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     # with several samples the flag is the mean over the pixel
     flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
     rgb = combined[..., :3] if surface_scene.samples == 1 else _without_background(combined, depth)
-    return RenderedView(rgb, depth, flag > 0.5, flag > 1.5)
+    face = passes[FACE_PASS][..., 0].astype(np.int32) - 1 if FACE_PASS in passes else None
+    return RenderedView(rgb, depth, flag > 0.5, flag > 1.5, face)
 
 
 @contextmanager
@@ -54,11 +56,13 @@ def opened_engine(
     engine: str,
     mesh: TriangleMesh,
     camera: PinholeCamera,
-    colour: SurfaceColour | None,
+    colours: Sequence[SurfaceColour],
     *,
     unseen: np.ndarray | None = None,
-) -> Iterator[Callable[[np.ndarray], RenderedView]]:
-    """What renders a surface from any pose (4x4, mm) with one sample a pixel; arguments as of :class:`.SurfaceScene`.
+) -> Iterator[Render]:
+    """What renders a surface with the best of several colours (none for geometry) and one sample a pixel.
+
+    The other arguments are as of :class:`.SurfaceScene`.
 
     Raises
     ------
@@ -66,10 +70,16 @@ def opened_engine(
         The engine cannot render it.
     """
     if engine == "raster":
-        yield RayTracer(mesh, camera, colour, unseen=unseen).render
+        yield best_traced(mesh, camera, colours, unseen=unseen)
         return
-    with SurfaceScene(mesh, camera, colour, unseen=unseen, engine=engine) as scene:
-        yield partial(render_view, scene)
+    with ExitStack() as opened:
+        renders: list[Render] = []
+        for colour in colours or (None,):
+            scene = opened.enter_context(SurfaceScene(mesh, camera, colour, unseen=unseen, engine=engine))
+            if len(colours) > 1 and not renders:
+                scene.add_face_pass()
+            renders.append(partial(render_view, scene))
+        yield best_of(mesh, [view for colour in colours if (view := source_of(colour))], renders)
 
 
 def _without_background(combined: np.ndarray, depth: np.ndarray) -> np.ndarray:

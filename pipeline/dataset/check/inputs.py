@@ -8,6 +8,7 @@ from ...errors import InputError
 from ...files.content import reading
 from ...poses.pose_file import read_poses
 from ..dataset_file import Description
+from ..description import described_frame
 from ..identity import poses_hash
 from .comparison import RELATIVE, require_equal
 from .findings import Findings
@@ -56,6 +57,9 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
         require_equal(found, camera | {"mm_per_unit": case.mm_per_unit}, f"dataset.json and {case.path}")
     with findings.collecting(KIND):
         require_equal(frame.get("cam_from_model"), pose, "dataset.json: frame: cam_from_model", relative=RELATIVE)
+    with findings.collecting(KIND):
+        wanted = [described_frame(each, description.mesh_from_model) for each in case.frames]
+        require_equal(content.get("frames", []), wanted, f"dataset.json and {case.path}: frames", relative=RELATIVE)
 
 
 def _check_poses(description: Description, path: Path) -> None:

@@ -90,6 +90,11 @@ def case_parcel(case: Case, options: DatasetOptions) -> CaseParcel:
         A file cannot be read, or a name in the case is no Unicode.
     """
     files = {_name("frame", case.image): case.image, _name("surface", case.mesh): case.mesh}
+    frames = []
+    for number, frame in enumerate(case.frames, start=2):
+        name = _name(f"frame_{number}", frame.image)
+        files[name] = frame.image
+        frames.append(replace(frame, image=Path(name)))
     structures = []
     for number, structure in enumerate(case.structures):
         name = _name(f"structure_{number}", structure.mesh)
@@ -104,6 +109,7 @@ def case_parcel(case: Case, options: DatasetOptions) -> CaseParcel:
         path=Path(CASE),
         image=Path(_name("frame", case.image)),
         mesh=Path(_name("surface", case.mesh)),
+        frames=tuple(frames),
         structures=tuple(structures),
         landmarks=(),
         alignment={},

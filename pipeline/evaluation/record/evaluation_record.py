@@ -118,12 +118,11 @@ class Evaluation:
         """The methods that were not skipped."""
         return tuple(method for method in self.methods if not method.skipped)
 
-    def mean(self, case: str, method: str, score: str) -> Summary | None:
-        """The summary of a score."""
-        for entry in self.summary:
-            if (entry.case, entry.method, entry.score) == (case, method, score):
-                return entry
-        return None
+    def mean(self, case: str, method: str, score: str) -> Summary:
+        """The summary of a score; NaN, of no photographs, if there is none."""
+        key, nan = (case, method, score), float("nan")
+        found = (entry for entry in self.summary if (entry.case, entry.method, entry.score) == key)
+        return next(found, Summary(*key, nan, nan, nan, 0))
 
     def bound_of(self, case: str, score: str) -> Bound | None:
         """The bound of a score."""
@@ -147,30 +146,14 @@ def summarised(rows: Sequence[Row], rng: np.random.Generator) -> tuple[Summary, 
 
 def evaluation_bytes(evaluation: Evaluation) -> bytes:
     """The JSON file; values that are missing or not finite are null."""
-    conditions = evaluation.conditions
-    table = {
-        "format": FORMAT,
-        "conditions": {
-            "machine": conditions.machine,
-            "versions": dict(conditions.versions),
-            "configuration": {name: str(value) for name, value in conditions.configuration.items()},
-            "measured": conditions.measured,
-        },
-        "cases": [asdict(case) for case in evaluation.cases],
-        "methods": [
-            {"name": each.name, "peer": each.peer, **({"skipped": each.skipped} if each.skipped else {})}
-            for each in evaluation.methods
-        ],
-        # for whoever shows the file
-        "scores": SCORES,
-        "rows": [{"case": r.case, "image": r.image, "method": r.method, **r.scores} for r in evaluation.rows],
-        "summary": [asdict(entry) for entry in evaluation.summary],
-        "distribution": [asdict(entry) for entry in evaluation.distribution],
-        **({"missing": evaluation.missing} if evaluation.missing else {}),
-        "bound": [asdict(entry) for entry in evaluation.bound],
-        "pictures": [asdict(entry) for entry in evaluation.pictures],
-        "charts": list(evaluation.charts),
-    }
+    # the scores are for whoever shows the file
+    table = {"format": FORMAT, **asdict(evaluation), "scores": SCORES}
+    conditions = table["conditions"]
+    conditions["configuration"] = {name: str(value) for name, value in conditions["configuration"].items()}
+    table["rows"] = [{"case": r.case, "image": r.image, "method": r.method, **r.scores} for r in evaluation.rows]
+    table["methods"] = [{name: value for name, value in each.items() if value != ""} for each in table["methods"]]
+    if not evaluation.missing:
+        del table["missing"]
     return (json.dumps(_finite(table), indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 

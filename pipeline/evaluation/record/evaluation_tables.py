@@ -1,10 +1,13 @@
-"""Tables of an evaluation: every frame as CSV, the means as Markdown and as LaTeX."""
+"""Tables of an evaluation: every frame as CSV, the means as Markdown and as LaTeX.
+
+Beside them sentences: what was skipped or missing, and where the paper's method is ahead, and why.
+"""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from ..scores.view_scores import SCORES, is_better
-from .evaluation_record import ALL, Evaluation
+from .evaluation_record import ALL, Evaluation, Summary
 
 FRAME_COLUMNS = ("case", "image", "method", *SCORES)
 MARKDOWN_HEAD, LATEX_HEAD = "# Evaluation", "% Evaluation by OneFrame"
@@ -47,6 +50,14 @@ LATEX_SCORES = {
 SPECIAL = {letter: f"\\{letter}" for letter in "&%_#${}"}
 SPECIAL |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}"}
 
+CLEARLY_BLURRED = 0.8
+"""Sharpness relative to that of the method it is compared with, below which a view counts as blurred."""
+RANKED = {
+    "ssim_whole": "SSIM of the whole image",
+    "ssim_surface": "SSIM inside the surface",
+    "ssim_observed": "SSIM inside the observed surface",
+}
+
 
 def frame_rows(evaluation: Evaluation) -> list[tuple[object, ...]]:
     """The rows of frames.csv; scores that a view does not have are empty."""
@@ -70,20 +81,12 @@ def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
         if bound is not None:
             lines += [f"Limit: poses off by {bound.jitter_px:.2f} px.", ""]
         for name, scores in TABLES.items():
-            lines += [f"**{name}**", ""]
-            lines += [
-                "| | " + " | ".join(heading for heading, _ in scores.values()) + " |",
-                "|---" * (len(scores) + 1) + "|",
-            ]
+            headings = [heading for heading, _ in scores.values()]
+            lines += [f"**{name}**", "", _line("", *headings), "|---" * (len(scores) + 1) + "|"]
             for method in evaluation.ran:
-                cells = [_interval(evaluation, case, method.name, score, scores[score][1]) for score in scores]
-                lines.append(f"| {method.name} | " + " | ".join(cells) + " |")
-            limits = [evaluation.bound_of(case, score) for score in scores]
-            cells = [
-                "" if each is None else _number(each.mean, scores[score][1])
-                for each, score in zip(limits, scores, strict=True)
-            ]
-            lines += ["| *limit* | " + " | ".join(cells) + " |", ""]
+                found = [evaluation.mean(case, method.name, score) for score in scores]
+                lines.append(_line(method.name, *map(_interval, found, _decimals(scores))))
+            lines += [_line("*limit*", *_limits(evaluation, case, scores)), ""]
         lines += _distribution_lines(evaluation, case)
     return ("\n".join(lines).rstrip() + "\n").encode()
 
@@ -105,18 +108,17 @@ def latex_summary(evaluation: Evaluation) -> bytes:
         ]  # fmt: skip
         for method in evaluation.ran:
             cells = [_escaped(method.name)]
-            for score, (_, decimals) in LATEX_SCORES.items():
-                cells.append(_latex_cell(evaluation, case, method.name, score, decimals))
+            found = [(score, evaluation.mean(case, method.name, score)) for score in LATEX_SCORES]
+            for (score, each), decimals in zip(found, _decimals(LATEX_SCORES), strict=True):
+                others = [evaluation.mean(case, other.name, score).mean for other in evaluation.ran]
+                best = len(others) > 1 and not any(is_better(score, other, each.mean) for other in others)
+                cells.append(_latex_cell(each, decimals, best=best))
             if with_distribution:
                 cells += _latex_distribution(evaluation, case, method.name)
             lines.append(" & ".join(cells) + r" \\")
-        limits = [evaluation.bound_of(case, score) for score in LATEX_SCORES]
+        limits = _limits(evaluation, case, LATEX_SCORES)
         if any(limits):
-            cells = [
-                "" if each is None else _number(each.mean, d)
-                for each, (_, d) in zip(limits, LATEX_SCORES.values(), strict=True)
-            ]
-            lines += [r"\midrule", " & ".join(["limit", *cells, *[""] * (2 * with_distribution)]) + r" \\"]
+            lines += [r"\midrule", " & ".join(["limit", *limits, *[""] * (2 * with_distribution)]) + r" \\"]
         lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
     return ("\n".join(lines) + "\n").encode()
 
@@ -131,36 +133,35 @@ def _distribution_lines(evaluation: Evaluation, case: str) -> list[str]:
     if not entries:
         return []
     few = any(entry.fid_biased for entry in entries)
-    lines = [
-        "**Distributions**",
-        "",
-        f"| | FID{' (biased: few images)' * few} | KID | photographs |",
-        "|---|---|---|---|",
-    ]
-    for entry in entries:
-        lines.append(
-            f"| {entry.method} | {entry.fid:.1f} | {entry.kid:.4f} ± {entry.kid_standard_error:.4f} | {entry.n} |"
-        )
-    return [*lines, ""]
+    headings = _line("", f"FID{' (biased: few images)' * few}", "KID", "photographs")
+    cells = [(e.method, f"{e.fid:.1f}", f"{e.kid:.4f} ± {e.kid_standard_error:.4f}", f"{e.n}") for e in entries]
+    return ["**Distributions**", "", headings, "|---|---|---|---|", *(_line(*each) for each in cells), ""]
 
 
-def _interval(evaluation: Evaluation, case: str, method: str, score: str, decimals: int) -> str:
-    found = evaluation.mean(case, method, score)
-    if found is None or math.isnan(found.mean):
-        return ""
+def _line(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _decimals(scores: Mapping[str, tuple[str, int]]) -> list[int]:
+    return [decimals for _, decimals in scores.values()]
+
+
+def _limits(evaluation: Evaluation, case: str, scores: Mapping[str, tuple[str, int]]) -> list[str]:
+    found = [evaluation.bound_of(case, score) for score in scores]
+    return ["" if each is None else _number(each.mean, d) for each, d in zip(found, _decimals(scores), strict=True)]
+
+
+def _interval(found: Summary, decimals: int) -> str:
     if math.isnan(found.low):
         return _number(found.mean, decimals)
     return f"{found.mean:.{decimals}f} [{found.low:.{decimals}f}, {found.high:.{decimals}f}]"
 
 
-def _latex_cell(evaluation: Evaluation, case: str, method: str, score: str, decimals: int) -> str:
-    found = evaluation.mean(case, method, score)
-    if found is None or not math.isfinite(found.mean):
+def _latex_cell(found: Summary, decimals: int, *, best: bool) -> str:
+    if not math.isfinite(found.mean):
         return "--"
-    others = [evaluation.mean(case, other.name, score) for other in evaluation.ran]
-    best = not any(o is not None and is_better(score, o.mean, found.mean) for o in others)
     text = f"{found.mean:.{decimals}f}"
-    text = rf"\mathbf{{{text}}}" if best and len(evaluation.ran) > 1 else text
+    text = rf"\mathbf{{{text}}}" if best else text
     return f"${text}$" if math.isnan(found.low) else rf"${text} \pm {(found.high - found.low) / 2:.{decimals}f}$"
 
 
@@ -177,3 +178,58 @@ def _number(value: float, decimals: int) -> str:
 
 def _escaped(text: str) -> str:
     return "".join(SPECIAL.get(letter, letter) for letter in text)
+
+
+def evaluation_notes(evaluation: Evaluation, without_overlap: Sequence[tuple[str, str]] = ()) -> list[str]:
+    """The notes, in the order of their importance."""
+    notes = [f"{method.name}: skipped, {method.skipped}." for method in evaluation.methods if method.skipped]
+    if evaluation.missing:
+        notes.append(evaluation.missing)
+    if any(entry.fid_biased for entry in evaluation.distribution):
+        notes.append("FID is biased: it needs 2048 images or more. Compare KID.")
+    notes += [f"{case}: {image} shows nothing of the surface and has no scores." for case, image in without_overlap]
+    return [*notes, *where_peers_lead(evaluation)]
+
+
+def where_peers_lead(evaluation: Evaluation) -> Iterator[str]:
+    """A sentence for every case and score by which the paper's method is ahead of all of ours, with the cause."""
+    peers = [method.name for method in evaluation.ran if method.peer]
+    ours = [method.name for method in evaluation.ran if not method.peer]
+    names = [case.name for case in evaluation.cases]
+    for case in [*names, *[ALL] * (len(names) > 1)]:
+        for score, text in RANKED.items():
+            leader, best = (_best(evaluation, case, methods, score) for methods in (peers, ours))
+            if leader is None or best is None or leader[1] <= best[1]:
+                continue
+            title = "All cases" if case == ALL else case
+            yield (
+                f"{title}: {leader[0]} is ahead in {text}, {leader[1]:.3f} against {best[1]:.3f} ({best[0]}); "
+                f"{_cause(evaluation, case, leader[0], best[0], score)}"
+            )
+
+
+def _cause(evaluation: Evaluation, case: str, leader: str, best: str, score: str) -> str:
+    parts = []
+    surface, observed = (evaluation.mean(case, best, name).mean for name in ("surface_px", "observed_px"))
+    if score != "ssim_observed" and surface > 0:
+        seen = observed / surface
+        parts.append(
+            f"the frame saw {seen:.0%} of the surface in view: we show the rest in grey, the other paints it too, with "
+            "colours of whatever lies in front of it"
+        )
+    sharpness = [evaluation.mean(case, method, "sharpness").mean for method in (leader, best)]
+    if sharpness[0] < CLEARLY_BLURRED * sharpness[1]:
+        flow = evaluation.mean(case, best, "flow_px").mean
+        parts.append(
+            f"its sharpness is {sharpness[0]:.2f} of the photograph's, ours {sharpness[1]:.2f}: with views "
+            f"displaced by {flow:.1f} px blur raises SSIM"
+        )
+    aligned = [evaluation.mean(case, method, "ssim_aligned").mean for method in (leader, best)]
+    if not any(map(math.isnan, aligned)):
+        parts.append(f"inside the observed surface, aligned, it is {aligned[0]:.3f} against {aligned[1]:.3f}")
+    return "; ".join(parts) + "."
+
+
+def _best(evaluation: Evaluation, case: str, methods: Sequence[str], score: str) -> tuple[str, float] | None:
+    found = [(method, evaluation.mean(case, method, score).mean) for method in methods]
+    return max((each for each in found if not math.isnan(each[1])), key=lambda each: each[1], default=None)

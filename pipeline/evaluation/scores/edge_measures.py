@@ -4,11 +4,11 @@ Needs ``cv2``.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from ...images.pixel_values import mask_box
 from .similarity import channel_mean
 
 SCALE_PX = 1.0
@@ -30,8 +30,6 @@ class EdgeMeasures:
     ----------
     gradient_correlation
         Cosine between all gradient vectors of both images, -1..1.
-    sharpness
-        Root mean square of the view's gradients over the photograph's: 1 is as sharp, below 1 is blurred.
     edge_f
         F-score of edges that have one within :data:`MATCH_PX` in the other image.
     edge_px
@@ -39,41 +37,49 @@ class EdgeMeasures:
     """
 
     gradient_correlation: float
-    sharpness: float
     edge_f: float
     edge_px: float
 
 
-def edge_measures(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> EdgeMeasures:
-    """Compare the edges of ``(H, W, 3)`` images (code values 0..1) inside an ``(H, W)`` bool mask."""
-    nothing = EdgeMeasures(*[float("nan")] * 4)
-    if not mask.any():
-        return nothing
-    box = mask_box(mask)
-    real, synthetic, mask = real[box], synthetic[box], mask[box]
-    kernel = np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)
-    inside = cv2.erode(mask.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)) > 0
-    if not inside.any():
-        return nothing
-    gradients = [_gradients(image) for image in (real, synthetic)]
-    a, b = (np.concatenate([x[inside], y[inside]]).astype(float) for x, y in gradients)
-    energies = float((a * a).sum()), float((b * b).sum())
+class Gradients(NamedTuple):
+    """``(H, W)`` float32 derivatives of the grey values along x and y, per pixel."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+    @classmethod
+    def of(cls, image: np.ndarray) -> "Gradients":
+        """Those of an image, ``(H, W, 3)`` code values 0..1."""
+        smooth = cv2.GaussianBlur(channel_mean(image), (0, 0), SCALE_PX)
+        return cls(*(cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32) for axis in ((1, 0), (0, 1))))
+
+
+def sharpness(real: Gradients, synthetic: Gradients, mask: np.ndarray) -> float:
+    """Root mean square of the view's gradients over the photograph's inside an ``(H, W)`` bool mask.
+
+    1 is as sharp, below 1 is blurred; NaN where one has none.
+    """
+    inside = _inside(mask)
+    energies = [sum(cv2.norm(part, cv2.NORM_L2SQR, inside) for part in each) for each in (real, synthetic)]
+    return float(np.sqrt(energies[1] / energies[0])) if min(energies) > 0 else float("nan")
+
+
+def edge_measures(real: Gradients, synthetic: Gradients, mask: np.ndarray) -> EdgeMeasures:
+    """Compare the edges of two images inside an ``(H, W)`` bool mask."""
+    inside = _inside(mask) > 0
+    a, b = (np.concatenate([each.x[inside], each.y[inside]]).astype(float) for each in (real, synthetic))
+    energies = float(a @ a), float(b @ b)
     if min(energies) == 0:
-        return nothing
-    strengths = [np.hypot(x, y) for x, y in gradients]
-    threshold = float(np.percentile(strengths[0][inside], EDGE_PERCENTILE))
-    edges = [_edges(x, y, threshold) & inside for x, y in gradients]
-    edge_f, edge_px = _matched(*edges)
-    return EdgeMeasures(
-        float((a * b).sum() / np.sqrt(energies[0] * energies[1])), float(np.sqrt(energies[1] / energies[0])),
-        edge_f, edge_px,
-    )  # fmt: skip
+        return EdgeMeasures(*[float("nan")] * 3)
+    threshold = float(np.percentile(np.hypot(real.x[inside], real.y[inside]), EDGE_PERCENTILE))
+    edges = [_edges(*each, threshold) & inside for each in (real, synthetic)]
+    return EdgeMeasures(float(a @ b / np.sqrt(energies[0] * energies[1])), *_matched(*edges))
 
 
-def _gradients(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``(H, W)`` derivatives of the grey values along x and y, per pixel."""
-    smooth = cv2.GaussianBlur(channel_mean(image), (0, 0), SCALE_PX)
-    return cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=1 / 32), cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=1 / 32)
+def _inside(mask: np.ndarray) -> np.ndarray:
+    """``(H, W)`` uint8: 1 for the pixels of a mask that are not close to its border."""
+    kernel = np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)
+    return cv2.erode(mask.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,))
 
 
 def _edges(x: np.ndarray, y: np.ndarray, threshold: float) -> np.ndarray:

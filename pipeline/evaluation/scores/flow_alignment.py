@@ -74,7 +74,7 @@ def aligned_by_flow(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -
     # nothing may come from beyond the border
     there = cv2.remap(mask[box].astype(np.float32), to_u, to_v, cv2.INTER_LINEAR) > 0.999
     kept[box] = mask[box] & there
-    lengths = np.hypot(flow[..., 0], flow[..., 1])[mask[box]]
+    lengths = _lengths(flow)[mask[box]]
     return FlowAlignment(aligned, kept, float(np.median(lengths)), float(np.percentile(lengths, 95)))
 
 
@@ -89,18 +89,21 @@ def _smooth_flow(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> n
     error = cv2.resize(_closing_error(there, back), mask.shape[::-1]) / np.float32(factor)
     weight = np.where(mask, _texture(synthetic) + 1e-6, 0) / (1 + (error / CLOSING_PX) ** 2) ** 2
     sigma = max(SMOOTHING * max(mask.shape), LEAST_SMOOTHING_PX)
+    planes = np.stack(cv2.split(flow))
     # from the typical displacement to local ones, without what they do not explain
-    smooth = np.broadcast_to(np.median(flow[mask], axis=0), flow.shape)
+    smooth = np.median(planes[:, mask], axis=1).astype(np.float32)[:, None, None]
     for _ in range(ROUNDS):
-        left = np.linalg.norm(flow - smooth, axis=2)
-        width = max(float(np.median(left[mask])), LEAST_WIDTH_PX)
-        kept = (weight / (1 + (left / width) ** 2) ** 2).astype(np.float32)
+        left = cv2.magnitude(*(planes - smooth))
+        width = np.float32(max(float(np.median(left[mask])), LEAST_WIDTH_PX))
+        kept = weight / (1 + (left / width) ** 2) ** 2
         total = _blurred(kept, sigma)
         # where nothing is known nearby, the typical displacement
         prior = np.float32(PRIOR * float(total[mask].max()))
-        typical = (flow * kept[..., None]).sum(axis=(0, 1)) / max(float(kept.sum()), 1e-20)
-        smooth = (_blurred(flow * kept[..., None], sigma) + prior * typical) / (total + prior + 1e-20)[..., None]
-    return smooth.astype(np.float32)
+        moved = planes * kept
+        typical = moved.sum(axis=(1, 2)) / max(float(kept.sum()), 1e-20)
+        smooth = np.stack([_blurred(plane, sigma) for plane in moved])
+        smooth = (smooth + prior * typical[:, None, None]) / (total + prior + np.float32(1e-20))
+    return np.ascontiguousarray(smooth.transpose(1, 2, 0))
 
 
 def _dense_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -114,7 +117,12 @@ def _closing_error(there: np.ndarray, back: np.ndarray) -> np.ndarray:
     """``(H, W)`` how far a pixel comes back from where it started, px."""
     v, u = np.mgrid[: there.shape[0], : there.shape[1]].astype(np.float32)
     returned = cv2.remap(back, u + there[..., 0], v + there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.linalg.norm(there + returned, axis=2)
+    return _lengths(there + returned)
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """``(H, W, 2)`` -> ``(H, W)``; numpy is slow along an axis of two."""
+    return cv2.magnitude(*cv2.split(vectors))
 
 
 def _texture(image: np.ndarray) -> np.ndarray:

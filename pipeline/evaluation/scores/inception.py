@@ -30,6 +30,7 @@ class Inception:
         InputError
             No ONNX file, or one that OpenCV cannot run, that takes other images or gives other features.
         """
+        self.name = path.name
         data = read_content(path, "an ONNX file of InceptionV3")
         expected = f"{path.name}: expected InceptionV3 as ONNX, 1x3x{SIDE_PX}x{SIDE_PX} -> {FEATURES} features"
         advice = "export it as the page on evaluation in the documentation says"

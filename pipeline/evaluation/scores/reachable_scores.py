@@ -5,6 +5,8 @@ photograph moved by the field that this error induces, so the photograph's own t
 costs. What light and highlights do when the lens moves is not in it: this is a limit from above. Needs ``cv2``.
 """
 
+from collections.abc import Iterator, Sequence
+
 import cv2
 import numpy as np
 
@@ -52,15 +54,15 @@ def jittered_pose(
     return moved_from_cam
 
 
-def perfect_view(
+def perfect_views(
     real: np.ndarray,
     depth_mm: np.ndarray,
     camera: PinholeCamera,
     gain: np.ndarray,
     shift_px: float,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """The view that a perfect colouring would give, with a pose error.
+    rngs: Sequence[np.random.Generator],
+) -> Iterator[np.ndarray]:
+    """The views that a perfect colouring would give, with errors of the pose.
 
     Parameters
     ----------
@@ -74,20 +76,25 @@ def perfect_view(
         ``(3,)`` factors from views to this photograph, as :func:`.colour_gain` found them: the source frame's exposure.
     shift_px
         Root mean square displacement of the surface.
-    rng
-        Draws the error.
+    rngs
+        Each draws an error.
 
-    Returns
-    -------
-    ``(H, W, 3)`` code values; black without surface.
+    Yields
+    ------
+    ``(H, W, 3)`` code values for each error; black without surface.
     """
-    v, u = np.nonzero(depth_mm > 0)
-    points = camera.rays_cam(np.stack([u, v], axis=1).astype(float)) * depth_mm[v, u][:, None]
-    chosen = points[:: max(len(points) // SAMPLED_POINTS, 1)]
-    moved_from_cam = jittered_pose(chosen, camera, shift_px, rng)
-    pixels = camera.project(transform_points(inverse_rigid(moved_from_cam), points)).astype(np.float32)
-    to_u, to_v = (np.full(depth_mm.shape, -1, np.float32) for _ in range(2))
-    to_u[v, u], to_v[v, u] = pixels[:, 0], pixels[:, 1]
-    moved = cv2.remap(real, to_u, to_v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    view = np.where((depth_mm > 0)[..., None], np.clip(moved, 0, 1), 0).astype(np.float32)
-    return corrected(view, 1 / gain)
+    surface = depth_mm > 0
+    nearness = np.divide(1, depth_mm, out=np.zeros(depth_mm.shape), where=surface)
+    v, u = np.nonzero(surface)
+    every = slice(None, None, max(len(u) // SAMPLED_POINTS, 1))
+    chosen = camera.rays_cam(np.stack([u[every], v[every]], axis=1).astype(float)) * depth_mm[v, u][every, None]
+    rows, columns = np.ogrid[: camera.height, : camera.width]
+    for rng in rngs:
+        cam_from_moved = inverse_rigid(jittered_pose(chosen, camera, shift_px, rng))
+        # of a pixel (u, v, 1) with its nearness: the pixel that it shows, times the relative depth
+        there, shift = camera.k @ cam_from_moved[:3, :3] @ np.linalg.inv(camera.k), camera.k @ cam_from_moved[:3, 3]
+        x, y, z = (a * columns + (b * rows + c) + s * nearness for (a, b, c), s in zip(there, shift, strict=True))
+        to_u, to_v = (np.where(surface, each / z, -1).astype(np.float32) for each in (x, y))
+        moved = cv2.remap(real, to_u, to_v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        moved[~surface] = 0
+        yield corrected(np.clip(moved, 0, 1, out=moved), 1 / gain)

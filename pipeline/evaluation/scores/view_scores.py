@@ -1,10 +1,13 @@
 """All scores of one view against the photograph of its pose. Needs ``cv2``."""
 
+from dataclasses import asdict
+
 import numpy as np
 
-from .edge_measures import edge_measures
-from .flow_alignment import aligned_by_flow
-from .similarity import segmented_similarity, similarity
+from ...images.pixel_values import mask_box
+from .edge_measures import Gradients, edge_measures, sharpness
+from .flow_alignment import MARGIN_PX, aligned_by_flow
+from .similarity import similarity, whole_and_parts
 
 DARKEST, BRIGHTEST = 10 / 255, 250 / 255
 """Code values beyond these are noise or saturated and say nothing about a factor."""
@@ -34,9 +37,10 @@ def colour_gain(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> np
     -------
     The factors; NaN if fewer than :data:`FEWEST_USABLE` pixels are usable.
     """
-    a, b = real[mask], synthetic[mask]
-    step = max(len(a) // MOST_PIXELS, 1)
-    return np.array([_gain(a[::step, channel], b[::step, channel]) for channel in range(3)])
+    inside = np.flatnonzero(mask)
+    v, u = np.unravel_index(inside[:: max(len(inside) // MOST_PIXELS, 1)], mask.shape)
+    a, b = real[v, u], synthetic[v, u]
+    return np.array([_gain(a[:, channel], b[:, channel]) for channel in range(3)])
 
 
 def _gain(real: np.ndarray, synthetic: np.ndarray) -> float:
@@ -117,20 +121,21 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
     values["surface_px"], values["observed_px"] = map(float, (np.count_nonzero(surface), np.count_nonzero(observed)))
     if values["surface_px"] < FEWEST_PIXELS:
         return values
+    everything, box = surface.size, mask_box(surface, MARGIN_PX)
+    real, synthetic, surface, observed = (each[box] for each in (real, synthetic, surface, observed))
     seen = values["observed_px"] >= FEWEST_PIXELS
+    parts = {"surface": surface, "observed": observed} if seen else {"surface": surface}
     gain = colour_gain(real, synthetic, observed if seen else surface)
     values["gain_red"], values["gain_green"], values["gain_blue"] = map(float, gain)
     matched = corrected(synthetic, gain)
     for image, suffix in ((synthetic, ""), (matched, "_corrected")):
-        values["ssim_whole" + suffix], values["psnr_whole" + suffix] = segmented_similarity(real, image, surface)
-        for part, mask in (("surface", surface), ("observed", observed)):
-            if part == "observed" and not seen:
-                continue
-            found = similarity(real, image, mask)
-            values[f"ssim_{part}{suffix}"], values[f"psnr_{part}{suffix}"] = found.ssim, found.psnr
-            values[f"error_{part}{suffix}"] = found.mean_error
+        whole, found = whole_and_parts(real, image, list(parts.values()), everything)
+        values["ssim_whole" + suffix], values["psnr_whole" + suffix] = whole
+        for part, each in zip(parts, found, strict=True):
+            values[f"ssim_{part}{suffix}"], values[f"psnr_{part}{suffix}"] = each.ssim, each.psnr
+            values[f"error_{part}{suffix}"] = each.mean_error
             if not suffix:
-                values[f"correlation_{part}"] = found.correlation
+                values[f"correlation_{part}"] = each.correlation
     if seen:
         values |= _registered_scores(real, matched, observed)
     return values
@@ -139,13 +144,12 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
 def _registered_scores(real: np.ndarray, synthetic: np.ndarray, observed: np.ndarray) -> dict[str, float]:
     moved = aligned_by_flow(real, synthetic, observed)
     values = {"flow_px": moved.median_px, "flow_high_px": moved.high_px}
+    edges = Gradients.of(real)
     # measured before the alignment, whose interpolation blurs a little
-    values["sharpness"] = edge_measures(real, synthetic, observed).sharpness
+    values["sharpness"] = sharpness(edges, Gradients.of(synthetic), observed)
     if np.count_nonzero(moved.mask) >= FEWEST_PIXELS:
         values["ssim_aligned"] = similarity(real, moved.aligned, moved.mask).ssim
-        edges = edge_measures(real, moved.aligned, moved.mask)
-        values["gradient_correlation"], values["edge_f"] = edges.gradient_correlation, edges.edge_f
-        values["edge_px"] = edges.edge_px
+        values |= asdict(edge_measures(edges, Gradients.of(moved.aligned), moved.mask))
     return values
 
 

@@ -92,7 +92,7 @@ def case_scene(name: str, path: Path, photographs: Path | None, *, views: int, s
         The case or a photograph cannot be used.
     """
     loaded = load_case(read_case(path))
-    listed = read_photographs(photographs, loaded) if photographs else []
+    listed = read_photographs(photographs, loaded.case)[0] if photographs else []
     # evenly over the list, which usually goes around the surface
     listed = [listed[i] for i in np.unique(np.linspace(0, len(listed) - 1, MOST_PHOTOGRAPHS).astype(int)) if listed]
     factor = _factor(loaded.frame.camera)
@@ -100,9 +100,10 @@ def case_scene(name: str, path: Path, photographs: Path | None, *, views: int, s
     with open_job(Job(loaded.case, path.parent / "unused", options, Shard())).renderer(threads=0) as renderer:
         camera, source = renderer.camera, renderer.source
         planned = [renderer.plan(index).cam_from_model for index in range(views)]
-    poses = np.array([*planned, *(photograph.cam_from_model for photograph in listed)])
-    pictures = tuple(_averaged(read_image(photograph.path)[0], camera, factor) for photograph in listed)
-    in_mesh = poses @ inverse_rigid(loaded.surface.mesh_from_model)
+    mesh_from_model = loaded.surface.mesh_from_model
+    poses = np.array([*planned, *(photograph.cam_from_mesh @ mesh_from_model for photograph in listed)])
+    pictures = tuple(_averaged(read_image(photograph.image)[0], camera, factor) for photograph in listed)
+    in_mesh = poses @ inverse_rigid(mesh_from_model)
     return RenderScene(name, path, loaded, source, camera, factor, in_mesh, pictures)
 
 

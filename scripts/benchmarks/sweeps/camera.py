@@ -196,7 +196,7 @@ def outcome(folder: Path, place: Place, turn: float, engine: str) -> Outcome:
     try:
         case, pixels = write_place(folder, place, turn)
         loaded = load_case(read_case(case))
-        with opened_engine(engine, loaded.surface.mesh, loaded.frame.camera, None) as render_view:
+        with opened_engine(engine, loaded.surface.mesh, loaded.frame.camera, ()) as render_view:
             rendered = render_view(loaded.frame.cam_from_model)
     except InputError as error:
         return Outcome("refuses", message=str(error).replace(str(folder), "."))
@@ -241,7 +241,7 @@ def measure_offset(folder: Path, engine: str) -> list[Cell]:
         place = Place(_camera(width, height))
         case, pixels = write_place(folder, place, turn)
         loaded = load_case(read_case(case))
-        with opened_engine(engine, loaded.surface.mesh, loaded.frame.camera, None) as render_view:
+        with opened_engine(engine, loaded.surface.mesh, loaded.frame.camera, ()) as render_view:
             mask = render_view(loaded.frame.cam_from_model).mask
         found.append(offset_px(mask, place.camera, pixels))
     return [

@@ -91,7 +91,7 @@ def test_edges_of_a_rendered_triangle_are_where_k_says(engine, name):
     mesh = TriangleMesh(corners_cam, np.array([[0, 2, 1]], np.int32))
     cam_from_model = rigid(rotation_from_vector(np.array([0.3, -0.2, 0.1])), corners_cam.mean(axis=0))
     mesh = TriangleMesh((corners_cam - cam_from_model[:3, 3]) @ cam_from_model[:3, :3], np.array([[0, 2, 1]], np.int32))
-    with opened_engine(engine, mesh, camera, None) as render:
+    with opened_engine(engine, mesh, camera, ()) as render:
         rendered = render(cam_from_model)
     grid = camera.pixel_grid()
     signed = []
@@ -118,7 +118,7 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
     camera = CAMERAS[name]
     if name == "landscape":
         oblique_pose = rigid(translation=[0, 0, -180.0]) @ oblique_pose
-    with opened_engine(engine, bumpy_mesh, camera, None) as render:
+    with opened_engine(engine, bumpy_mesh, camera, ()) as render:
         rendered = render(oblique_pose)
     depth, _ = ray_cast(bumpy_mesh, camera, oblique_pose, camera.pixel_grid().reshape(-1, 2))
     depth = depth.reshape(camera.shape_hw)

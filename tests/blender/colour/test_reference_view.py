@@ -33,7 +33,7 @@ def test_depths_differ_by_rounding_and_colours_not_at_all(
     assert np.array_equal(rasterised.mesh.faces, rendered.mesh.faces)
     np.testing.assert_allclose(rasterised.pivot_model, rendered.pivot_model, atol=0.01)
 
-    vertices, same = colour_vertices(rasterised.mesh, rasterised.view), colour_vertices(rendered.mesh, rendered.view)
+    vertices, same = colour_vertices(rasterised.mesh, rasterised.views), colour_vertices(rendered.mesh, rendered.views)
     both = vertices.observed & same.observed
     assert both.mean() > 0.3
     assert np.array_equal(vertices.rgb[both], same.rgb[both])

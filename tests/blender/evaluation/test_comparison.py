@@ -10,7 +10,7 @@ from oneframe.blender.case.load_case import load_case
 from oneframe.blender.evaluation.comparison import compare
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.evaluation.photographs import PosedPhotograph
+from oneframe.case.posed_frame import UnreadFrame
 from oneframe.transforms import checked_rigid, rigid
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
@@ -31,7 +31,7 @@ def loaded_case(folder: Path, *, image: Path, size: tuple, k: list, mesh: Path, 
 
 
 def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> float:
-    photograph = PosedPhotograph(image, cam_from_mesh @ loaded.surface.mesh_from_model)
+    photograph = UnreadFrame(image, loaded.case.camera, None, cam_from_mesh)
     found = next(compare(loaded, [photograph])).similarity
     return -1.0 if found is None else found.correlation
 

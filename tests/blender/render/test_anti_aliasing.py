@@ -50,7 +50,8 @@ def source_from(loaded_case):
 
 def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0):
     colour, _ = colour_of(source, mode)
-    with SurfaceScene(source.mesh, camera, colour, filtered=True, threads=threads) as scene:
+    with SurfaceScene(source.mesh, camera, colour, filtered=True) as scene:
+        scene.limit_threads(threads)
         sampler = EdgeSampler(scene, source.view, source.pivot_model, colour, camera, rays)
         return [sampler.render(pose) for pose in poses]
 

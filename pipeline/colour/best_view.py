@@ -1,0 +1,47 @@
+"""Which of several frames colours a point of the surface: of those that saw it, the one that shows its face best.
+
+Best is the resolution across the slope of the surface: the cosine of the angle between ray and normal, divided by the
+size of a frame's pixel there (:meth:`.SourceView.resolution`). It is taken at the centre of the face that the ray met:
+so the choice changes only from face to face, and where what a frame saw ends. The first of equals is taken.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..projection.rendered_view import RenderedView
+from ..surface.mesh import TriangleMesh
+from .source_view import SourceView
+
+Render = Callable[[np.ndarray], RenderedView]
+"""From ``cam_from_model`` (4x4, mm) to the view from there."""
+
+
+def resolutions(mesh: TriangleMesh, views: Sequence[SourceView]) -> np.ndarray:
+    """``(V, F)`` resolution of each view at the centre of each face, frame pixels per mm."""
+    return np.stack([view.resolution(mesh.face_centres, mesh.face_normals) for view in views])
+
+
+def best_of(mesh: TriangleMesh, views: Sequence[SourceView], renders: Sequence[Render]) -> Render:
+    """What renders the surface with the colours of several views, from what renders it with those of each.
+
+    With more than one view, the first of ``renders`` gives the faces too.
+    """
+    if len(renders) == 1:
+        return renders[0]
+    # behind the last face: what pixels without surface have
+    resolution = np.pad(resolutions(mesh, views), ((0, 0), (0, 1)))
+
+    def render(cam_from_model: np.ndarray) -> RenderedView:
+        found = [render(cam_from_model) for render in renders]
+        first, best = found[0], np.full(found[0].depth_mm.shape, -np.inf)
+        rgb, observed = first.rgb.copy(), np.zeros(best.shape, dtype=bool)
+        for view, of_faces in zip(found, resolution, strict=True):
+            own = of_faces[first.face]
+            better = view.observed & (own > best)
+            rgb[better], best[better] = view.rgb[better], own[better]
+            observed |= better
+        return replace(first, rgb=rgb, observed=observed)
+
+    return render

@@ -1,0 +1,85 @@
+"""Several frames colour the surface: a point has the colour from the frame that shows it best, of those that saw it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.colour.reference_view import baked_colour_of, reference_view_of
+from oneframe.blender.dataset.view_renderer import ViewRenderer
+from oneframe.blender.render.engines import opened_engine
+from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
+from oneframe.case.case_file import case_from_text
+from oneframe.dataset.options import DatasetOptions
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
+from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
+
+pytestmark = pytest.mark.render
+CAMERA = MICROSCOPE.resized(192, 108)
+TURN = rigid(rotation_from_vector(np.array([0.2, -0.1, 0.3])))
+
+
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sample")
+    for _ in write_sample_case(folder, sample_surface(spacing_mm=0.8), camera=CAMERA):
+        pass
+    text, listed = (folder / "case.toml").read_text(), json.loads((folder / HELD_OUT).read_text())
+    for entry in listed[:2]:
+        text += f"[[frames]]\nimage = '{entry['image']}'\ncam_from_mesh = {entry['cam_from_mesh']}\n"
+    return load_case(case_from_text(text, folder / "case.toml"))
+
+
+@pytest.mark.parametrize(
+    ("engine", "mode", "samples"),
+    [("raster", "projective", 1), ("raster", "texture", 4), ("raster", "vertex", 1), ("cycles", "projective", 4)],
+)
+def test_a_pixel_has_the_colour_from_the_frame_that_shows_its_face_best(loaded, engine, mode, samples):
+    source = reference_view_of(loaded, engine)
+    pose = loaded.frame.cam_from_model @ TURN
+    options = DatasetOptions(engine=engine, colour=mode, samples=samples)
+
+    def rendered(views):
+        with ViewRenderer(loaded, replace(source, views=views), options, None) as renderer:
+            return renderer.render(pose)
+
+    together, *alone = (rendered(views) for views in (source.views, *((view,) for view in source.views)))
+    seen = np.stack([view.observed for view in alone])
+    assert np.array_equal(together.observed, seen.any(axis=0))
+    assert (together.mask & ~together.observed).sum() < 0.7 * (together.mask & ~seen[0]).sum()
+    assert np.array_equal(together.depth_mm, alone[0].depth_mm)
+    face = rasterise_depth(source.mesh, CAMERA, pose).face
+    centre, normal = source.mesh.face_centres[face], source.mesh.face_normals[face]
+    best = []
+    for view in source.views:
+        ray = camera_centre(view.cam_from_model) - centre
+        pixel_mm = transform_points(view.cam_from_model, centre.reshape(-1, 3))[:, 2].reshape(face.shape) / CAMERA.fx
+        best.append((ray * normal).sum(axis=-1) / np.linalg.norm(ray, axis=-1) / pixel_mm)
+    chosen = np.where(seen, best, -np.inf).argmax(axis=0)
+    expected = np.take_along_axis(np.stack([view.rgb for view in alone]), chosen[None, ..., None], axis=0)[0]
+    same = (together.rgb == expected).all(axis=-1)
+    # beside an edge of a face, double and single precision may meet another one
+    assert same[together.observed].mean() > 0.99
+    assert all((chosen[together.observed] == number).mean() > 0.05 for number in range(3))
+    assert (together.rgb == np.stack([view.rgb for view in alone])).all(axis=-1).any(axis=0).all()
+    backwards = rendered(source.views[::-1])
+    assert np.array_equal(backwards.rgb, together.rgb)
+    assert np.array_equal(backwards.observed, together.observed)
+
+
+@pytest.mark.parametrize("mode", ["texture", "vertex"])
+def test_baked_colours_are_those_of_all_frames(loaded, mode):
+    source = reference_view_of(loaded)
+    pose = loaded.frame.cam_from_model @ TURN
+    baked, _ = baked_colour_of(source, mode)
+    views = []
+    for colours in (source.views, [baked]):
+        with opened_engine("cycles", source.mesh, CAMERA, colours) as render:
+            views.append(render(pose))
+    exact, found = views
+    assert not (found.observed & ~exact.observed).mean() > 0.01
+    assert found.observed.sum() > 0.9 * exact.observed.sum()
+    assert np.abs(found.rgb - exact.rgb)[found.observed & exact.observed].mean() < (2 if mode == "texture" else 8) / 255

@@ -85,6 +85,8 @@ def _add_mark(
         if mark.surface is not None and residual is not None:
             strokes.arrow(mark.surface, mark.image, colour, width=width)
             text += f"  {np.linalg.norm(residual):.1f} px"
+            if solved.is_outlier(mark.index):
+                text += ", left out: the others contradict it"
     if mark.surface is not None:
         ring = (*colour[:3], colour[3] * (HIDDEN_OPACITY if is_hidden else 1.0))
         strokes.circle(mark.surface, RING, ring, width=width)

@@ -249,7 +249,7 @@ def _apply(scene: bpy.types.Scene, view: LandmarkView, gesture: Gesture, before:
     with events.muted():
         edit.set_halves(scene, gesture.index, pixel=pixel)
     # always from the pose before the gesture, so that the result depends on the pointer's position only
-    solve.pull(scene, before.pose)
+    solve.pull(scene, before.pose, gesture.index)
 
 
 def _in_frame(view: LandmarkView, at: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ KEYS = (
     "method",
     "tool",
     "date",
+    "doubt",
     "refused",
     "start_method",
     "start_pairs",
@@ -41,6 +42,8 @@ KEYS = (
     How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`INITIAL_GUESS`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
+``doubt``
+    Why the pose may be wrong altogether: several fit the landmarks, or none does.
 ``refused``
     Why the refinement was refused, whose result the user took all the same.
 ``start_method``, ``start_pairs``, ``start_rms_px``
@@ -69,7 +72,7 @@ INITIAL_GUESS = "initial guess"
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
-_TEXTS = ("method", "tool", "date", "refused", "start_method", "weakest")
+_TEXTS = ("method", "tool", "date", "doubt", "refused", "start_method", "weakest")
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:

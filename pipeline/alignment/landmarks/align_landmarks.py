@@ -117,7 +117,7 @@ def align_landmarks(
 
 def is_ambiguous(refusal: UndeterminedPose) -> bool:
     """Whether several poses fit, so that a present pose may decide."""
-    return len(refusal.candidates) > 1
+    return len(refusal.probabilities) > 1
 
 
 def landmark_distances(landmarks: Sequence[Landmark], mesh: TriangleMesh) -> dict[str, float]:

@@ -27,8 +27,9 @@ __all__ = ["PoseEstimate", "UndeterminedPose", "solve_pose"]
 FEW_CORRESPONDENCES = 6
 """Fewer inliers than this give a warning."""
 
-RIVAL_ODDS = 0.05
-"""A second hypothesis is a rival if its probability relative to the best one is at least this."""
+RIVAL_ODDS = 0.01
+"""A second hypothesis is a rival if its probability relative to the best one is at least this. Careless clicks on a
+flat rim can make the wrong tilt 20 times as probable as the right one."""
 
 RIVAL_MIN_DEG, RIVAL_MIN_SIGMAS = 3.0, 5.0
 """Poses that differ by less than both, in angle and in projected points over click noise, count as the same."""

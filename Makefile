@@ -106,8 +106,8 @@ docs: setup
 	@echo "open build/docs/index.html"
 
 # the pictures of docs/img anew, in a real Blender under Xvfb: make screenshots BLENDER=/path/to/blender
-screenshots: setup
-	$(RUN) scripts/dev/make_screenshots.py --blender "$(BLENDER)"
+screenshots: $(VENV)/.ready-to-test
+	ONEFRAME_SCREENSHOTS=docs/img BLENDER="$(BLENDER)" $(RUN) -m pytest tests/window/test_documentation_pictures.py
 
 # removes everything that the other targets have made
 clean:

@@ -21,7 +21,8 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from oneframe.charts.page import require_matplotlib
-from oneframe.process.command_line import ArgumentParser, run_script
+from oneframe.process.arguments import ArgumentParser
+from oneframe.process.command_line import run_script
 from oneframe.process.own_process import own_output
 
 TOPICS = ("speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "stability")

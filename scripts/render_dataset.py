@@ -11,7 +11,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from oneframe.commands import render
+from oneframe.process.arguments import run_command
 from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
-    run_script(lambda argv: render.main(argv, "render_dataset.py"))
+    run_script(lambda argv: run_command("render_dataset.py", render, argv))

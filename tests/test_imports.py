@@ -28,7 +28,7 @@ def test_pure_modules_import_where_there_is_no_blender():
 
 @pytest.mark.render
 def test_rendering_needs_nothing_that_a_stock_blender_lacks(write_tiny_case, tmp_path):
-    missing = ("cv2", "skimage", "scipy", "PIL", "trimesh", "OpenImageIO", "shtab")
+    missing = ("cv2", "skimage", "scipy", "PIL", "trimesh", "OpenImageIO")
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = run(
         f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"

@@ -196,13 +196,6 @@ def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
     return _current
 
 
-def forget() -> None:
-    """Discard a job that has ended; keep a running one."""
-    global _current
-    if _current is not None and not _current.check():
-        _current = None
-
-
 def _follow() -> float | None:
     """Timer: notify listeners; ends with the job."""
     job = _current

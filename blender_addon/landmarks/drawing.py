@@ -10,7 +10,7 @@ from ..state import from_scene, workbench
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.strokes import Colour, Strokes
-from ..view.fit import free_rectangle
+from ..view.zoom import free_rectangle
 from . import gestures, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution
@@ -85,6 +85,8 @@ def _add_mark(
         if mark.surface is not None and residual is not None:
             strokes.arrow(mark.surface, mark.image, colour, width=width)
             text += f"  {np.linalg.norm(residual):.1f} px"
+            if solved.is_outlier(mark.index):
+                text += ", left out: the others contradict it"
     if mark.surface is not None:
         ring = (*colour[:3], colour[3] * (HIDDEN_OPACITY if is_hidden else 1.0))
         strokes.circle(mark.surface, RING, ring, width=width)

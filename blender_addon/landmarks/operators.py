@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProp
 from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
+from ..pipeline.alignment.refinement.refine import explained
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
@@ -129,7 +130,7 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting):
         with events.muted():
             scene.oneframe.landmarks[index].enabled = True
             edit.set_halves(scene, index, point_model=point, pixel=pixel)
-        solve.pull(scene, pose)
+        solve.pull(scene, pose, index)
         events.landmarks_changed(scene)
 
 
@@ -221,10 +222,38 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
         solved = solve.solution(scene)
         solve.apply(scene, solved)
         if solved.alignment is None:
-            raise InputError(solved.refusal)
+            self.report({"WARNING"}, solved.refusal)
+            return ()
         estimate = solved.alignment.estimate
         used = f"{int(estimate.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences"
         return *estimate.messages, f"pose from {used}, RMS reprojection error {estimate.rms_px:.2f} px"
+
+
+class ONEFRAME_OT_other_pose(_HasLandmarks, Reporting):
+    """Move the surface to the next of the poses that fit the landmarks equally well, and say how the image fits each"""
+
+    bl_label = "Other Pose"
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        scene = context.scene
+        solved = solve.solution(scene)
+        count = len(solved.doubtful)
+        if count < 2:
+            raise InputError("expected landmarks that fit several poses, found none or one pose; there is no other")
+        loaded = from_scene.loaded_case(scene, aligned=False)
+        fits = explained(
+            loaded.frame.image, loaded.frame.valid, loaded.case.camera, loaded.surface.mesh, solved.doubtful
+        )
+        shown = solve.shown_pose(scene, solved)
+        number = 0 if shown is None else (shown + 1) % count
+        solve.take_doubtful(scene, solved, number, fits[number])
+        return (
+            f"pose {number + 1} of {count}; by clicks and by image: "
+            + ", ".join(
+                f"{each + 1}: {probability:.0%}, {fit:.0%} explained"
+                for each, (probability, fit) in enumerate(zip(solved.probabilities, fits, strict=True))
+            ),
+        )
 
 
 class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, ImportHelper):
@@ -284,5 +313,6 @@ register, unregister = class_registration(
         _on_mark("oneframe.landmark_toggle", "LEFTMOUSE", alt=True),
         _on_mark("oneframe.landmark_remove", "X"),
         _on_mark("oneframe.landmark_remove", "DEL"),
+        Key("oneframe.other_pose", "O"),
     ),
 )

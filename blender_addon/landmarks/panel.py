@@ -9,7 +9,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..state import pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
-from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool, draw_key
 from ..ui.panel import AlignmentPanel, SidebarPanel, draw_text
 from . import solve, tool
 from .solve import Solution
@@ -18,7 +18,7 @@ from .solve import Solution
 class ONEFRAME_UL_landmarks(bpy.types.UIList):
     """One landmark per row: use, name, residual"""
 
-    def draw_item(
+    def draw_item(  # noqa: PLR0913  # as Blender calls it
         self,
         context: bpy.types.Context,
         layout: bpy.types.UILayout,
@@ -98,7 +98,8 @@ class ONEFRAME_PT_landmark_keys(SidebarPanel):
 
 def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
     if solved.alignment is None:
-        draw_text(layout, solved.refusal, icon="INFO")
+        _draw_doubtful(layout, scene, solved)
+        draw_text(layout, solved.refusal, icon="ERROR" if solved.doubtful else "INFO")
         return
     found, away = solved.alignment.estimate, solve.departure(scene, solved)
     used = f"{int(found.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences"
@@ -119,6 +120,19 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
         icon="INFO",
     )
     layout.operator("oneframe.solve_landmarks", icon="CHECKMARK")
+
+
+def _draw_doubtful(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
+    """The poses that all fit: none has an uncertainty of its own, as another may be the right one."""
+    if len(solved.doubtful) < 2:
+        return
+    shown = solve.shown_pose(scene, solved)
+    for number, probability in enumerate(solved.probabilities):
+        text = f"Pose {number + 1} of {len(solved.doubtful)}: {probability:.0%} by the clicks"
+        layout.label(text=text, icon="HIDE_OFF" if number == shown else "BLANK1")
+    row = layout.row()
+    row.operator("oneframe.other_pose", icon="FILE_REFRESH")
+    draw_key(row, "oneframe.other_pose")
 
 
 def draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> None:

@@ -7,27 +7,32 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end, class_registration, listening
-from ..pipeline.alignment.landmarks import surface_distance
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
     align_landmarks,
     complete_landmarks,
     is_ambiguous,
     landmark_arrays,
+    landmark_distances,
 )
+from ..pipeline.alignment.landmarks.align_landmarks import off_surface as off_surface_warning
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
 from ..pipeline.alignment.reprojection import twist_between
-from ..pipeline.blender.alignment import surface_object
-from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
-from ..pipeline.transforms import transform_points
+from ..pipeline.transforms import rotation_angle_deg, transform_points
 from ..state import events, from_scene, pose_evidence
+from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
 """Two poses count as the same if no landmark's projection differs by more than this."""
+
+
+NEAR_CURRENT_DEG = 30.0
+"""Of several poses that fit, one within this angle of the current pose is taken."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +45,17 @@ class Solution:
         In the frame ``model``; ``None`` if the landmarks do not determine a pose.
     refusal
         The message for the user in that case, otherwise empty.
+    doubtful
+        ``(4, 4)`` cam_from_model in that case, the most probable first: the poses that all fit, or the one that comes
+        nearest where none does. Empty where the landmarks say nothing.
+    probabilities
+        Of these, if there are several.
     """
 
     alignment: Alignment | None
     refusal: str
+    doubtful: tuple[np.ndarray, ...] = ()
+    probabilities: tuple[float, ...] = ()
 
     @property
     def estimate(self) -> PoseEstimate | None:
@@ -82,34 +94,33 @@ def solution(scene: bpy.types.Scene) -> Solution:
     Raises
     ------
     InputError
-        There is no camera; or the landmarks are ambiguous and there is no valid current pose.
+        There is no camera.
     """
     # six digits: a property holds 0.2 as 0.20000000298
-    given = from_scene.landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
-    solved = _solved(*given, None)
-    if isinstance(solved, UndeterminedPose) and is_ambiguous(solved):
-        # only then does the result depend on the current pose, which changes with every step
-        solved = _solved(*given, from_scene.cam_from_model(scene).tobytes())
-    if isinstance(solved, UndeterminedPose):
-        return Solution(None, str(solved))
-    return Solution(solved, "")
+    solved = _solved(
+        from_scene.landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
+    )
+    if not isinstance(solved, UndeterminedPose):
+        return Solution(solved, "")
+    if is_ambiguous(solved):
+        return Solution(None, str(solved), solved.candidates, solved.probabilities)
+    return Solution(None, str(solved), solved.candidates[:1] if solved.kind == "no fit" else ())
 
 
 @lru_cache(maxsize=128)
 def _solved(
-    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float, start: bytes | None
+    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float
 ) -> Alignment | UndeterminedPose:
-    pose = None if start is None else np.frombuffer(start).reshape(4, 4)
     try:
-        return align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px, start=pose)
+        return align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px)
     except UndeterminedPose as refusal:
         return refusal.with_traceback(None)
 
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
-    mesh = surface_object.edited_mesh(from_scene.surface_of(scene))
-    return surface_distance.off_surface(surface_distance.landmark_distances(from_scene.landmarks_model(scene), mesh))
+    mesh = edited_mesh(from_scene.surface_of(scene))
+    return off_surface_warning(landmark_distances(from_scene.landmarks_model(scene), mesh))
 
 
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
@@ -149,40 +160,77 @@ def is_current(scene: bpy.types.Scene, solved: Solution) -> bool:
 
 
 def apply(scene: bpy.types.Scene, solved: Solution) -> None:
-    """Move the surface to the pose of a solution.
+    """Move the surface to the pose of a solution: of several that fit, to the one near the current pose.
 
     Raises
     ------
     InputError
-        The landmarks do not determine a pose.
+        The landmarks do not even give a rough pose.
     """
-    if solved.estimate is None:
+    if solved.estimate is not None:
+        set_cam_from_model(scene, solved.estimate.cam_from_model)
+        return
+    if not solved.doubtful:
         raise InputError(solved.refusal)
-    camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
-    surface_object.set_pose(camera_object, surface, solved.estimate.cam_from_model)
+    current = from_scene.cam_from_model(scene)
+    apart_deg = [rotation_angle_deg(pose[:3, :3] @ current[:3, :3].T) for pose in solved.doubtful]
+    nearest = int(np.argmin(apart_deg))
+    take_doubtful(scene, solved, nearest if apart_deg[nearest] <= NEAR_CURRENT_DEG else 0)
 
 
-def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
+def shown_pose(scene: bpy.types.Scene, solved: Solution) -> int | None:
+    """Which of the doubtful poses of a solution is the current one; ``None`` if it is none of them."""
+    current = from_scene.cam_from_model(scene)
+    return next((number for number, pose in enumerate(solved.doubtful) if np.array_equal(pose, current)), None)
+
+
+def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explained: float | None = None) -> None:
+    """Move the surface to one of the doubtful poses of a solution, and record the doubt.
+
+    ``explained`` is the fraction of the image's variation that it explains, if that is known.
+    """
+    pose = solved.doubtful[number]
+    complete = complete_landmarks(from_scene.landmarks_model(scene))
+    record: dict[str, object] = {"method": "landmarks", "pairs": len(complete), "rms_px": _rms_px(scene, pose)}
+    if len(solved.doubtful) > 1:
+        record["doubt"] = (
+            f"{len(solved.doubtful)} poses fit the landmarks; this one is right with a probability of "
+            f"{solved.probabilities[number]:.0%} by the clicks alone"
+        )
+    else:
+        record["doubt"] = "no pose fits the landmarks; this one comes nearest"
+    if explained is not None:
+        record["explained"] = explained
+    set_cam_from_model(scene, pose)
+    pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
+
+
+def _rms_px(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> float:
+    """Root mean square reprojection error of all enabled pairs at a pose, px; infinite behind the camera."""
+    points, pixels = landmark_arrays(tuple(complete_landmarks(from_scene.landmarks_model(scene)).values()))
+    off_px = np.linalg.norm(from_scene.camera(scene).project(transform_points(cam_from_model, points)) - pixels, axis=1)
+    return float(np.sqrt(np.mean(np.where(np.isfinite(off_px), off_px, np.inf) ** 2)))
+
+
+def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
     """Pull the surface, like pins, from a pose ``(4, 4)`` to the enabled correspondences; see :func:`pull_pins`.
+
+    ``held`` is the index in the list of the pin in the hand, which counts more than the others.
 
     Raises
     ------
     InputError
         No pose fits the pins, for instance because a point would lie behind the camera.
     """
-    camera_object, surface, camera = (
-        from_scene.camera_object_of(scene),
-        from_scene.surface_of(scene),
-        from_scene.camera(scene),
-    )
-    points, pixels = landmark_arrays(tuple(complete_landmarks(from_scene.landmarks_model(scene)).values()))
+    surface, camera = from_scene.surface_of(scene), from_scene.camera(scene)
+    complete = complete_landmarks(from_scene.landmarks_model(scene))
+    points, pixels = landmark_arrays(tuple(complete.values()))
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
         pivot = points.mean(axis=0)
-    pulled = pull_pins(points, pixels, camera, cam_from_model, pivot)
-    surface_object.set_pose(camera_object, surface, pulled)
-    off_px = np.linalg.norm(camera.project(transform_points(pulled, points)) - pixels, axis=1)
-    record = {"method": "pins", "pairs": len(points), "rms_px": float(np.sqrt(np.mean(off_px**2)))}
+    pulled = pull_pins(points, pixels, camera, cam_from_model, pivot, held=list(complete).index(held))
+    set_cam_from_model(scene, pulled)
+    record = {"method": "pins", "pairs": len(points), "rms_px": _rms_px(scene, pulled)}
     pose_evidence.remember(scene, record, pulled)
 
 
@@ -190,6 +238,8 @@ def follow(scene: bpy.types.Scene) -> None:
     """Move the surface to the solution after a change of the landmarks, if *Live* is on and there is one.
 
     A pose that was refined against the image stays: it is better than the landmarks', and only *Solve* replaces it.
+    Where several poses fit, it moves to the one near the current pose, else to the most probable; where none fits, to
+    the one that comes nearest, if that is nearer than the current pose.
     """
     if not scene.oneframe.live_solve or not from_scene.is_set_up(scene):
         return
@@ -200,7 +250,10 @@ def follow(scene: bpy.types.Scene) -> None:
         solved = solution(scene)
     except InputError:
         return
-    if solved.estimate is not None:
+    is_rough = solved.estimate is None and len(solved.doubtful) == 1
+    if is_rough and _rms_px(scene, solved.doubtful[0]) >= _rms_px(scene, from_scene.cam_from_model(scene)):
+        return
+    if solved.estimate is not None or solved.doubtful:
         apply(scene, solved)
 
 

@@ -82,6 +82,8 @@ class ONEFRAME_PT_evidence(AlignmentPanel):
         method = str(record.get("method", ""))
         title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
         layout.label(text="Given by the case, origin unknown" if given else title, icon=icon)
+        if "doubt" in record:
+            draw_text(layout, f"In doubt: {record['doubt']}", icon="ERROR")
         if "refused" in record:
             draw_text(layout, f"Taken although the refinement was refused: {record['refused']}", icon="ERROR")
         lines = layout.column(align=True)

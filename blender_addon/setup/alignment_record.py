@@ -27,8 +27,9 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     tool, date = _tool_and_date()
     record = pose_evidence.remembered(scene)
     if record:
-        # pins are recorded while they are dragged, by what cannot know the tool; other records stay as they are
-        return {"tool": tool, "date": date, **record} if record.get("method") == "pins" else record
+        # pins and doubtful poses are recorded where the tool is not known; other records stay as they are
+        unsigned = record.get("method") == "pins" or "doubt" in record
+        return {"tool": tool, "date": date, **record} if unsigned else record
     solved = solve.solution(scene)
     if solved.alignment is None or solve.departure(scene, solved) is not None:
         if has_initial_pose(scene):

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
+
 from ..dataset.dataset_file import read_description
 from ..dataset.layout import RECORD
 from ..errors import InputError, RunError
@@ -36,11 +38,10 @@ class PackOnWorker(OnWorker):
                 f"{order.root}: expected the dataset that {self.client} packs, found another one; mount the shared "
                 "folder there at the same path"
             )
-        found = None if self.opencv is None else _opencv_version()
-        if found != self.opencv:
+        if self.opencv not in (None, cv2.__version__):
             raise RunError(
-                f"it has {f'OpenCV {found}' if found else 'no OpenCV'}, and the pack's JPEG files are those of OpenCV "
-                f"{self.opencv}; install that version there"
+                f"it has OpenCV {cv2.__version__}, and the pack's JPEG files are those of OpenCV {self.opencv}; "
+                "install that version there"
             )
 
     def do(self, items: Sequence[int]) -> dict[int, Any]:
@@ -77,7 +78,7 @@ def packed_by_cluster(
     shards = {
         order.number: replace(order, root=order.root.absolute(), folder=order.folder.absolute()) for order in orders
     }
-    opencv = None if orders[0].jpeg_quality is None else _opencv_version()
+    opencv = None if orders[0].jpeg_quality is None else cv2.__version__
     plugin = PackOnWorker(secrets.token_hex(8), os.path.abspath(orders[0].folder), shards, opencv)
     given = Orders(source, plugin, shards, progress)
     with closing(given.outcomes()) as outcomes:
@@ -90,12 +91,3 @@ def packed_by_cluster(
             # here it is not the input of the command, but a view that lies in its folder
             raise RunError(str(error)) from None
     progress.note(f"{len(shards)} shards packed by {given.state()}")
-
-
-def _opencv_version() -> str | None:
-    # only now: without JPEG, packing needs no OpenCV
-    try:
-        from ..packing.jpeg import VERSION
-    except ImportError:
-        return None
-    return VERSION

@@ -5,17 +5,18 @@ import re
 import shutil
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from ipaddress import ip_address
+from pathlib import Path
 
 from distributed import Client
 from distributed.security import Security
 
 from ..errors import InputError, RunError
 from .own_workers import own_workers
-from .slurm_settings import SlurmSettings
+from .slurm_settings import SlurmSettings, checked_slurm_settings, read_slurm_settings
 
 CONNECT_SECONDS = 10.0
 
@@ -44,10 +45,13 @@ class WorkerSource:
 
 
 @contextmanager
-def open_source(where: str, slurm: SlurmSettings | None = None, *, insecure: bool = False) -> Iterator[WorkerSource]:
+def open_source(
+    where: str, settings: Path | Mapping[str, object] | None = None, *, insecure: bool = False
+) -> Iterator[WorkerSource]:
     """Workers from the value of ``--cluster``; those that were started for it end with the context.
 
-    ``insecure`` takes a scheduler of another machine that admits anyone.
+    ``settings`` of jobs of Slurm are those of a file, or a table ``[cluster]``; ``insecure`` takes a scheduler of
+    another machine that admits anyone.
 
     Raises
     ------
@@ -56,10 +60,15 @@ def open_source(where: str, slurm: SlurmSettings | None = None, *, insecure: boo
     RunError
         There is no scheduler at the address, or none can be started.
     """
+    slurm = SlurmSettings()
+    if isinstance(settings, Path):
+        slurm = read_slurm_settings(settings)
+    elif where == "slurm":
+        slurm = checked_slurm_settings(settings or {}, "[cluster]")
     # whatever matters to the user is said in OneFrame's words
     logging.disable(logging.CRITICAL)
     try:
-        with warnings.catch_warnings(), _source(where, slurm or SlurmSettings(), insecure=insecure) as source:
+        with warnings.catch_warnings(), _source(where, slurm, insecure=insecure) as source:
             warnings.filterwarnings("ignore", module=r"distributed\b.*")
             yield source
     finally:

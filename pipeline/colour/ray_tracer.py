@@ -1,11 +1,13 @@
-"""Exact views by a ray through each pixel's centre: what Cycles renders for colours without light, in less time.
+"""Exact views at the pixels' centres: what Cycles renders for colours without light, in less time.
 
-Embree finds the face that each ray meets (:mod:`oneframe.projection.rays`), as it does inside Cycles; everything else
-is a formula in the pixel and the depth. The point's pixel in the frame, (x, y, z), is A (u, v, 1) + b / depth, with A
-and b computed in double precision, so that at the frame's own pose each pixel is looked up at its own place.
+A z-buffer in double precision finds the face that a pixel shows (:mod:`oneframe.projection.z_buffer`). Embree's rays
+(:mod:`oneframe.projection.rays`) do where it cannot, where a colour depends on the place in the face, for several rays
+in a pixel, and where there are so many faces that rays take less time. Everything else is a formula in the pixel and
+the depth. The point's pixel in the frame, (x, y, z), is A (u, v, 1) + b / depth, with A and b computed in double
+precision, so that at the frame's own pose each pixel is looked up at its own place.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,15 +17,20 @@ from ..images.pixel_values import ROUNDING_PX
 from ..projection.edge_pixels import pixel_pattern
 from ..projection.rays import Hits, MeshRays
 from ..projection.rendered_view import RenderedView
+from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
 from .best_view import Render, best_of
 from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
+from .texture_atlas import TextureAtlas
 from .vertex_colours import NEUTRAL, VertexColours
 
 BLOCK = 1 << 15
 """Rays that are cast and coloured at once: few enough for a processor's cache."""
+
+FACES_A_PIXEL = 4
+"""Faces in a pixel of the view from which on rays take less time than the z-buffer, whose time grows with the faces."""
 
 
 class _Eye(NamedTuple):
@@ -39,6 +46,10 @@ class _Eye(NamedTuple):
     model_from_px: np.ndarray
     frame_from_px: np.ndarray
     frame_origin: np.ndarray
+
+
+_Meet = Callable[[_Eye, np.ndarray, np.ndarray], tuple[Hits, np.ndarray]]
+"""As :meth:`RayTracer._meet`."""
 
 
 class RayTracer:
@@ -88,12 +99,17 @@ class RayTracer:
             self._shader = ImageShader(mesh, colour, self._source)
         self._pivot_model = None if samples == 1 else pivot_model
         self._pattern = pixel_pattern(samples)
+        by_place = unseen is not None or isinstance(colour, VertexColours | TextureAtlas)
+        self._by_rays = by_place or len(mesh.faces) > FACES_A_PIXEL * camera.width * camera.height
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render a pose (4x4, mm)."""
         eye = self._eye(cam_from_model)
+        meet: _Meet = self._meet
+        if not self._by_rays and is_within_limits(self._mesh, self._camera, cam_from_model):
+            meet = self._rasterised(cam_from_model)
         if self._source is None or self._pivot_model is None:
-            return self._exact(eye, None)
+            return self._exact(eye, meet, None)
         scale = footprint_scale(self._source, self._pivot_model, self._camera, cam_from_model)
 
         def cast(u: np.ndarray, v: np.ndarray, texel_share: float) -> tuple[np.ndarray, np.ndarray]:
@@ -101,7 +117,7 @@ class RayTracer:
 
         is_image = isinstance(self._shader, ImageShader)
         return smoothed(
-            self._exact(eye, scale if is_image else None), self._camera, scale, cast, vertex_colours=not is_image
+            self._exact(eye, meet, scale if is_image else None), self._camera, scale, cast, vertex_colours=not is_image
         )
 
     def _eye(self, cam_from_model: np.ndarray) -> _Eye:
@@ -117,22 +133,19 @@ class RayTracer:
             frame_from_cam[:, 3],
         )
 
-    def _exact(self, eye: _Eye, scale: float | None) -> RenderedView:
+    def _exact(self, eye: _Eye, meet: _Meet, scale: float | None) -> RenderedView:
         """One ray a pixel; colours are means over pixels of this scale if it is given."""
         shape = self._camera.shape_hw
         view = RenderedView(
-            np.zeros((*shape, 3), np.float32),
-            np.zeros(shape, np.float32),
-            np.zeros(shape, bool),
-            np.zeros(shape, bool),
-            faces := np.full(shape, -1, np.int32),
+            np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, bool), np.zeros(shape, bool)
         )
         left, top, right, bottom = self._bounds(eye)
         u, rows = np.arange(left, right), max(1, BLOCK // max(right - left, 1))
         for first in range(top, bottom, rows):
             v = np.arange(first, min(first + rows, bottom))[:, None]
             block = slice(first, first + len(v)), slice(left, right)
-            hits, depth_mm, points = self._meet(eye, u, v)
+            hits, depth_mm = meet(eye, u, v)
+            points = self._points(eye, u, v, hits, depth_mm)
             near = None
             if scale is not None and isinstance(self._shader, ImageShader):
                 rgb, seen, near = self._shader.filtered(points, scale)
@@ -144,7 +157,6 @@ class RayTracer:
             view.rgb[block] = rgb.reshape(*shape, 3)
             view.depth_mm[block] = (depth_mm * hit).reshape(shape)
             view.observed[block] = seen.reshape(shape)
-            faces[block] = hits.face.reshape(shape)
             if near is not None:
                 view.near_unseen[block] = near.reshape(shape)
         return view
@@ -156,7 +168,9 @@ class RayTracer:
         for first in range(0, len(u), rows := max(1, BLOCK // count)):
             block = slice(first, first + rows)
             right, down = self._pattern.T
-            hits, _, points = self._meet(eye, u[block, None] + right, v[block, None] + down)
+            pixels = u[block, None] + right, v[block, None] + down
+            points = self._points(eye, *pixels, *self._meet(eye, *pixels))
+            hits = points.hits
             rgb, seen = self._shaded(points, texel_share)
             hit = hits.face >= 0
             self._show_unseen(rgb, hits, hit, seen)
@@ -176,12 +190,24 @@ class RayTracer:
         )
         return left, top, right, bottom
 
-    def _meet(self, eye: _Eye, u: np.ndarray, v: np.ndarray) -> tuple[Hits, np.ndarray, Points]:
-        """Cast rays through pixels, whose columns and rows are broadcast: what they meet, N in all.
+    def _rasterised(self, cam_from_model: np.ndarray) -> _Meet:
+        """What gives the same as :meth:`_meet` at the pixels' centres, without places in the faces."""
+        raster = rasterise_depth(self._mesh, self._camera, cam_from_model)
+        front = self._mesh.front_facing(camera_centre(cam_from_model))
+        nothing = np.zeros(0, np.float32)
 
-        Returns
-        -------
-        What they meet, ``(N,)`` its depth in mm (1 for a miss), and the points.
+        def meet(eye: _Eye, u: np.ndarray, v: np.ndarray) -> tuple[Hits, np.ndarray]:
+            block = slice(v[0, 0], v[-1, 0] + 1), slice(u[0], u[-1] + 1)
+            face, nearness = (values[block].ravel() for values in (raster.face, raster.inverse_depth))
+            depth_mm = np.divide(1, nearness, out=np.ones(len(face)), where=nearness > 0).astype(np.float32)
+            return Hits(face, depth_mm - np.float32(eye.start_mm), front[face], nothing, nothing), depth_mm
+
+        return meet
+
+    def _meet(self, eye: _Eye, u: np.ndarray, v: np.ndarray) -> tuple[Hits, np.ndarray]:
+        """Cast rays through pixels, whose columns and rows are broadcast: what N rays meet, and ``(N,)`` its depth.
+
+        The depth is in mm, and 1 for a miss.
         """
         shape = np.broadcast_shapes(u.shape, v.shape)
         directions, origins = np.empty((2, *shape, 3), np.float32)
@@ -191,12 +217,15 @@ class RayTracer:
             across, along = eye.start_mm * across, eye.start_mm * along + eye.centre[axis]
             np.add(across, along, out=origins[..., axis], casting="same_kind")
         hits = self._rays.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
-        hit = hits.face >= 0
-        depth_mm = np.where(hit, np.add(hits.distance, eye.start_mm, dtype=np.float64), 1).astype(np.float32)
-        may_be_seen = hit & hits.front
+        depth_mm = np.where(hits.face >= 0, np.add(hits.distance, eye.start_mm, dtype=np.float64), 1)
+        return hits, depth_mm.astype(np.float32)
+
+    def _points(self, eye: _Eye, u: np.ndarray, v: np.ndarray, hits: Hits, depth_mm: np.ndarray) -> Points:
+        """What the frame knows of the points that the rays through pixels meet."""
+        may_be_seen = (hits.face >= 0) & hits.front
         if self._source is None or self._facing is None:
             nothing = np.zeros(0, np.float32)
-            return hits, depth_mm, Points(hits, nothing, nothing, nothing, may_be_seen)
+            return Points(hits, nothing, nothing, nothing, may_be_seen)
         may_be_seen &= self._facing[hits.face]
         nearness = 1 / depth_mm
         x, y, z = (
@@ -213,7 +242,7 @@ class RayTracer:
         may_be_seen &= (y >= -ROUNDING_PX) & (y <= height - 1 + ROUNDING_PX)
         # z is the depth in the frame relative to that in the view
         z *= depth_mm
-        return hits, depth_mm, Points(hits, x, y, z, may_be_seen)
+        return Points(hits, x, y, z, may_be_seen)
 
     def _shaded(self, points: Points, texel_share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         if self._shader is None:
@@ -247,4 +276,4 @@ def best_traced(
         RayTracer(mesh, camera, colour, unseen=unseen, samples=samples, pivot_model=pivot_model, rays=rays)
         for colour in colours or (None,)
     ]
-    return best_of(mesh, [view for each in colours if (view := source_of(each))], [each.render for each in tracers])
+    return best_of(mesh, camera, [source_of(colour) for colour in colours], [tracer.render for tracer in tracers])

@@ -59,18 +59,12 @@ class Texels:
         left, top = (
             np.minimum(at.astype(np.int32), max(size - 2, 0)) for at, size in ((x, self.width), (y, self.height))
         )
-        # as many weights as values: numpy is slow along an axis of four
-        across: np.ndarray = (x - left.astype(np.float32)).repeat(self._channels)
-        down: np.ndarray = (y - top.astype(np.float32)).repeat(self._channels)
+        across, down = (self._for_channels(at - corner.astype(np.float32)) for at, corner in ((x, left), (y, top)))
         right, below = int(self.width > 1), self.width * int(self.height > 1)
         first = (top * self.width + left).astype(np.intp)
-        upper, lower = self._values(first), self._values(first, below)
-        upper += (self._values(first, right) - upper) * across
-        lower += (self._values(first, below + right) - lower) * across
-        lower -= upper
-        lower *= down
-        upper += lower
-        return upper.reshape(len(first), self._channels)
+        upper = _mixed(self._values(first), self._values(first, right), across)
+        lower = _mixed(self._values(first, below), self._values(first, below + right), across)
+        return _mixed(upper, lower, down).reshape(len(first), self._channels)
 
     def nearest(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """``(N,)`` float32 columns and rows -> ``(N, C)`` values of the nearest pixels."""
@@ -80,10 +74,22 @@ class Texels:
     def _moved_in(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.clip(x, 0, self.width - 1), np.clip(y, 0, self.height - 1)
 
+    def _for_channels(self, weights: np.ndarray) -> np.ndarray:
+        """As many weights as values: numpy is slow along an axis of four."""
+        return np.stack([weights] * self._channels, axis=1).ravel()
+
     def _values(self, index: np.ndarray, offset: int = 0) -> np.ndarray:
         """The channels of N pixels, one after the other."""
         # "clip" checks nothing, which is faster
         return self._flat[offset:].take(index, mode="clip").view(np.float32)
+
+
+def _mixed(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """``first + share * (second - first)``, in place of ``second``."""
+    second -= first
+    second *= share
+    second += first
+    return second
 
 
 class ImageShader:
@@ -116,16 +122,16 @@ class ImageShader:
             image, place = filtered_image(self._colour, self._source, side)
             self._filtered[side] = Texels(image), place
         texels, place = self._filtered[side]
-        first = texels.between(x - np.float32(place + offset), y - np.float32(place + offset))
-        border = first[:, 3] > 0.5
-        rgb = first[:, :3]
+        total = texels.between(x - np.float32(place + offset), y - np.float32(place + offset))
+        border = total[:, 3] > 0.5
         if offset > 0:
             for right, down in ((1, -1), (-1, 1), (1, 1)):
                 shifted = (at + np.float32(sign * offset - place) for at, sign in ((x, right), (y, down)))
-                rgb += texels.between(*shifted)[:, :3]
-            rgb *= np.float32(0.25)
+                # with the fourth channel: numpy is slow along an axis of three
+                total += texels.between(*shifted)
+            total *= np.float32(0.25)
         seen = self._seen(own, points)
-        return rgb, seen, seen & border
+        return total[:, :3], seen, seen & border
 
     def _place(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """Columns and rows of the points in the image."""

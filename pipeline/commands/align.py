@@ -3,17 +3,15 @@
 import argparse
 import datetime
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
 from ..errors import InputError
+from ..process.arguments import explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml --picture overlay.png
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
@@ -57,15 +55,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
 
 
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    parser = command_parser("oneframe align", ABOUT, EPILOG, add_arguments)
-    arguments = parser.parse(argv)
-    if arguments.take_refused and not arguments.refine:
-        parser.error("--take-refused: expected --refine with it")
-    return run(arguments)
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Align the case, print the report and write the requested files."""
     with explained_imports():
@@ -80,6 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
         from ..files.outputs import check_outputs, made_folder, writing
         from ..images.pixel_values import to_uint8
         from ..images.png import encode_png
+    if arguments.take_refused and not arguments.refine:
+        raise InputError("command line: --take-refused: expected --refine with it")
     output = own_output()
     case = read_case(arguments.case)
     inputs, outputs = case.input_files(), []

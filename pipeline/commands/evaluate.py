@@ -2,15 +2,13 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml held_out.json --out evaluation
   %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
@@ -45,24 +43,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--inception", metavar="FILE.onnx", type=Path, help="InceptionV3 up to its 2048 features, for FID and KID"
     )
     parser.add_argument(
-        "--pose-error-px", metavar="X", type=float, help="error of the poses for the limit of a perfect view (default: "
-        "the displacement that is measured)",
+        "--pose-error-px", metavar="X", type=at_least(0, float),
+        help="error of the poses for the limit of a perfect view (default: the displacement that is measured)",
     )  # fmt: skip
     parser.add_argument(
-        "--seed", metavar="N", type=int, default=0, help="of resampling and poses (default %(default)s)"
+        "--seed", metavar="N", type=at_least(0), default=0, help="of resampling and poses (default %(default)s)"
     )
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
     output.add_argument(
-        "--pictures", metavar="N", type=int, default=DEFAULT_PICTURES,
+        "--pictures", metavar="N", type=at_least(0), default=DEFAULT_PICTURES,
         help="photographs of each case of which pictures are written (default %(default)s)",
     )  # fmt: skip
     output.add_argument("--redraw", action="store_true", help="measure nothing; draw the charts again from --out")
-
-
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    return run(command_parser("oneframe evaluate", ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -97,12 +90,6 @@ def _checked_pairs(arguments: argparse.Namespace) -> list[tuple[Path, Path]]:
         pairs.insert(0, (arguments.case, arguments.photographs))
     if bool(pairs) == arguments.redraw:
         raise InputError("command line: expected either cases with photographs or --redraw; --help shows all options")
-    if arguments.seed < 0:
-        raise InputError(f"--seed: expected 0 or more, found {arguments.seed}")
-    if arguments.pictures < 0:
-        raise InputError(f"--pictures: expected 0 or more, found {arguments.pictures}")
-    if arguments.pose_error_px is not None and not 0 <= arguments.pose_error_px <= 1000:
-        raise InputError(f"--pose-error-px: expected 0 to 1000, found {arguments.pose_error_px}")
     return pairs
 
 

@@ -1,15 +1,13 @@
 """The command ``oneframe frames``."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError, RunError
+from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s surgery.mp4 --out frames
   %(prog)s surgery.mp4 --out frames --count 10 --from 95 --to 140
@@ -28,39 +26,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("video", metavar="VIDEO", type=Path, help="any video that OpenCV opens")
     selection = parser.add_argument_group("selection")
     selection.add_argument(
-        "--count", metavar="N", type=int, default=5, help="number of frames to write at most (default %(default)s)"
+        "--count",
+        metavar="N",
+        type=at_least(1),
+        default=5,
+        help="number of frames to write at most (default %(default)s)",
     )
     selection.add_argument(
-        "--apart", metavar="S", type=float, default=1.0,
+        "--apart", metavar="S", type=at_least(0, float), default=1.0,
         help="time between two of them in s; less where good frames are rare (default %(default)g)",
     )  # fmt: skip
     film = parser.add_argument_group("film")
     film.add_argument(
-        "--every", metavar="N", type=int, default=1, help="score only every N-th frame (default %(default)s)"
+        "--every", metavar="N", type=at_least(1), default=1, help="score only every N-th frame (default %(default)s)"
     )
-    film.add_argument("--from", metavar="S", type=float, default=0.0, dest="from_s", help="start at this time in s")
-    film.add_argument("--to", metavar="S", type=float, dest="to_s", help="end at this time in s (default: the end)")
+    film.add_argument(
+        "--from", metavar="S", type=at_least(0, float), default=0.0, dest="from_s", help="start at this time in s"
+    )
+    film.add_argument(
+        "--to", metavar="S", type=at_least(0, float), dest="to_s", help="end at this time in s (default: the end)"
+    )
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
 
 
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    parser = command_parser("oneframe frames", ABOUT, EPILOG, add_arguments)
-    arguments = parser.parse(argv)
-    for name in ("count", "every"):
-        if getattr(arguments, name) < 1:
-            parser.error(f"--{name}: expected a number of frames, 1 or more, found {getattr(arguments, name)}")
-    for name, value in (("apart", arguments.apart), ("from", arguments.from_s), ("to", arguments.to_s)):
-        if value is not None and not 0 <= value < float("inf"):
-            parser.error(f"--{name}: expected a time in s, 0 or more, found {value:g}")
-    if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
-        parser.error(f"--to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}")
-    return run(arguments)
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Score the film, write the best frames and report them."""
+    if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
+        raise InputError(
+            f"command line: --to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}"
+        )
     with explained_imports():
         from ..charts.page import chart_outputs, require_matplotlib
         from ..charts.score_chart import score_charts

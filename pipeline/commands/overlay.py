@@ -1,14 +1,13 @@
 """The command ``oneframe overlay``."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
+from ..errors import InputError
+from ..process.arguments import explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Draw surface and structures over the frame, or over each frame of a video, as augmented reality shows them."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --out overlay.png
   %(prog)s case.toml --out overlay.png --under-instruments
@@ -45,20 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
 
 
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    parser = command_parser("oneframe overlay", ABOUT, EPILOG, add_arguments)
-    arguments = parser.parse(argv)
-    if (arguments.video is None) != (arguments.poses is None):
-        given, missing = ("--video", "--poses") if arguments.video else ("--poses", "--video")
-        parser.error(f"{given}: expected {missing} with it")
-    if arguments.video and arguments.under_instruments:
-        parser.error("--under-instruments: expected no --video, whose frames have no alpha")
-    return run(arguments)
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Draw the picture or the video and report what it shows."""
+    if (arguments.video is None) != (arguments.poses is None):
+        given, missing = ("--video", "--poses") if arguments.video else ("--poses", "--video")
+        raise InputError(f"command line: {given}: expected {missing} with it")
+    if arguments.video and arguments.under_instruments:
+        raise InputError("command line: --under-instruments: expected no --video, whose frames have no alpha")
     with explained_imports():
         from ..case.case_file import read_case
         from ..files.outputs import check_outputs, made_folder, writing

@@ -2,21 +2,19 @@
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
 from ..errors import InputError
+from ..process.arguments import add_cluster_arguments, at_least, check_cluster_arguments, explained_imports, resumable
 from ..process.own_process import own_output
-from ..progress import LINE_SECONDS
-from .parser import INSECURE, command_parser, explained_imports
 
 EXIT_WRONG = 1
 
 ABOUT = "Pack a dataset for training: WebDataset shards in BOP's layout, which stream and need no other folder."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s dataset --out packed
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
@@ -48,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     content.add_argument(
         "--jpeg", metavar="QUALITY", type=int,
-        help="store RGB as JPEG of this quality, 1 to 100; what that loses is reported (needs OpenCV)",
+        help="store RGB as JPEG of this quality, 1 to 100; what that loses is reported",
     )  # fmt: skip
     content.add_argument(
         "--split", choices=("train", "val", "test"), help="pack only the views of this part (80, 10 and 10 %%); no "
@@ -62,54 +60,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     work.add_argument(
         "--workers",
         metavar="N",
-        type=int,
+        type=at_least(0),
         default=0,
-        help="number of processes, or with --verify of threads (default: one per core)",
+        help="number of threads (default: one per core)",
     )
-    work.add_argument(
-        "--cluster",
-        metavar="ADDRESS|local:N|slurm",
-        help="pack on the workers of a Dask cluster, which see both folders",
-    )
-    work.add_argument("--insecure", action="store_true", help=INSECURE)
-    work.add_argument(
-        "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
-        "memory, cores and number of jobs"
-    )  # fmt: skip
+    # its workers see both folders
+    add_cluster_arguments(work, "pack", "those of OneFrame")
     work.add_argument(
         "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
     )
-    # for a program that runs this command and shows its progress
-    work.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
 
 
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    arguments = command_parser("oneframe pack", ABOUT, EPILOG, add_arguments).parse(argv)
-    if arguments.workers < 0:
-        raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
-    if arguments.cluster is not None and (arguments.verify or arguments.workers):
-        other = "--verify" if arguments.verify else "--workers"
-        raise InputError(f"command line: --cluster: expected without {other}; leave one of the two out")
-    if arguments.insecure and arguments.cluster is None:
-        raise InputError("command line: --insecure: expected with --cluster only; add it, or leave out both")
-    if (arguments.cluster == "slurm") != (arguments.cluster_settings is not None):
-        raise InputError(
-            "command line: expected --cluster slurm and --cluster-settings FILE.toml together, found one of them; add "
-            "the other, or leave it out"
-        )
+@resumable()
+def run(arguments: argparse.Namespace) -> int:
+    """Pack the dataset, or verify the pack."""
+    check_cluster_arguments(arguments)
+    if arguments.cluster is not None and arguments.verify:
+        raise InputError("command line: --cluster: expected without --verify; leave one of the two out")
     if arguments.split_gap_px is not None and arguments.split is None:
         raise InputError("command line: --split-gap-px: expected with --split only; add it, or leave out both")
     if arguments.dataset is None and not arguments.verify:
         raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
-    try:
-        return run(arguments)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("stopped; run the same command again to continue") from None
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Pack the dataset, or verify the pack."""
     # the arrays are small: numpy's BLAS threads would only take memory
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     output = own_output()
@@ -123,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
             output.write(line + "\n")
         return EXIT_WRONG if report.findings else 0
     with explained_imports():
-        from ..packing.pack import pack_dataset
+        from ..packing.pack import PackOptions, pack_dataset
     views, about = None, ""
     if arguments.split is not None:
         with explained_imports():
@@ -136,13 +107,10 @@ def run(arguments: argparse.Namespace) -> int:
         manifest = pack_dataset(
             arguments.dataset,
             arguments.out,
+            PackOptions(arguments.views_per_shard, arguments.jpeg, about),
             views=views,
-            about=about,
-            views_per_shard=arguments.views_per_shard,
-            jpeg_quality=arguments.jpeg,
             engine=engine,
             stream=output,
-            progress_seconds=arguments.progress_seconds,
         )
     if manifest.jpeg_quality is not None:
         output.write(f"RGB as JPEG of quality {manifest.jpeg_quality}: {manifest.loss}\n")
@@ -156,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[..., Iterable[Any]]]:
-    """What packs: processes of this machine, or the workers of a cluster."""
+    """What packs: threads of this machine, or the workers of a cluster."""
     with explained_imports():
         from ..packing.pack import on_this_machine
     if arguments.cluster is None:
@@ -164,9 +132,8 @@ def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[
         return
     with explained_imports():
         from ..cluster.pack_on_workers import packed_by_cluster
-        from ..cluster.slurm_settings import read_slurm_settings
         from ..cluster.sources import open_source
-    slurm = None if arguments.cluster_settings is None else read_slurm_settings(arguments.cluster_settings)
-    with open_source(arguments.cluster, slurm, insecure=arguments.insecure) as source:
+    settings = arguments.cluster_settings or {}
+    with open_source(arguments.cluster, settings, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
         yield partial(packed_by_cluster, source=source)

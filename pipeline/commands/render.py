@@ -3,17 +3,17 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..dataset.options import GONE, add_option_arguments, option_names
+from ..dataset.options import add_option_arguments
 from ..errors import InputError
+from ..process.arguments import add_cluster_arguments, at_least, check_cluster_arguments, explained_imports, resumable
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
 from ..progress import LINE_SECONDS
-from .parser import INSECURE, command_parser, explained_imports
 
 if TYPE_CHECKING:
     # --help must not wait for numpy
@@ -31,10 +31,9 @@ GROUPS = {
     "constraints on poses": ("min_observed", "min_surface", "min_clearance_mm"),
     "video": ("video", "video_frames"),
 }  # fmt: skip
-"""Headings of ``--help`` -> the dataset options under each; all other options come last."""
+"""Headings of ``--help`` -> the dataset options under each."""
 
 ABOUT = "Render a dataset of posed views from one aligned frame."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 1000
   %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
@@ -54,31 +53,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
     )
-    grouped = {name for names in GROUPS.values() for name in names}
-    others = tuple(name for name in option_names() if name not in grouped)
-    for title, names in {**GROUPS, "further options": others}.items():
-        if names:
-            add_option_arguments(parser.add_argument_group(title), names)
-    for name in GONE:
-        parser.add_argument("--" + name.replace("_", "-"), default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    for title, names in GROUPS.items():
+        add_option_arguments(parser.add_argument_group(title), names)
     machines = parser.add_argument_group("processes and machines")
     machines.add_argument(
-        "--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)"
+        "--workers", metavar="N", type=at_least(0), default=0, help="number of processes (default: one per core)"
     )
     machines.add_argument("--shard", metavar="I/N", default="0/1", help="render only shard I of N, counted from 0")
     machines.add_argument(
         "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
         "with their sizes; what has changed is rendered again"
     )  # fmt: skip
-    machines.add_argument(
-        "--cluster", metavar="ADDRESS|local:N|slurm", help="render on the workers of a Dask cluster: the address "
-        "of its scheduler, such as tls://host:8786, N workers on this machine, or jobs of Slurm"
-    )  # fmt: skip
-    machines.add_argument("--insecure", action="store_true", help=INSECURE)
-    machines.add_argument(
-        "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
-        "memory, cores and number of jobs (default: the table [cluster] of the case file)"
-    )  # fmt: skip
+    add_cluster_arguments(machines, "render", "the table [cluster] of the case file")
     machines.add_argument(
         "--blender-on-workers", metavar="PROGRAM", help="with --cluster ADDRESS: the Blender program that renders on "
         "the workers' machines (default: the bpy module in the workers' Python)"
@@ -100,43 +86,15 @@ def own_command() -> list[str]:
     return script_command(str(SCRIPT)) if SCRIPT.is_file() else [sys.executable, "-m", __package__, "render"]
 
 
-def main(argv: Sequence[str], prog: str = "oneframe render", *, command: Sequence[str] = ()) -> int:
-    """Parse the arguments and run; ``command`` starts this command again, for the worker processes."""
-    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
-    if arguments.workers < 0:
-        raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
-    _check_cluster(arguments)
-    try:
-        return run(arguments, own_command=command or own_command(), argv=argv)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("stopped; run the same command again to continue") from None
-
-
-def _check_cluster(arguments: argparse.Namespace) -> None:
-    if arguments.cluster_settings is not None and arguments.cluster != "slurm":
-        raise InputError(
-            "command line: --cluster-settings: expected with --cluster slurm only; add it, or leave out both"
-        )
-    if arguments.cluster is None:
-        for name in ("insecure", "blender_on_workers", "gather", "send_case"):
-            if getattr(arguments, name):
-                flag = "--" + name.replace("_", "-")
-                raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
-        return
-    if arguments.workers:
-        raise InputError(
-            f"command line: --cluster: expected without --workers, found --workers {arguments.workers}; the cluster's "
-            "workers render: leave --workers out, or use --cluster local:N"
-        )
-    if arguments.shard != "0/1":
+@resumable()
+def run(arguments: argparse.Namespace) -> int:
+    """Render the dataset, or act as one of its worker processes."""
+    check_cluster_arguments(arguments, "blender_on_workers", "gather", "send_case")
+    if arguments.cluster is not None and arguments.shard != "0/1":
         raise InputError(
             f"command line: --cluster: expected without --shard, found --shard {arguments.shard}; the cluster's "
             "workers share the views by themselves: leave --shard out"
         )
-
-
-def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequence[str]) -> int:
-    """Render the dataset, or act as one of its worker processes."""
     # the matrices are small: numpy's BLAS threads would only busy-wait on the cores that render
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with explained_imports():
@@ -160,11 +118,11 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
-    with _elsewhere(arguments, case.cluster, own_command, output) as elsewhere:
+    with _elsewhere(arguments, case.cluster, output) as elsewhere:
         render(
             job,
             workers=arguments.workers,
-            worker_command=[*own_command, *argv, "--worker"],
+            worker_command=[*own_command(), *arguments.argv, "--worker"],
             stream=output,
             verify=arguments.verify,
             progress_seconds=arguments.progress_seconds,
@@ -175,7 +133,7 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
 
 @contextmanager
 def _elsewhere(
-    arguments: argparse.Namespace, table: Mapping[str, object], own_command: Sequence[str], output: TextIO
+    arguments: argparse.Namespace, table: Mapping[str, object], output: TextIO
 ) -> "Iterator[Elsewhere | None]":
     """The workers of a cluster, if one is asked for; ``table`` is ``[cluster]`` of the case file."""
     if arguments.cluster is None:
@@ -183,13 +141,8 @@ def _elsewhere(
         return
     with explained_imports():
         from ..cluster.render_on_workers import RenderPool
-        from ..cluster.slurm_settings import checked_slurm_settings, read_slurm_settings
         from ..cluster.sources import open_source
-    slurm = None
-    if arguments.cluster_settings is not None:
-        slurm = read_slurm_settings(arguments.cluster_settings)
-    elif arguments.cluster == "slurm":
-        slurm = checked_slurm_settings(table, f"{arguments.case.name}: [cluster]")
-    with open_source(arguments.cluster, slurm, insecure=arguments.insecure) as source:
+    settings = arguments.cluster_settings or table
+    with open_source(arguments.cluster, settings, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
-        yield RenderPool(source, own_command, arguments.send_case, arguments.gather, arguments.blender_on_workers)
+        yield RenderPool(source, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)

@@ -2,17 +2,15 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
-from .parser import command_parser, explained_imports
+from ..process.arguments import at_least, explained_imports
 
 DEFAULT_VIEWS = 1000
 """As many as a page of 20 MB shows well."""
 
 ABOUT = "Make one HTML page of a dataset or an evaluation, to look at in any browser, without a network."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s dataset --out report.html
   %(prog)s dataset --out report.html --case aligned.toml
@@ -29,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", type=Path, help="folder of the dataset or the evaluation")
     dataset = parser.add_argument_group("dataset")
     dataset.add_argument(
-        "--views", metavar="N", type=int, default=DEFAULT_VIEWS,
+        "--views", metavar="N", type=at_least(0), default=DEFAULT_VIEWS,
         help="show N evenly spaced views, 0 for all (default %(default)s)",
     )  # fmt: skip
     dataset.add_argument(
@@ -40,14 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="FILE", type=Path, required=True, help="HTML page to write")
-
-
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    arguments = command_parser("oneframe report", ABOUT, EPILOG, add_arguments).parse(argv)
-    if arguments.views < 0:
-        raise InputError(f"command line: --views: expected a number of views or 0 for all, found {arguments.views}")
-    return run(arguments)
 
 
 def run(arguments: argparse.Namespace) -> int:

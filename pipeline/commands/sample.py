@@ -2,14 +2,12 @@
 
 import argparse
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
+from ..process.arguments import explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s
   %(prog)s --out demo/case
@@ -23,11 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", type=Path, default=Path("sample_case"), help="folder to write (default: %(default)s)"
     )
-
-
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    return run(command_parser("oneframe sample", ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:

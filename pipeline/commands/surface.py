@@ -2,15 +2,13 @@
 
 import argparse
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
+from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
-from .parser import command_parser, explained_imports
 
 ABOUT = "Make the bone surface of a CT, drilled if you like, and the structures of a label map."
-"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s ct.nii.gz --out surface
   %(prog)s ct.nrrd --out surface --threshold otsu --crop 20 10 0 60 50 45
@@ -38,15 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     bone = parser.add_argument_group("bone")
     bone.add_argument(
-        "--threshold", metavar="HU|otsu",
+        "--threshold", metavar="HU|otsu", type=_threshold,
         help="bone lies above it; otsu finds it from the grey values (default 300)",
     )  # fmt: skip
     bone.add_argument(
-        "--islands", metavar="MM3", type=float,
+        "--islands", metavar="MM3", type=at_least(0, float),
         help="keep all parts of at least this volume (default: the largest part alone)",
     )  # fmt: skip
     bone.add_argument(
-        "--holes", metavar="MM3", type=float, default=1.0,
+        "--holes", metavar="MM3", type=at_least(0, float), default=1.0,
         help="fill enclosed holes below this volume; air cells are larger (default %(default)g)",
     )  # fmt: skip
     removal = parser.add_argument_group("what is removed")
@@ -68,28 +66,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     mesh = parser.add_argument_group("mesh")
     mesh.add_argument(
-        "--tolerance", metavar="MM", type=float,
+        "--tolerance", metavar="MM", type=at_least(0, float),
         help="how far the simplified surface may lie from the original, and a quarter of it around what is removed or "
         "else the structures; 0 keeps all faces (default: half the smallest distance of voxels)",
     )  # fmt: skip
     mesh.add_argument(
-        "--smooth", metavar="N", type=int, default=10, help="steps of smoothing, 0 for none (default %(default)s)"
+        "--smooth",
+        metavar="N",
+        type=at_least(0),
+        default=10,
+        help="steps of smoothing, 0 for none (default %(default)s)",
     )
-
-
-def main(argv: Sequence[str]) -> int:
-    """Parse the arguments and run."""
-    parser = command_parser("oneframe surface", ABOUT, EPILOG, add_arguments)
-    arguments = parser.parse(argv)
-    if arguments.out is None and not arguments.list:
-        parser.error("--out: expected a folder to write")
-    if arguments.threshold not in (None, "otsu"):
-        arguments.threshold = _number(arguments.threshold)
-    for name in ("islands", "holes", "tolerance", "smooth"):
-        value = getattr(arguments, name)
-        if value is not None and not (math.isfinite(value) and value >= 0):
-            raise InputError(f"command line: --{name}: expected 0 or more, found {value:g}")
-    return run(arguments)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -97,6 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..volume.reading.volume_reader import list_series
         from .surface_files import write_surface
+    if arguments.out is None and not arguments.list:
+        raise InputError("command line: --out: expected a folder to write")
     output = own_output()
     if arguments.list:
         for series in list_series(arguments.volume):
@@ -106,11 +95,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _number(text: str) -> float:
+def _threshold(text: str) -> float | str:
+    if text == "otsu":
+        return text
     try:
-        value = float(text)
+        return at_least(-math.inf, float)(text)
     except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"command line: --threshold: expected a number of HU or otsu, found {text!r}")
-    return value
+        raise argparse.ArgumentTypeError(f"expected a number of HU or otsu, found {text!r}") from None

@@ -33,7 +33,7 @@ from ..volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan,
 from ..volume.make_surface import MadeSurface, SurfaceSettings, make_surface
 from ..volume.reading.label_map import read_labels
 from ..volume.reading.volume_reader import read_volume
-from ..volume.slices.slice_views import LabelColours, slice_views
+from ..volume.slices.slice_views import DrawnBone, LabelColours, slice_views
 from ..volume.volume import LabelMap, Volume
 
 SLICES = "slices.png"
@@ -217,7 +217,7 @@ def _write_slices(
         drawn.append(LabelColours(labels, colours))
     focus = made.finish.focus
     centre = made.bone.surface.mesh.vertices.mean(axis=0) if focus is None else focus.centre
-    views = slice_views(volume, level, centre, solid=solid, removed=made.removed, structures=drawn)
+    views = slice_views(volume, centre, DrawnBone(level, solid, made.removed, drawn))
     with writing(out / SLICES):
         write_bytes_atomically(out / SLICES, encode_png(to_uint8(slice_picture(views))))
     work.say(f"slices: {out / SLICES}")

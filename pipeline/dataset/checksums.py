@@ -5,13 +5,19 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..files.content import LARGEST_FILE, read_file, regular_file
+from ..files.numbers import whole_number
 from ..files.tables import write_json
 from .layout import CHECKSUMS
+
+_HASH = re.compile("[0-9a-f]{64}")
+LARGEST_FILE_BYTES = 1 << 50
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,24 @@ def sum_of_file(path: Path) -> FileSum:
     with open(path, "rb", opener=regular_file) as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
         return FileSum(digest, stream.tell())
+
+
+def sum_from_json(entry: Mapping[str, Any]) -> FileSum:
+    """Read a sum again.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        Something else.
+    """
+    return FileSum(checked_hash(entry["sha256"]), whole_number(entry["bytes"], LARGEST_FILE_BYTES))
+
+
+def checked_hash(text: str) -> str:
+    """A SHA-256 in hexadecimal; raises TypeError or ValueError for something else."""
+    if not _HASH.fullmatch(text):
+        raise ValueError(f"{text[:20]!r} is no SHA-256")
+    return text
 
 
 def sums_to_json(files: Mapping[str, FileSum]) -> dict[str, dict[str, object]]:
@@ -113,9 +137,7 @@ def read_checksums(root: Path, identity: str) -> Checksums | None:
         content = json.loads(read_file(root / CHECKSUMS, LARGEST_FILE))
         if content["identity"] != identity:
             return None
-        files = {
-            str(name): FileSum(str(known["sha256"]), int(known["bytes"])) for name, known in content["files"].items()
-        }
+        files = {str(name): sum_from_json(known) for name, known in content["files"].items()}
         return Checksums(files, {str(scene): str(digest) for scene, digest in content["records"].items()})
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
         return None

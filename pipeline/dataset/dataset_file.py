@@ -12,8 +12,7 @@ from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
 from ..transforms import checked_matrix
-from .differences import COUNT, POSES_HASH
-from .identity import identity_of
+from .identity import COUNT, POSES_HASH, identity_of
 from .layout import FORMAT, MOST_VIEWS, view_kinds
 
 

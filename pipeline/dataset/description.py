@@ -13,8 +13,7 @@ from ..case.loaded_case import LoadedCase
 from ..case.posed_frame import UnreadFrame
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
-from .differences import COUNT, DEPTH_SCALE, POSES_HASH
-from .identity import geometry_hash, poses_hash
+from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
 from .options import DatasetOptions
 from .view import depth_scale_for

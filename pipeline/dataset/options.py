@@ -15,12 +15,6 @@ ENGINES = ("cycles", "raster", "eevee")
 COLOURS = ("projective", "texture", "vertex")
 UNSEEN = ("neutral", "fill")
 SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
-GONE = dict.fromkeys(
-    ("quality", "tolerance_colour", "tolerance_px"),
-    "it is gone: leave it out, and write --engine raster for exact views in less time",
-)
-"""Options of earlier versions -> what to write instead."""
-_GONE_VALUES = {"workbench": "it is gone: write raster, which is exact and faster"}
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
 
@@ -98,8 +92,6 @@ def _checked_values(values: Mapping[str, object], where: str) -> dict[str, objec
     fields = {entry.name: entry for entry in dataclasses.fields(DatasetOptions)}
     checked: dict[str, object] = {}
     for name, value in values.items():
-        if name in GONE:
-            raise InputError(f"{where}: {name}: {GONE[name]}")
         if name not in fields:
             raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, tuple(fields))}")
         checked[name] = _checked_value(name, value, fields[name], where)
@@ -125,11 +117,7 @@ def _checked_value(name: str, value: Any, entry: dataclasses.Field, where: str) 
     if kind is str or kind == str | None:
         choices = entry.metadata.get("choices")
         if not isinstance(value, str) or (choices and value not in choices):
-            hint = (
-                f"; {_GONE_VALUES.get(value) or nearest_name(value, choices)}"
-                if choices and isinstance(value, str)
-                else ""
-            )
+            hint = f"; {nearest_name(value, choices)}" if choices and isinstance(value, str) else ""
             raise InputError(
                 f"{where}: {name}: expected {' or '.join(choices or ['a file name'])}, found {value!r}{hint}"
             )
@@ -207,6 +195,6 @@ def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, c
     from_table = _checked_values(table, f"{case_path.name}: [dataset]")
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
-    given = {name: getattr(arguments, name) for name in (*names, *GONE) if hasattr(arguments, name)}
+    given = {name: getattr(arguments, name) for name in names if hasattr(arguments, name)}
     # combinations only now: the command line may resolve a conflict in the table
     return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

@@ -2,9 +2,12 @@
 
 import io
 import math
+import operator
 import re
+import sys
 import warnings
 from decimal import Decimal, DecimalException
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +52,11 @@ def length_text(value_mm: float, mm_per_unit: float) -> str:
     if millimetres(float(shortest), mm_per_unit) == value_mm:
         return shortest
     return str(Decimal(repr(float(value_mm))) / Decimal(mm_per_unit))
+
+
+def is_number(value: object) -> bool:
+    """Whether it is a finite real number, and no truth value."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def parsed_numbers(text: bytes, dtype: type[np.float64] | type[np.int64]) -> np.ndarray | None:
@@ -135,3 +143,10 @@ def number_rows(text: str) -> np.ndarray | None:
 def format_two_digits(value: float) -> str:
     """Two significant digits, without an exponent for large numbers: 0.034, 1.2, 120."""
     return f"{value:.2g}" if abs(value) < 99.5 else f"{value:.0f}"
+
+
+def whole_number(value: Any, most: int) -> int:
+    """A whole number from 0 to ``most``; raises TypeError or ValueError for something else."""
+    if not 0 <= operator.index(value) <= most:
+        raise ValueError(f"expected at most {most}, found {str(value)[:60]}")
+    return int(value)

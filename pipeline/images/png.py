@@ -25,13 +25,13 @@ def encode_png(image: np.ndarray) -> bytes:
     height, width = image.shape[:2]
     depth = image.dtype.itemsize * 8
     rows = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
-    if image.ndim == 3:
-        filtered, strategy = _average_filtered(rows, image.shape[2] * image.dtype.itemsize), zlib.Z_RLE
-    elif depth == 16:
-        filtered, strategy = _sub_filtered(rows, 2), zlib.Z_DEFAULT_STRATEGY
-    else:
+    if image.ndim == 2 and depth == 8:
         # masks: unfiltered rows are runs already
-        filtered, strategy = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1), zlib.Z_RLE
+        filtered = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)
+    else:
+        filtered = _average_filtered(rows, rows.shape[1] // width)
+    # depth repeats itself, not only in runs
+    strategy = zlib.Z_DEFAULT_STRATEGY if image.ndim == 2 and depth == 16 else zlib.Z_RLE
     deflate = zlib.compressobj(1, zlib.DEFLATED, 15, 9, strategy)
     data = deflate.compress(filtered.data) + deflate.flush()
     colour_type = _GREY if image.ndim == 2 else {3: _RGB, 4: _RGBA}[image.shape[2]]
@@ -51,13 +51,4 @@ def _average_filtered(rows: np.ndarray, pixel_bytes: int) -> np.ndarray:
     filtered = np.empty((rows.shape[0], rows.shape[1] + 1), np.uint8)
     filtered[:, 0] = 3
     np.subtract(rows, (left & above) + ((left ^ above) >> 1), out=filtered[:, 1:])
-    return filtered
-
-
-def _sub_filtered(rows: np.ndarray, pixel_bytes: int) -> np.ndarray:
-    """PNG filter 1: difference from the pixel to the left."""
-    filtered = np.empty((rows.shape[0], rows.shape[1] + 1), np.uint8)
-    filtered[:, 0] = 1
-    filtered[:, 1 : 1 + pixel_bytes] = rows[:, :pixel_bytes]
-    np.subtract(rows[:, pixel_bytes:], rows[:, :-pixel_bytes], out=filtered[:, 1 + pixel_bytes :])
     return filtered

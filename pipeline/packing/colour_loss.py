@@ -1,12 +1,14 @@
-"""How far the RGB of a pack is from that of its dataset, as sums that add up over views and shards."""
+"""RGB as JPEG, and what that loses, as sums that add up over views and shards."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
+import cv2
 import numpy as np
 
-from ..errors import InputError
+from ..dataset.decoding import Shape, decoded_rgb
+from ..files.numbers import whole_number
 
 LARGEST_SUM = 1 << 62
 
@@ -63,24 +65,25 @@ class ColourLoss:
         return asdict(self)
 
     @classmethod
-    def from_json(cls, content: object, where: str) -> "ColourLoss":
-        """Read it again.
-
-        Raises
-        ------
-        InputError
-            Something else.
-        """
-        names = tuple(cls.__dataclass_fields__)
-        if not isinstance(content, Mapping) or not all(_is_count(content.get(name)) for name in names):
-            raise InputError(f"{where}: expected the loss of JPEG as whole numbers, found {content!r}")
-        return cls(**{name: content[name] for name in names})
+    def from_json(cls, content: Mapping[str, int]) -> "ColourLoss":
+        """Read it again; raises KeyError, TypeError or ValueError for something else."""
+        return cls(**{name: whole_number(content[name], LARGEST_SUM) for name in cls.__dataclass_fields__})
 
 
-def total_loss(losses: Iterable[ColourLoss]) -> ColourLoss:
-    """That of all of them together."""
-    return sum(losses, ColourLoss())
+def as_jpeg(png: bytes, quality: int, shape: Shape, where: str) -> tuple[bytes, ColourLoss]:
+    """The JPEG file of a PNG file's RGB, of a quality from 1 to 100, and its loss.
+
+    Raises
+    ------
+    InputError
+        Damaged, or of another size; ``where`` names the file.
+    """
+    rgb = decoded_rgb(png, shape, where)
+    bgr = np.ascontiguousarray(rgb[..., ::-1])
+    data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    return data, ColourLoss.between(rgb, decoded_rgb(data, shape, where))
 
 
-def _is_count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= LARGEST_SUM
+def jpeg_loss(jpeg: bytes, png: bytes, shape: Shape, where: str) -> ColourLoss:
+    """The loss of a JPEG file against the PNG file that it was made from; raises as :func:`as_jpeg`."""
+    return ColourLoss.between(decoded_rgb(jpeg, shape, where), decoded_rgb(png, shape, where))

@@ -1,20 +1,21 @@
 """``pack.json``: which views each shard of a pack holds, and size and hash of all its files. It is written last."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..dataset.checksums import FileSum, sums_to_json
+from ..dataset.checksums import FileSum, sum_from_json, sums_to_json
 from ..dataset.layout import MOST_VIEWS
+from ..dataset.run.survey import to_runs
 from ..errors import InputError
 from ..files.content import read_content
+from ..files.numbers import whole_number
 from ..files.tables import parsed_json
-from .colour_loss import ColourLoss, total_loss
+from .colour_loss import ColourLoss
 from .layout import FORMAT, MANIFEST, shard_name
 from .shard import PackedShard
-
-LARGEST_NUMBER = 1 << 50
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Manifest:
     @property
     def loss(self) -> ColourLoss:
         """What JPEG has lost in all views."""
-        return total_loss(shard.loss for shard in self.shards)
+        return sum((shard.loss for shard in self.shards), ColourLoss())
 
     def to_json(self) -> dict[str, object]:
         """The JSON object of the file."""
@@ -83,7 +84,7 @@ def shard_to_json(shard: PackedShard) -> dict[str, object]:
     return content | ({"loss": shard.loss.to_json()} if shard.loss.values else {})
 
 
-def shard_from_json(number: int, content: object, where: str, most: int = MOST_VIEWS) -> PackedShard:
+def shard_from_json(number: int, content: Any, where: str, most: int = MOST_VIEWS) -> PackedShard:
     """Read it again, with at most so many views.
 
     Raises
@@ -91,14 +92,14 @@ def shard_from_json(number: int, content: object, where: str, most: int = MOST_V
     InputError
         Something else.
     """
-    entry = _Entry(content, where)
-    loss = entry.content.get("loss")
-    return PackedShard(
-        number,
-        from_runs(entry.content.get("views"), where, most),
-        entry.sum(),
-        ColourLoss() if loss is None else ColourLoss.from_json(loss, where),
-    )
+    with _reading(where):
+        loss = content.get("loss")
+        return PackedShard(
+            number,
+            from_runs(content["views"], where, most),
+            sum_from_json(content),
+            ColourLoss() if loss is None else ColourLoss.from_json(loss),
+        )
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -111,50 +112,52 @@ def read_manifest(folder: Path) -> Manifest:
     """
     path = folder / MANIFEST
     where = str(path)
-    manifest = _Entry(parsed_json(read_content(path, "the manifest of a pack", where), where), where)
-    if manifest.content.get("format") != FORMAT:
-        found = repr(manifest.content.get("format"))[:60]
+    content = parsed_json(read_content(path, "the manifest of a pack", where), where)
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        found = repr(content.get("format") if isinstance(content, dict) else content)[:60]
         raise InputError(
             f"{path}: expected the format {FORMAT!r}, found {found}; use the version of OneFrame that made it"
         )
-    if manifest.integer("count") > MOST_VIEWS:
-        raise InputError(f"{path}: expected at most {MOST_VIEWS} views, found {manifest.integer('count')}; {AGAIN}")
-    shards, files, rgb = manifest.table("shards"), manifest.table("files"), manifest.table("rgb")
-    names = [shard_name(number) for number in range(len(shards))]
-    if not names or list(shards) != names:
-        raise InputError(f"{path}: expected shards from {shard_name(0)} on, found others; {AGAIN}")
-    found_shards, left = [], manifest.integer("count")
-    for number, name in enumerate(names):
-        found_shards.append(shard_from_json(number, shards[name], f"{path}: {name}", most=left))
-        left -= len(found_shards[-1].views)
-    views = [view for shard in found_shards for view in shard.views]
-    if len(set(views)) != len(views) or manifest.integer("count") != len(views):
-        raise InputError(f"{path}: expected each view in one shard, and count to be their number; {AGAIN}")
-    quality, version = rgb.get("quality"), rgb.get("opencv")
-    if (rgb.get("format") == "jpeg") != isinstance(quality, int) or rgb.get("format") not in ("png", "jpeg"):
-        raise InputError(f"{path}: expected rgb to be png, or jpeg with its quality, found {rgb!r}; {AGAIN}")
-    return Manifest(
-        identity=str(manifest.content.get("identity")),
-        views_per_shard=manifest.integer("views_per_shard"),
-        jpeg_quality=quality,
-        opencv=None if version is None else str(version),
-        shards=tuple(found_shards),
-        files={name: _Entry(content, f"{path}: {name}").sum() for name, content in files.items()},
-    )
+    with _reading(where):
+        count = left = whole_number(content["count"], MOST_VIEWS)
+        shards: list[PackedShard] = []
+        for number, (name, shard) in enumerate(content["shards"].items()):
+            if name != shard_name(number):
+                raise ValueError(f"{name[:60]} in the place of {shard_name(number)}")
+            shards.append(shard_from_json(number, shard, f"{path}: {name}", most=left))
+            left -= len(shards[-1].views)
+        views = {view for shard in shards for view in shard.views}
+        if not shards or left or len(views) != count:
+            raise ValueError("a view is in no shard, or in two")
+        rgb = content["rgb"]
+        quality, version = rgb.get("quality"), rgb.get("opencv")
+        if (rgb["format"], isinstance(quality, int)) not in (("jpeg", True), ("png", False)):
+            raise ValueError(f"rgb is {str(rgb)[:60]}")
+        return Manifest(
+            identity=str(content["identity"]),
+            views_per_shard=whole_number(content["views_per_shard"], MOST_VIEWS),
+            jpeg_quality=quality,
+            opencv=None if version is None else str(version),
+            shards=tuple(shards),
+            files={name: sum_from_json(known) for name, known in content["files"].items()},
+        )
+
+
+@contextmanager
+def _reading(where: str) -> Iterator[None]:
+    """Turn what damaged JSON raises inside the block into a sentence."""
+    try:
+        yield
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"{where}: expected a part of the manifest of a pack, found a damaged one ({type(error).__name__}: "
+            f"{error}); {AGAIN}"
+        ) from None
 
 
 AGAIN = "copy or pack it again"
-
-
-def to_runs(views: Sequence[int]) -> list[list[int]]:
-    """Numbers as [first, last] of runs that rise by one; their order is kept."""
-    runs: list[list[int]] = []
-    for view in views:
-        if runs and runs[-1][1] + 1 == view:
-            runs[-1][1] = view
-        else:
-            runs.append([view, view])
-    return runs
 
 
 def from_runs(runs: object, where: str, most: int = MOST_VIEWS) -> tuple[int, ...]:
@@ -172,34 +175,5 @@ def from_runs(runs: object, where: str, most: int = MOST_VIEWS) -> tuple[int, ..
     return tuple(view for first, last in runs for view in range(first, last + 1))
 
 
-class _Entry:
-    """Typed access to a JSON object."""
-
-    def __init__(self, content: object, where: str) -> None:
-        if not isinstance(content, dict):
-            raise InputError(f"{where}: expected a table, found {str(content)[:60]!r}; {AGAIN}")
-        self.content: dict[str, Any] = content
-        self._where = where
-
-    def table(self, key: str) -> dict[str, Any]:
-        return _Entry(self.content.get(key), f"{self._where}: {key}").content
-
-    def integer(self, key: str) -> int:
-        value = self.content.get(key)
-        if not isinstance(value, int) or not _is_number(value):
-            raise InputError(f"{self._where}: expected {key} to be a whole number, found {str(value)[:60]!r}; {AGAIN}")
-        return value
-
-    def sum(self) -> FileSum:
-        digest = self.content.get("sha256")
-        if not isinstance(digest, str) or len(digest) != 64:
-            raise InputError(f"{self._where}: expected sha256 to be 64 digits, found {str(digest)[:60]!r}; {AGAIN}")
-        return FileSum(digest, self.integer("bytes"))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= LARGEST_NUMBER
-
-
 def _is_run(run: object) -> bool:
-    return isinstance(run, list) and len(run) == 2 and all(map(_is_number, run)) and run[0] <= run[1]
+    return isinstance(run, list) and len(run) == 2 and all(type(end) is int for end in run) and 0 <= run[0] <= run[1]

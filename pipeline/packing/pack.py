@@ -2,18 +2,23 @@
 
 import json
 import shutil
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
+
+import cv2
 
 from ..dataset.checksums import sum_of_file
 from ..dataset.layout import MOST_VIEWS, ViewPaths
 from ..dataset.tables.bop import write_test_targets
-from ..errors import InputError
+from ..errors import InputError, RunError
 from ..files.content import create_folder, write_bytes_atomically, written_file
+from ..files.machine import available_cores
 from ..files.tables import write_json
-from ..progress import LINE_SECONDS, Progress
+from ..progress import Progress
 from .layout import (
     COPIED,
     INFO,
@@ -25,33 +30,67 @@ from .layout import (
     shard_name,
     view_key,
 )
-from .local_processes import packed_locally
 from .manifest import Manifest
 from .pack_folder import PackFolder, Plan
 from .pack_info import pack_info
-from .shard import PackedShard, ShardOrder, writing_pack
+from .shard import PackedShard, ShardOrder, pack_shard, writing_pack
 from .source import Source, open_source
 
 Engine = Callable[[Sequence[ShardOrder], Progress], Iterable[PackedShard]]
 """Packs shards by :func:`.pack_shard` anywhere, gives each as soon as it is there, and counts views."""
 
 
+@dataclass(frozen=True)
+class PackOptions:
+    """How a pack holds its views.
+
+    Attributes
+    ----------
+    views_per_shard
+        How many a shard has; the last one may have fewer.
+    jpeg_quality
+        Compress RGB as JPEG, 1..100.
+    about
+        A paragraph for ``dataset_info.md``, such as which part of a split the views are.
+    """
+
+    views_per_shard: int = VIEWS_PER_SHARD
+    jpeg_quality: int | None = None
+    about: str = ""
+
+
 def on_this_machine(workers: int = 0) -> Engine:
-    """An engine of so many processes: see :func:`.packed_locally`."""
-    return lambda orders, progress: packed_locally(orders, progress.advance, workers=workers)
+    """An engine of so many threads, 0 for one a core: what takes time releases Python's lock."""
+
+    def packed(orders: Sequence[ShardOrder], progress: Progress) -> Iterator[PackedShard]:
+        stopped = threading.Event()
+
+        def count() -> None:
+            if stopped.is_set():
+                raise RunError("stopped")
+            progress.advance()
+
+        with ThreadPoolExecutor(workers or available_cores()) as pool:
+            futures = [pool.submit(pack_shard, order, count) for order in orders]
+            try:
+                for future in futures:
+                    yield future.result()
+            finally:
+                # what is begun leaves nothing
+                stopped.set()
+                pool.shutdown(cancel_futures=True)
+
+    return packed
 
 
 def pack_dataset(
     root: Path,
     out: Path,
+    options: PackOptions | None = None,
     *,
     views: Sequence[int] | None = None,
-    views_per_shard: int = VIEWS_PER_SHARD,
-    jpeg_quality: int | None = None,
-    about: str = "",
     engine: Engine | None = None,
     stream: TextIO | None = None,
-    progress_seconds: float = LINE_SECONDS,
 ) -> Manifest:
     """Pack a dataset, or go on where an earlier run of the same pack was stopped.
 
@@ -59,17 +98,13 @@ def pack_dataset(
     ----------
     root, out
         The folders of the complete dataset and of the pack.
+    options
+        How; the defaults if left out.
     views
         The views in the order in which they are packed; all of them, as they are numbered, if left out.
-    views_per_shard
-        How many a shard has; the last one may have fewer.
-    jpeg_quality
-        Compress RGB as JPEG, 1..100.
-    about
-        A paragraph for ``dataset_info.md``, such as which part of a split the views are.
     engine
-        What packs the shards; one process a core of this machine if left out.
-    stream, progress_seconds
+        What packs the shards; one thread a core of this machine if left out.
+    stream
         Of the progress.
 
     Raises
@@ -79,6 +114,8 @@ def pack_dataset(
     RunError
         A view is damaged, or the pack cannot be written; finished shards are kept.
     """
+    options = options or PackOptions()
+    views_per_shard, jpeg_quality = options.views_per_shard, options.jpeg_quality
     _check_folders(root, out)
     if not 1 <= views_per_shard <= MOST_VIEWS:
         raise InputError(f"--views-per-shard: expected 1 to {MOST_VIEWS} views, found {views_per_shard}")
@@ -89,16 +126,14 @@ def pack_dataset(
         identity=source.description.identity,
         views_per_shard=views_per_shard,
         jpeg_quality=jpeg_quality,
-        opencv=None if jpeg_quality is None else _opencv_version(),
+        opencv=None if jpeg_quality is None else cv2.__version__,
         views=_checked_views(views, source.description.count),
     )
     with PackFolder(out, plan) as folder:
         shards = {shard.number: shard for shard in folder.finished()}
         done = sum(len(shard.views) for shard in shards.values())
         orders = [order for order in shard_orders(source, out, plan) if order.number not in shards]
-        with Progress(
-            len(plan.views), "views packed", finished=done, stream=stream, line_seconds=progress_seconds
-        ) as progress:
+        with Progress(len(plan.views), "views packed", finished=done, stream=stream) as progress:
             for shard in (engine or on_this_machine())(orders, progress):
                 with writing_pack(out / shard_name(shard.number)):
                     folder.keep(shard)
@@ -111,7 +146,7 @@ def pack_dataset(
             tuple(shards[number] for number in range(len(plan.shard_views()))),
             {},
         )
-        manifest = _write_tables(source, out, manifest, about)
+        manifest = _write_tables(source, out, manifest, options.about)
         folder.finish()
     return manifest
 
@@ -160,10 +195,3 @@ def _checked_views(views: Sequence[int] | None, count: int) -> tuple[int, ...]:
     if not chosen or len(set(chosen)) != len(chosen) or min(chosen) < 0 or max(chosen) >= count:
         raise InputError(f"views to pack: expected different numbers from 0 to {count - 1}, found others or none")
     return chosen
-
-
-def _opencv_version() -> str:
-    # only now: without JPEG, packing needs no OpenCV
-    from .jpeg import VERSION
-
-    return VERSION

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..dataset.layout import MODEL_FOLDERS
+from ..dataset.run.survey import to_runs
 from ..dataset.run.work_folder import WorkFolder
 from ..errors import InputError, RunError
 from ..files.content import names_in, partial_name, read_file, write_bytes_atomically
 from ..files.tables import parsed_json
 from .layout import MANIFEST, TABLES, WORK, is_note, is_shard, shard_name
-from .manifest import from_runs, read_manifest, shard_from_json, shard_to_json, to_runs
+from .manifest import from_runs, read_manifest, shard_from_json, shard_to_json
 from .shard import PackedShard
 
 PLAN = "plan.json"

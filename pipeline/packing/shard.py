@@ -11,16 +11,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+
 from ..camera.pinhole import PinholeCamera
 from ..dataset.checksums import FileSum, sum_of
+from ..dataset.decoding import Shape, decoded_grey
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.run.resume_record import ViewRecord, read_record
 from ..dataset.tables.bop import scene_entries
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
-from .colour_loss import ColourLoss
+from .colour_loss import ColourLoss, as_jpeg
 from .layout import MASKS, shard_name, view_key
-from .masks import decoded_mask, mask_json
+from .masks import mask_json
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,10 @@ def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) ->
         with tarfile.TarFile(fileobj=hashed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
             for index in order.views:
                 paths = ViewPaths(order.root, index)
-                members, lost = view_members(order, paths)
+                try:
+                    members, lost = view_members(order, paths)
+                except InputError as error:
+                    raise RunError(str(error)) from None
                 for suffix, data in members:
                     # without owner and time: the bytes depend on the members alone
                     entry = tarfile.TarInfo(f"{view_key(paths)}.{suffix}")
@@ -112,7 +118,7 @@ def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, b
 
     Raises
     ------
-    RunError
+    InputError, RunError
         The view is missing, damaged or of another dataset.
     """
     record = read_record(paths, with_mask=False)
@@ -124,21 +130,15 @@ def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, b
     camera, truth, info = scene_entries(record, order.camera.k.ravel().tolist())
     members = [("camera.json", _json(camera)), ("gt.json", _json(truth)), ("gt_info.json", _json(info))]
     most = largest_view_file(*order.camera.size_wh)
-    masks = dict(_masks(paths, record, most))
-    members += [(f"{kind}.json", masks[kind]) for kind in MASKS]
+    shape = order.camera.shape_hw
+    members += [(f"{kind}.json", data) for kind, data in _masks(paths, record, most, shape)]
     members.append(("depth.png", checked_file(paths, record, "depth", most)))
     if paths.relative("depth_mm") in record.files:
         members.append(("depth_mm.npy", checked_file(paths, record, "depth_mm", most)))
     rgb = checked_file(paths, record, "rgb", most)
     if order.jpeg_quality is None:
         return [*members, ("rgb.png", rgb)], ColourLoss()
-    # only now: without JPEG, packing needs no OpenCV
-    from .jpeg import as_jpeg
-
-    try:
-        jpeg, loss = as_jpeg(rgb, order.jpeg_quality, str(paths.file("rgb")))
-    except InputError as error:
-        raise RunError(str(error)) from None
+    jpeg, loss = as_jpeg(rgb, order.jpeg_quality, shape, str(paths.file("rgb")))
     return [*members, ("rgb.jpg", jpeg)], loss
 
 
@@ -168,17 +168,13 @@ def checked_file(paths: ViewPaths, record: ViewRecord, kind: str, most: int) -> 
     return data
 
 
-def _masks(paths: ViewPaths, record: ViewRecord, most: int) -> Iterator[tuple[str, bytes]]:
+def _masks(paths: ViewPaths, record: ViewRecord, most: int, shape: Shape) -> Iterator[tuple[str, bytes]]:
     """Kind and run lengths of each mask, as BOP's ``save_masks`` has them: by the number of the object in the image."""
     known: dict[bytes, bytes] = {}
     for kind in MASKS:
         data = checked_file(paths, record, kind, most)
         if data not in known:
-            try:
-                mask = decoded_mask(data, str(paths.file(kind)))
-            except InputError as error:
-                raise RunError(str(error)) from None
-            known[data] = mask_json(mask)
+            known[data] = mask_json(decoded_grey(data, np.uint8, shape, str(paths.file(kind))) != 0)
         yield kind, known[data]
 
 

@@ -1,18 +1,18 @@
 """The folder of a complete dataset, from which views are packed."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.differences import COUNT, POSES_HASH
 from ..dataset.layout import CHECKSUMS, MOST_VIEWS, RECORD, scene_views
-from ..dataset.options import DatasetOptions
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.tables import parsed_json
 from .layout import COPIED, TARGETS
+
+AGAIN = "run the command that rendered it again"
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def open_source(root: Path) -> Source:
     ------
     InputError
         No dataset, an unfinished one, or one whose files beside the views were changed. The message says which views
-        are missing, and which command renders them.
+        are missing.
     """
     if not (root / RECORD).is_file():
         raise InputError(
@@ -51,42 +51,24 @@ def open_source(root: Path) -> Source:
         )
     description = read_description(root / RECORD)
     missing = unrecorded_views(root, description.count)
-    again = f"run {render_command(root, description)}"
     if missing:
         raise InputError(
             f"{root}: expected {description.count} views, found {description.count - len(missing)}: views "
-            f"{view_ranges(missing)} are missing; {again}, or copy the folder of their shard into this one first"
+            f"{view_ranges(missing)} are missing; {AGAIN}, or copy the folder of their shard into this one first"
         )
     sums = read_checksums(root, description.identity)
     if sums is None:
         raise InputError(
-            f"{root}: expected a complete dataset, found no {CHECKSUMS} of it, which is written last; {again}"
+            f"{root}: expected a complete dataset, found no {CHECKSUMS} of it, which is written last; {AGAIN}"
         )
     for name in (*COPIED, TARGETS):
         problem = damaged_file(root, name, sums.files[name], hashes=True) if name in sums.files else None
         if problem is not None or name not in sums.files:
             why = problem or f"{name} is not among them"
             raise InputError(
-                f"{root}: expected the files that {CHECKSUMS} lists, but {why}; remove the file, and {again}"
+                f"{root}: expected the files that {CHECKSUMS} lists, but {why}; remove the file, and {AGAIN}"
             )
     return Source(root, description, sums, _targets(root))
-
-
-def render_command(root: Path, description: Description) -> str:
-    """The command that renders a dataset; its case is not known."""
-    given = description.content["options"]
-    words = [f"oneframe render CASE.toml --out {root}"]
-    if POSES_HASH in description.content:
-        words.append("--poses FILE")
-    else:
-        words.append(f"--count {description.count}")
-    for option in fields(DatasetOptions):
-        value = given.get(option.name, option.default)
-        if option.name in (COUNT, "poses") or value == option.default:
-            continue
-        flag = option.name.replace("_", "-")
-        words.append(f"--{flag}" if value is True else f"--no-{flag}" if value is False else f"--{flag} {value}")
-    return " ".join(words)
 
 
 def _targets(root: Path) -> frozenset[int]:

@@ -6,7 +6,6 @@ square root of their number. That space is cut at medians into cells of equally 
 of it, become val and test. Views of the rest that are nearer than a gap to one of them belong to no part.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +22,8 @@ from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_p
 from .source import Source
 
 PARTS = ("train", "val", "test")
-FRACTIONS = (0.8, 0.1, 0.1)
+VAL, TEST = 0.1, 0.1
+"""Of all views."""
 GAP = 0.01
 """The gap if none is given, relative to the longer side of the image."""
 CELLS = 16
@@ -119,19 +119,12 @@ def _table(source: Source, name: str) -> dict[str, Any]:
 
 
 def split_of_views(
-    poses: np.ndarray,
-    points_model: np.ndarray,
-    camera: PinholeCamera,
-    *,
-    numbers: Sequence[int] | None = None,
-    fractions: Sequence[float] = FRACTIONS,
-    gap_px: float | None = None,
-    cells: int = CELLS,
+    poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera, *, gap_px: float | None = None
 ) -> Split:
     """Divide views into parts that are a gap apart.
 
-    The result depends on the set of views alone, not on their order. Test has its fraction of all views, to the nearest
-    whole number. Val has its fraction without those too near to test; train has what remains at least a gap away.
+    Test has its fraction of all views, to the nearest whole number. Val has its fraction without those too near to
+    test; train has what remains at least a gap away.
 
     Parameters
     ----------
@@ -141,34 +134,22 @@ def split_of_views(
         ``(M, 3)`` points that span the surface, such as the corners of its box, mm.
     camera
         Intrinsics of the views.
-    numbers
-        ``(N,)`` numbers of the views; 0 to N - 1 if left out.
-    fractions
-        Of train, val and test; they add up to 1.
     gap_px
         Least distance of views in different parts; :data:`GAP` of the longer side of the image if left out.
-    cells
-        Number of cells, a power of 2.
 
     Raises
     ------
     InputError
-        Fractions that are none, or a gap that leaves nothing of a part.
+        Too few views, or a gap that leaves nothing of a part.
     """
     gap = GAP * max(camera.size_wh) if gap_px is None else float(gap_px)
-    if not (len(fractions) == 3 and min(fractions) > 0 and abs(sum(fractions) - 1) < 1e-9):
-        raise InputError(f"split: expected three positive fractions that add up to 1, found {tuple(fractions)}")
     if not 0 <= gap < np.inf:
         raise InputError(f"split: expected a gap of at least 0 px, found {gap:g}")
-    names = np.arange(len(poses)) if numbers is None else np.asarray(numbers, dtype=np.int64)
-    # from here on, the order in which the views were given is forgotten
-    order = np.argsort(names, kind="stable")
-    names, places = names[order], embedded(np.asarray(poses, float)[order], points_model, camera)
-
-    test, val = (round(len(names) * fraction) for fraction in (fractions[2], fractions[1]))
-    if min(test, val) < 1 or test + val >= len(names):
-        raise InputError(f"split: {len(names)} views are too few for fractions {tuple(fractions)}; render more views")
-    part = _parts(places, test=test, val=val, cells=cells)
+    places = embedded(poses, points_model, camera)
+    test, val = (round(len(poses) * fraction) for fraction in (TEST, VAL))
+    if min(test, val) < 1:
+        raise InputError(f"split: {len(poses)} views are too few; render more views")
+    part = _parts(places, test=test, val=val)
     for one, others in (("val", ("test",)), ("train", ("val", "test"))):
         kept = np.flatnonzero(part == one)
         near = _nearest(places[kept], places[np.isin(part, others)], gap) < gap
@@ -179,8 +160,8 @@ def split_of_views(
             f"split: a gap of {gap:.3g} px leaves no view in {' and '.join(empty)}; choose a smaller gap, or render "
             "views that differ more"
         )
-    train, val_views, test_views, none = (tuple(names[part == name].tolist()) for name in (*PARTS, "none"))
-    gap_mm, gap_deg = _gap_of_motion(gap, np.asarray(poses, float)[order], points_model, camera)
+    train, val_views, test_views, none = (tuple(np.flatnonzero(part == name).tolist()) for name in (*PARTS, "none"))
+    gap_mm, gap_deg = _gap_of_motion(gap, poses, points_model, camera)
     return Split(train, val_views, test_views, none, gap, _distance_of_parts(places, part), gap_mm, gap_deg)
 
 
@@ -192,8 +173,9 @@ def embedded(poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera)
     return np.rint(places / STEP_PX) * STEP_PX / np.sqrt(len(points_model))
 
 
-def _parts(places: np.ndarray, *, test: int, val: int, cells: int) -> np.ndarray:
+def _parts(places: np.ndarray, *, test: int, val: int) -> np.ndarray:
     """``(N,)`` names of the parts before any view is left out."""
+    cells = CELLS
     while cells > 2 and len(places) < cells * LEAST_IN_CELL:
         cells //= 2
     leaves = _leaves(places, np.arange(len(places)), cells)

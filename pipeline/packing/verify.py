@@ -1,27 +1,22 @@
 """Whether a pack is whole: its hashes, its shards as another library reads them, and each view beside its dataset."""
 
-import json
 import tarfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
-
-import numpy as np
+from typing import TextIO
 
 from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
 from ..dataset.dataset_file import Description, read_description
 from ..dataset.layout import RECORD, ViewPaths, largest_view_file
 from ..errors import InputError, RunError
-from ..files.content import LARGEST_FILE, read_file
 from ..progress import Progress
-from .colour_loss import ColourLoss
+from .colour_loss import ColourLoss, jpeg_loss
 from .layout import (
     MANIFEST,
-    MASKS,
     TABLES,
     WORK,
     is_note,
@@ -30,13 +25,10 @@ from .layout import (
     view_key,
 )
 from .manifest import Manifest, read_manifest
-from .masks import decoded_mask, mask_columns
 from .pack_folder import is_own_name
-from .shard import PackedShard
+from .shard import PackedShard, ShardOrder, view_members
 from .source import Source, open_source
 
-SCENE_TABLES = {"camera.json": "scene_camera.json", "gt.json": "scene_gt.json", "gt_info.json": "scene_gt_info.json"}
-"""Members that repeat an entry of a table of the dataset."""
 DAMAGED, FOREIGN, OTHER = "damaged files", "foreign files", "members unlike the dataset"
 
 
@@ -160,7 +152,6 @@ class _ShardCheck:
         self._most = 0 if description is None else largest_view_file(*description.camera.size_wh)
         self._name = shard_name(shard.number)
         self._jpeg = manifest.jpeg_quality is not None
-        self._tables: dict[str, dict[str, Any]] = {}
 
     def run(self, progress: Progress) -> int:
         """Check hash and members; gives the number of views that were compared with the dataset."""
@@ -171,7 +162,7 @@ class _ShardCheck:
         if problem is None or (self._folder / self._name).is_file():
             for index, members in self._views():
                 if self._source is not None and members is not None:
-                    loss += self._compare(ViewPaths(self._source.root, index), members)
+                    loss += self._compare(ViewPaths(self._source.root, index), members, self._source)
                     compared += 1
                 progress.advance()
         if problem is None and compared == len(self._shard.views) and loss != self._shard.loss:
@@ -213,39 +204,22 @@ class _ShardCheck:
         if not missing and not foreign:
             self._add(DAMAGED, f"{self._name}: its members are in another order, or some are there twice")
 
-    def _compare(self, paths: ViewPaths, members: dict[str, bytes]) -> ColourLoss:
-        """Compare the members of a view with the files of the dataset; gives what JPEG has lost."""
-        loss = ColourLoss()
+    def _compare(self, paths: ViewPaths, members: dict[str, bytes], source: Source) -> ColourLoss:
+        """Compare the members of a view with those that the dataset makes now; gives what JPEG has lost."""
+        quality, camera = self._manifest.jpeg_quality, source.description.camera
+        # another OpenCV may compress to other bytes: JPEG is compared with the image
+        order = ShardOrder(source.root, self._folder, 0, (paths.index,), source.description.identity, camera)
+        found, loss, jpeg = dict[str, bytes](), ColourLoss(), members.get("rgb.jpg")
+        try:
+            found = dict(view_members(order, paths)[0])
+            if quality is not None and jpeg is not None:
+                loss, found["rgb.jpg"] = jpeg_loss(jpeg, found["rgb.png"], camera.shape_hw, "rgb.jpg"), jpeg
+        except (InputError, RunError):
+            pass  # told of its members
         for suffix, data in members.items():
-            kind = suffix.partition(".")[0]
-            try:
-                if suffix in SCENE_TABLES:
-                    same = json.loads(data) == self._entry(paths, SCENE_TABLES[suffix])
-                elif kind in MASKS:
-                    image = decoded_mask(read_file(paths.file(kind), self._most), paths.relative(kind))
-                    height, width = image.shape
-                    same = np.array_equal(image, mask_columns(data, (height, width), suffix).T)
-                elif suffix == "rgb.jpg":
-                    # only here: without JPEG, packing needs no OpenCV
-                    from .jpeg import jpeg_loss
-
-                    found = jpeg_loss(data, read_file(paths.file(kind), self._most), paths.relative(kind))
-                    same, loss = found is not None, found or loss
-                else:
-                    same = data == read_file(paths.file(kind), self._most)
-            except (InputError, RunError, OSError, ValueError, KeyError, TypeError):
-                same = False
-            if not same:
+            if found.get(suffix) != data:
                 key = view_key(paths)
                 self._add(
                     OTHER, f"{self._name}: {key}.{suffix} does not hold what the dataset does (view {paths.index})"
                 )
         return loss
-
-    def _entry(self, paths: ViewPaths, table: str) -> object:
-        """The entry of a view in a table of its scene."""
-        path = paths.scene / table
-        if str(path) not in self._tables:
-            self._tables = {name: known for name, known in self._tables.items() if Path(name).parent == path.parent}
-            self._tables[str(path)] = json.loads(read_file(path, LARGEST_FILE))
-        return self._tables[str(path)][str(paths.image_id)]

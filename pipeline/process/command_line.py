@@ -1,22 +1,15 @@
-"""Arguments, output and exit code of commands, in a Blender program or in a Python with or without the bpy module.
+"""Start, output and exit code of commands, in a Blender program or in a Python with or without the bpy module."""
 
-A mistake in the arguments is reported before Blender loads.
-"""
-
-import argparse
 import errno
-import itertools
 import signal
 import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
 
 from ..errors import InputError, RunError
-from ..files.keys import nearest_name
 from ..files.outputs import unwritable
 from .own_process import (
     STDOUT,
@@ -33,40 +26,6 @@ from .own_process import (
 )
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
-
-
-class ArgumentParser(argparse.ArgumentParser):
-    """Raises :class:`.InputError` for mistakes in the arguments; does not accept abbreviated options."""
-
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(allow_abbrev=False, **settings)
-
-    def error(self, message: str) -> NoReturn:
-        """Raise argparse's message as an :class:`.InputError`."""
-        raise InputError(f"command line: {message}; --help shows all options")
-
-    def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Parse all arguments.
-
-        Raises
-        ------
-        InputError
-            An unknown option, or a missing or unusable value.
-        """
-        # before argparse, which would only report the option that the user misspelt as missing
-        self._check_names(itertools.takewhile(lambda argument: argument != "--", argv))
-        arguments, unknown = self.parse_known_args(argv)
-        self._check_names(unknown)
-        if unknown:
-            raise InputError(f"command line: unknown argument {unknown[0]!r}; --help shows all options")
-        return arguments
-
-    def _check_names(self, arguments: Iterable[str]) -> None:
-        known = tuple(option for action in self._actions for option in action.option_strings)
-        for argument in arguments:
-            name = argument.partition("=")[0]
-            if name.startswith("--") and " " not in name and name not in known:
-                raise InputError(f"command line: unknown argument {name!r}; {nearest_name(name, known)}")
 
 
 def blender_program() -> str | None:

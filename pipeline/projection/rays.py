@@ -4,12 +4,16 @@ The package ``embreex`` brings it, as a wheel without further needs; nothing els
 single precision, with edges that let nothing through. It keeps a copy of the mesh, and its time hardly grows with it.
 """
 
-from typing import NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
 from ..surface.mesh import TriangleMesh
+
+if TYPE_CHECKING:
+    from embreex.rtcore_scene import EmbreeScene
 
 
 class Hits(NamedTuple):
@@ -55,7 +59,7 @@ class MeshRays:
     """Casts rays at one mesh."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        """Build the search structure: a second for a million faces.
+        """Keep the mesh: the first rays build the search structure, which takes a second for a million faces.
 
         Raises
         ------
@@ -63,15 +67,18 @@ class MeshRays:
             As :func:`require_embree`.
         """
         require_embree()
+        self._mesh = mesh
+
+    @cached_property
+    def _scene(self) -> "EmbreeScene":
         from embreex import mesh_construction, rtcore_scene
 
-        self._scene = rtcore_scene.EmbreeScene(robust=True)
-        mesh_construction.TriangleMesh(self._scene, mesh.vertices.astype(np.float32), mesh.faces)
-        # it is built with the first rays, of which several threads may not be the first
-        self.first_hits(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        scene = rtcore_scene.EmbreeScene(robust=True)
+        mesh_construction.TriangleMesh(scene, self._mesh.vertices.astype(np.float32), self._mesh.faces)
+        return scene
 
     def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
-        """``(N, 3)`` float32 origins, mm, and directions of any length -> what the rays meet; any thread may ask."""
+        """``(N, 3)`` float32 origins, mm, and directions of any length -> what the rays meet; one thread may ask."""
         found = self._scene.run(origins, directions, output=True)
         # column by column: numpy is slow at reductions along an axis of three
         x, y, z = (found["Ng"] * directions).T

@@ -12,7 +12,7 @@ from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..packing.layout import MANIFEST, WORK, is_shard, shard_name
 from ..packing.manifest import read_manifest
-from ..packing.source import render_command
+from ..packing.source import AGAIN
 from .folder_files import FolderFiles
 from .pack_files import PackFiles
 from .view import View, ViewFiles
@@ -114,8 +114,7 @@ def open_dataset(path: str | Path) -> Dataset:
     missing = unrecorded_views(folder, description.count)
     if missing:
         raise InputError(
-            f"{folder}: expected {description.count} views, views {view_ranges(missing)} are missing; run "
-            f"{render_command(folder, description)}"
+            f"{folder}: expected {description.count} views, views {view_ranges(missing)} are missing; {AGAIN}"
         )
     views = range(description.count)
     scenes = [scene_views(number, description.count) for number in range(scene_count(description.count))]

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 
 from ..dataset.dataset_file import Description
-from ..dataset.decoding import decoded_array, decoded_depth, decoded_grey, decoded_rgb
+from ..dataset.decoding import decoded_grey
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.run.resume_record import read_record
 from ..errors import InputError, RunError
 from ..files.content import read_file
-from .view import Boxes, Truth
+from .view import Boxes, Truth, ViewFiles
 
 
 @dataclass(frozen=True)
-class FolderFiles:
+class FolderFiles(ViewFiles):
     """The files of a dataset's views.
 
     Attributes
@@ -42,32 +42,16 @@ class FolderFiles:
             visib_fract=info.visib_fract,
         )
 
-    def rgb(self, index: int) -> np.ndarray:
-        """``(H, W, 3)`` uint8."""
-        data, path = self._read(index, "rgb")
-        return decoded_rgb(data, self.description.camera.shape_hw, str(path))
-
-    def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
-        """``(H, W)`` float32, mm."""
-        shape = self.description.camera.shape_hw
-        if self.description.float_depth:
-            data, path = self._read(index, "depth_mm")
-            return decoded_array(data, shape, str(path))
-        data, path = self._read(index, "depth")
-        return decoded_depth(data, depth_scale, shape, str(path))
-
     def mask(self, index: int, kind: str) -> np.ndarray:
         """``(H, W)`` bool."""
-        data, path = self._read(index, kind)
-        return decoded_grey(data, np.uint8, self.description.camera.shape_hw, str(path)) != 0
+        data, where = self.read(index, kind)
+        return decoded_grey(data, np.uint8, self.description.camera.shape_hw, where) != 0
 
-    def close(self) -> None:
-        """Nothing is open."""
-
-    def _read(self, index: int, kind: str) -> tuple[bytes, Path]:
+    def read(self, index: int, kind: str) -> tuple[bytes, str]:
+        """The content of a file of a view, and its path."""
         path = ViewPaths(self.root, index).file(kind)
         try:
-            return read_file(path, largest_view_file(*self.description.camera.size_wh)), path
+            return read_file(path, largest_view_file(*self.description.camera.size_wh)), str(path)
         except OSError as error:
             raise InputError(
                 f"{path}: expected a file of view {index}, cannot read it ({error.strerror}); check the dataset "

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 
 from ..dataset.dataset_file import Description
-from ..dataset.decoding import decoded_array, decoded_depth, decoded_rgb
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..errors import InputError
 from ..files.content import regular_file
@@ -19,20 +18,21 @@ from ..packing.layout import shard_name, view_key
 from ..packing.manifest import Manifest
 from ..packing.masks import mask_columns
 from ..transforms import rigid
-from .view import Boxes, Truth
+from .view import Boxes, Truth, ViewFiles
 
 MOST_OPEN = 8
 """Shards whose files are open at a time."""
 
 
-class PackFiles:
+class PackFiles(ViewFiles):
     """The members of a pack's shards. It can be pickled, and used by several threads and after a fork."""
 
     def __init__(self, folder: Path, description: Description, manifest: Manifest) -> None:
         """Open nothing yet: a shard's headers are read when its first view is."""
-        self._folder, self._description = folder, description
+        self._folder, self.description = folder, description
         self._shape, self._most = description.camera.shape_hw, largest_view_file(*description.camera.size_wh)
-        self._rgb = "rgb.png" if manifest.jpeg_quality is None else "rgb.jpg"
+        rgb = "rgb.png" if manifest.jpeg_quality is None else "rgb.jpg"
+        self._suffixes = {"rgb": rgb, "depth": "depth.png", "depth_mm": "depth_mm.npy"}
         self._shard_of = {view: shard.number for shard in manifest.shards for view in shard.views}
         self._closed = False
         self._open: dict[int, _Shard] = {}
@@ -61,22 +61,9 @@ class PackFiles:
                 "--verify)"
             ) from None
 
-    def rgb(self, index: int) -> np.ndarray:
-        """``(H, W, 3)`` uint8."""
-        data, where = self._read(index, self._rgb)
-        return decoded_rgb(data, self._shape, where)
-
-    def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
-        """``(H, W)`` float32, mm."""
-        if self._description.float_depth:
-            data, where = self._read(index, "depth_mm.npy")
-            return decoded_array(data, self._shape, where)
-        data, where = self._read(index, "depth.png")
-        return decoded_depth(data, depth_scale, self._shape, where)
-
     def mask(self, index: int, kind: str) -> np.ndarray:
         """``(H, W)`` bool."""
-        data, where = self._read(index, f"{kind}.json")
+        data, where = self.read(index, kind)
         # OpenCV transposes in blocks
         return cv2.transpose(mask_columns(data, self._shape, where)).view(bool)
 
@@ -86,11 +73,14 @@ class PackFiles:
         self._open = {}
 
     def _table(self, index: int, suffix: str) -> tuple[Any, str]:
-        data, where = self._read(index, suffix)
+        data, where = self._member(index, suffix)
         return parsed_json(data, where), where
 
-    def _read(self, index: int, suffix: str) -> tuple[bytes, str]:
-        """Content of a member, and its name in messages."""
+    def read(self, index: int, kind: str) -> tuple[bytes, str]:
+        """The content of a file of a view, and its name in messages."""
+        return self._member(index, self._suffixes.get(kind, f"{kind}.json"))
+
+    def _member(self, index: int, suffix: str) -> tuple[bytes, str]:
         number = self._shard_of[index]
         path = self._folder / shard_name(number)
         name = f"{view_key(ViewPaths(self._folder, index))}.{suffix}"

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
+from ..dataset.dataset_file import Description
+from ..dataset.decoding import decoded_array, decoded_depth, decoded_rgb
 from ..dataset.run.resume_record import Box
 
 
@@ -50,28 +51,39 @@ class Truth:
     visib_fract: float
 
 
-class ViewFiles(Protocol):
+class ViewFiles:
     """Where views come from: a folder or a pack. All methods may be called by several threads at once."""
+
+    description: Description
+
+    def read(self, index: int, kind: str) -> tuple[bytes, str]:
+        """The content of a file of a view (``"rgb"``, ``"depth"``, ``"depth_mm"``, a mask); its name for messages."""
+        raise NotImplementedError
 
     def truth(self, index: int) -> Truth:
         """The numbers of a view."""
-        ...
-
-    def rgb(self, index: int) -> np.ndarray:
-        """``(H, W, 3)`` uint8."""
-        ...
-
-    def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
-        """``(H, W)`` float32, mm."""
-        ...
+        raise NotImplementedError
 
     def mask(self, index: int, kind: str) -> np.ndarray:
         """``(H, W)`` bool: ``"mask_visib"`` or ``"mask_observed"``."""
-        ...
+        raise NotImplementedError
 
     def close(self) -> None:
         """Give back all handles of files."""
-        ...
+
+    def rgb(self, index: int) -> np.ndarray:
+        """``(H, W, 3)`` uint8."""
+        data, where = self.read(index, "rgb")
+        return decoded_rgb(data, self.description.camera.shape_hw, where)
+
+    def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
+        """``(H, W)`` float32, mm."""
+        shape = self.description.camera.shape_hw
+        if self.description.float_depth:
+            data, where = self.read(index, "depth_mm")
+            return decoded_array(data, shape, where)
+        data, where = self.read(index, "depth")
+        return decoded_depth(data, depth_scale, shape, where)
 
 
 @dataclass(frozen=True, eq=False)

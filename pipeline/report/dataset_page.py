@@ -18,11 +18,11 @@ from ..images.image_check import check_image
 from ..progress import Progress
 from ..transforms import camera_centre
 from .check_section import badge, check_section
-from .dataset_views import DatasetFolder, ShownView, open_dataset, shown_message, shown_view, shown_views
+from .dataset_views import DatasetFolder, ShownView, open_dataset, shown_message, shown_view
 from .page import THREE, asset, html_page, page_footer, page_header, spaced
 from .provenance import provenance_section
 from .surface_model import ColouredSurface, read_surface
-from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitting_quality, limited_picture, smaller
+from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitted, limited_picture
 from .view_geometry import SourceFrame
 
 OVERLAY = "overlay.png"
@@ -91,7 +91,13 @@ def dataset_page(
     page = _read(folder)
     frames = _frames(page, case)
     sample = folder.sample(views)
-    shown = _encoded(folder, sample, most_bytes, stream)
+    shown = fitted(
+        sample,
+        lambda index, quality: shown_view(root, index, quality),
+        lambda view: view.size * TEXT_PER_BYTE,
+        most_bytes=most_bytes,
+        progress=lambda count: Progress(count, "views", stream=stream),
+    )
     for view in shown:
         page.problems.extend(view.problems)
     camera = folder.camera
@@ -143,24 +149,6 @@ def _read(folder: DatasetFolder) -> _Page:
     elif folder.description:
         problems.append("dataset.json: expected the camera and the pose of the frame, found none")
     return _Page(folder, surface, source, problems)
-
-
-def _encoded(folder: DatasetFolder, sample: list[int], most_bytes: int, stream: TextIO | None) -> list[ShownView]:
-    """The views with the best pictures that fit."""
-    quality = fitting_quality(
-        lambda index, quality: shown_view(folder.root, index, quality).size, sample, most_bytes=most_bytes
-    )
-    while True:
-        shown = []
-        with Progress(len(sample), "views", stream=stream) as progress:
-            for view in shown_views(folder.root, sample, quality):
-                shown.append(view)
-                progress.advance()
-        lower = smaller(quality)
-        if lower is None or sum(view.size for view in shown) * TEXT_PER_BYTE <= most_bytes:
-            return shown
-        # the pilots were easier than the rest
-        quality = lower
 
 
 def _view_data(view: ShownView, page: _Page) -> dict[str, object]:

@@ -1,8 +1,7 @@
 """The views of a dataset for a page, read tolerantly: what is missing or damaged is named, and the rest is shown."""
 
 import json
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,6 @@ from ..images.image_check import LARGEST_IMAGE, check_image
 from ..transforms import checked_rigid
 from .thumbnails import Quality, shrunk, webp
 from .view_layers import ViewLayers
-
-THREADS = 4
-"""OpenCV decodes and encodes without Python's lock; each thread holds one view."""
 
 
 @dataclass(frozen=True)
@@ -203,10 +199,3 @@ def _image(paths: ViewPaths, kind: str, problems: list[str]) -> np.ndarray | Non
         problems.append(f"{name}: expected an image of the view, found a damaged one")
         return None
     return image
-
-
-def shown_views(root: Path, indices: list[int], quality: Quality) -> Iterator[ShownView]:
-    """The views in their order, by a few threads; no more views wait than there are threads."""
-    with ThreadPoolExecutor(THREADS) as pool:
-        for start in range(0, len(indices), 2 * THREADS):
-            yield from pool.map(lambda index: shown_view(root, index, quality), indices[start : start + 2 * THREADS])

@@ -1,7 +1,6 @@
-"""The folder of an evaluation, read tolerantly: rows, summaries, pictures and charts, as far as they are there."""
+"""The folder of an evaluation: rows and summaries; pictures and charts, as far as they are there."""
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..files.tables import parsed_json
 
 EVALUATION = "evaluation.json"
 FORMAT = "oneframe evaluation 1"
+LISTS = ("cases", "methods", "rows", "summary", "distribution", "bound", "pictures")
 FIGURES = (("figure.png", "Real frames and what the methods make of them"), ("pairs.png", "Pairs of novel poses"))
 """Pictures beside the description, and what they show."""
 
@@ -29,7 +29,7 @@ class EvaluationFolder:
     content
         ``evaluation.json``.
     problems
-        What of it cannot be used.
+        Which pictures cannot be used.
     """
 
     root: Path
@@ -37,22 +37,8 @@ class EvaluationFolder:
     problems: list[str]
 
     def rows(self, name: str) -> list[dict[str, Any]]:
-        """The entries of a list that are tables; others are reported once."""
-        value = self.content.get(name, [])
-        found = [entry for entry in value if isinstance(entry, dict)] if isinstance(value, list) else []
-        if not isinstance(value, list) or len(found) < len(value):
-            self.problems.append(f"{EVALUATION}: {name}: expected a list of tables, found something else in it")
-        return [{str(key): plain_value(cell) for key, cell in entry.items()} for entry in found]
-
-    def table(self, name: str) -> Mapping[str, Any]:
-        """A table, empty if it is none."""
-        value = self.content.get(name)
-        return value if isinstance(value, dict) else {}
-
-    def names(self, name: str) -> list[str]:
-        """The texts of a list."""
-        value = self.content.get(name)
-        return [entry for entry in value if isinstance(entry, str)] if isinstance(value, list) else []
+        """The entries of a list."""
+        return list(self.content.get(name, []))
 
     def file(self, name: object) -> bytes | None:
         """The content of a file in the folder; ``None``, with an entry in ``problems``, if it cannot be had."""
@@ -68,22 +54,13 @@ class EvaluationFolder:
             return None
 
 
-def plain_value(cell: object) -> object:
-    """A cell for the page: text, a finite number, a truth value or nothing."""
-    if cell is None or isinstance(cell, bool | str):
-        return cell
-    if isinstance(cell, int | float):
-        return cell if math.isfinite(cell) else None
-    return json.dumps(cell)
-
-
 def open_evaluation(root: Path) -> EvaluationFolder:
     """Read the description of an evaluation.
 
     Raises
     ------
     InputError
-        Not JSON, or of another format.
+        Not JSON, damaged, or of another format.
     """
     content = parsed_json(read_content(root / EVALUATION, "the description of an evaluation"), EVALUATION)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -92,4 +69,13 @@ def open_evaluation(root: Path) -> EvaluationFolder:
             f"{root / EVALUATION}: expected the format {FORMAT!r}, found {found}; use the version of OneFrame that "
             "made it"
         )
+    try:
+        kinds = dict.fromkeys(LISTS, list) | {"conditions": dict, "scores": dict, "charts": list}
+        if not all(isinstance(content.get(name, kind()), kind) for name, kind in kinds.items()):
+            raise ValueError("other kinds of values")
+        if not all(isinstance(entry, dict) for name in LISTS for entry in content.get(name, [])):
+            raise ValueError("a list of something else than tables")
+        json.dumps(content, allow_nan=False)
+    except ValueError as error:
+        raise InputError(f"{root / EVALUATION}: expected {FORMAT!r}, found {error}; evaluate again") from None
     return EvaluationFolder(root, content, [])

@@ -17,14 +17,12 @@ from .evaluation_folder import EVALUATION, FIGURES, EvaluationFolder, open_evalu
 from .page import asset, escaped, html_page, page_footer, page_header, property_table
 from .thumbnails import (
     PAGE_BYTES,
-    TEXT_PER_BYTE,
     Quality,
     data_uri,
-    fitting_quality,
+    fitted,
     limited_picture,
     shrunk,
     sized_picture,
-    smaller,
 )
 
 PARTS = ("real", "segmented", "rendered", "difference")
@@ -67,7 +65,7 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
     facts = [
         _counted(len(cases), "case"), _counted(len({*_frames(rows)}), "photograph"),
         _counted(sum("skipped" not in method for method in methods), "method"),
-        str(folder.table("conditions").get("measured") or ""),
+        str(folder.content.get("conditions", {}).get("measured") or ""),
     ]  # fmt: skip
     distribution = folder.rows("distribution")
     missing = folder.content.get("missing")
@@ -83,14 +81,14 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
             {key: entry.get(key) for key in ("case", "image", "method", *PARTS)} for entry in pictures
         ],
         "files": files,
-        "meanings": {str(name): str(text) for name, text in folder.table("scores").items()},
+        "meanings": {str(name): str(text) for name, text in folder.content.get("scores", {}).items()},
         "figures": figures,
     }  # fmt: skip
     body = string.Template(asset("evaluation.html")).substitute(
         header=page_header(kind="evaluation", name=resolved.name, facts=[fact for fact in facts if fact]),
         missing="" if not isinstance(missing, str) else f"<p class='muted'>{escaped(missing)}</p>",
-        conditions=_conditions(folder.table("conditions")),
-        problems=problem_list("Not shown on this page", folder.problems),
+        conditions=_conditions(folder.content.get("conditions", {})),
+        problems=problem_list("Not shown on this page", sorted({*folder.problems})),
         footer=page_footer(three=False),
     )
     return html_page(title=f"{resolved.name} · OneFrame evaluation", body=body, data=data, scripts=SCRIPTS)
@@ -109,30 +107,18 @@ def _encoded(
 ) -> dict[str, dict[str, Any]]:
     """The pictures by name, with the best quality that fits."""
 
-    def encoded(name: str, quality: Quality, problems: EvaluationFolder) -> dict[str, Any] | None:
-        image = _decoded(problems, name)
+    def encoded(name: str, quality: Quality) -> dict[str, Any] | None:
+        image = _decoded(folder, name)
         return None if image is None else sized_picture(shrunk(image, quality.width_px), quality.webp)
 
-    def size(name: str, quality: Quality) -> int:
-        picture = encoded(name, quality, silent)
-        return 0 if picture is None else round(len(picture["uri"]) / TEXT_PER_BYTE)
-
-    # what the pilots cannot read is reported once, below
-    silent = EvaluationFolder(folder.root, folder.content, [])
-    quality = fitting_quality(size, names, most_bytes=most_bytes)
-    reported = len(folder.problems)
-    while True:
-        del folder.problems[reported:]
-        shown: dict[str, dict[str, Any]] = {}
-        with Progress(len(names), "pictures", stream=stream) as progress:
-            for name in names:
-                if picture := encoded(name, quality, folder):
-                    shown[name] = picture
-                progress.advance()
-        lower = smaller(quality)
-        if lower is None or sum(len(picture["uri"]) for picture in shown.values()) <= most_bytes:
-            return shown
-        quality = lower
+    shown = fitted(
+        names,
+        encoded,
+        lambda picture: 0 if picture is None else len(picture["uri"]),
+        most_bytes=most_bytes,
+        progress=lambda count: Progress(count, "pictures", stream=stream),
+    )
+    return {name: picture for name, picture in zip(names, shown, strict=True) if picture}
 
 
 def _decoded(folder: EvaluationFolder, name: str) -> np.ndarray | None:
@@ -153,7 +139,7 @@ def _decoded(folder: EvaluationFolder, name: str) -> np.ndarray | None:
 
 def _figures(folder: EvaluationFolder, most_bytes: int) -> list[dict[str, Any]]:
     """Figures and charts, each for light and for dark pages where both are there."""
-    charts = [(name, "") for name in folder.names("charts")]
+    charts = [(name, "") for name in folder.content.get("charts", [])]
     fixed = [(name, title) for name, title in FIGURES if (folder.root / name).is_file()]
     by_stem: dict[str, dict[str, Any]] = {}
     for name, title in [*fixed, *charts]:

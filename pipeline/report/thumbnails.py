@@ -5,11 +5,15 @@ A few of the pictures are encoded first, from the best :class:`Quality` down, un
 
 import base64
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import repeat
 from typing import TypeVar
 
 import cv2
 import numpy as np
+
+from ..progress import Progress
 
 PAGE_BYTES = 16_500_000
 """Of all pictures of views in a page, as text: leaves room below 20 MB for script, surface, frame and tables."""
@@ -19,7 +23,11 @@ PILOTS = 8
 MARGIN = 0.92
 """Share of the size that the pilots may fill: others may be larger."""
 
+THREADS = 4
+"""OpenCV decodes and encodes without Python's lock; each thread holds one picture."""
+
 Picture = TypeVar("Picture")
+Encoded = TypeVar("Encoded")
 
 
 @dataclass(frozen=True)
@@ -49,35 +57,43 @@ QUALITIES = (
 """From the best to the smallest."""
 
 
-def fitting_quality(
-    encoded_size: Callable[[Picture, Quality], int], pictures: Sequence[Picture], *, most_bytes: int = PAGE_BYTES
-) -> Quality:
-    """The best quality with which all pictures are expected to fit, or the smallest.
+def fitted(
+    pictures: Sequence[Picture],
+    encoded: Callable[[Picture, Quality], Encoded],
+    text_size: Callable[[Encoded], float],
+    *,
+    most_bytes: int,
+    progress: Callable[[int], Progress],
+) -> list[Encoded]:
+    """All pictures with the best quality with which they fit, or the smallest.
 
     Parameters
     ----------
-    encoded_size
-        Size in bytes of a picture's encoding, 0 if it cannot be read.
     pictures
-        All of them; evenly spaced ones are encoded.
+        All of them, in their order; a few threads encode them, and no more wait than these take.
+    encoded, text_size
+        Encodes one; size of the result in bytes of text.
     most_bytes
-        As text, of all pictures together.
+        Of all together.
+    progress
+        Shows how many of so many are done.
     """
-    if not pictures:
-        return QUALITIES[0]
-    chosen = np.unique(np.linspace(0, len(pictures) - 1, PILOTS).round().astype(int))
-    pilots = [pictures[place] for place in chosen]
-    for quality in QUALITIES:
-        mean = sum(encoded_size(picture, quality) for picture in pilots) / len(pilots)
-        if mean * TEXT_PER_BYTE * len(pictures) <= MARGIN * most_bytes:
-            return quality
-    return QUALITIES[-1]
-
-
-def smaller(quality: Quality) -> Quality | None:
-    """The next quality down; ``None`` below the smallest."""
-    place = QUALITIES.index(quality) + 1
-    return QUALITIES[place] if place < len(QUALITIES) else None
+    chosen = np.unique(np.linspace(0, len(pictures) - 1, min(PILOTS, len(pictures))).round().astype(int))
+    with ThreadPoolExecutor(THREADS) as pool:
+        for quality in QUALITIES:
+            mean = np.mean([text_size(encoded(pictures[place], quality)) for place in chosen]) if len(chosen) else 0.0
+            if mean * len(pictures) > MARGIN * most_bytes and quality is not QUALITIES[-1]:
+                continue
+            found: list[Encoded] = []
+            with progress(len(pictures)) as shown:
+                for start in range(0, len(pictures), 2 * THREADS):
+                    for one in pool.map(encoded, pictures[start : start + 2 * THREADS], repeat(quality)):
+                        found.append(one)
+                        shown.advance()
+            # the pilots may have been easier than the rest
+            if sum(map(text_size, found)) <= most_bytes:
+                break
+    return found
 
 
 def shrunk(image: np.ndarray, width_px: int) -> np.ndarray:

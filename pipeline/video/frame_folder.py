@@ -16,7 +16,7 @@ from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from .film_reader import read_film_frames
 from .frame_mask import tissue_mask, without_combs
-from .frame_reader import read_video_frame
+from .frame_reader import read_video_frame, write_new
 from .frame_scores import COMBED, FilmScores, FrameScore
 
 TABLE, SHEET = "scores.csv", "contact_sheet.png"
@@ -108,9 +108,8 @@ def write_frames(
         image_file, masked_file = files[index]
         picture = without_combs(pixels) if score.comb > COMBED else pixels
         mask = tissue_mask(picture, scores.compared[by_index[index]], scores.inside, scores.circle)
-        _write_new(image_file, encode_png(picture))
-        # somebody may have corrected it by hand
-        _write_new(masked_file, _encoded_masked(picture, mask))
+        write_new(image_file, encode_png(picture))
+        write_new(masked_file, _encoded_masked(picture, mask))
         written[index] = ChosenFrame(score, image_file, masked_file, float(mask.mean()))
         tiles[index] = _tiles(picture, mask, score, [each.index for each in chosen].index(index) + 1)
         if progress:
@@ -156,9 +155,9 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
         if masked:
             compared = scores.compared[scores.frames.index(score)]
             mask = tissue_mask(picture, compared, scores.inside, scores.circle)
-            _write_new(written, _encoded_masked(picture, mask))
+            write_new(written, _encoded_masked(picture, mask))
         else:
-            _write_new(written, encode_png(picture))
+            write_new(written, encode_png(picture))
         return written
     raise InputError(f"{video.name}: cannot decode frame {score.index}; use another frame")
 
@@ -175,17 +174,6 @@ def _files(video: Path, out: Path, score: FrameScore) -> tuple[Path, Path]:
     field = "_field" if score.comb > COMBED else ""
     name = f"{video.stem}_frame_{score.index:06d}{field}"
     return out / f"{name}.png", out / f"{name}_masked.png"
-
-
-def _write_new(path: Path, data: bytes) -> None:
-    if path.exists():
-        if path.read_bytes() == data:
-            return
-        raise InputError(
-            f"{path}: expected no such file, or one with this frame, found another image; rename it, or remove it"
-        )
-    with writing(path):
-        write_bytes_atomically(path, data)
 
 
 def _encoded_masked(picture: np.ndarray, mask: np.ndarray) -> bytes:

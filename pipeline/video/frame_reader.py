@@ -57,33 +57,41 @@ def picture(part: bytes) -> tuple[int, np.ndarray]:
     return index, pixels.reshape(height, width, 3)
 
 
-def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> Path:
-    """Write frame ``index`` as PNG: next to the video as ``NAME_frame_000123.png``, or to ``image``.
-
-    Returns
-    -------
-    The path of the image.
+def write_video_frame(path: Path, index: int) -> Path:
+    """Write frame ``index`` as PNG next to the video, ``NAME_frame_000123.png``; gives its path.
 
     Raises
     ------
     InputError
-        As :func:`read_video_frame`; or the file exists with other content, which is never overwritten.
+        As :func:`read_video_frame` and :func:`write_new`.
     RunError
         The file cannot be written.
     """
-    path = Path(path)
-    image = image or path.with_name(f"{path.stem}_frame_{index:06d}.png")
-    # decoding takes long; its result alone says whether an existing image may stay
+    image = path.with_name(f"{path.stem}_frame_{index:06d}.png")
+    # decoding takes long
     check_outputs([image], {"video": path})
-    data = encode_png(read_video_frame(path, index))
-    if image.exists() and image.read_bytes() != data:
-        raise InputError(
-            f"{image}: expected no such file, or one with this frame, found another image; "
-            "use that one, rename it, or remove it"
-        )
-    with writing(image):
-        write_bytes_atomically(image, data)
+    write_new(image, encode_png(read_video_frame(path, index)))
     return image
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Write an image, whole or not at all, unless it is there already.
+
+    Raises
+    ------
+    InputError
+        The file exists with other content, which somebody may have made by hand.
+    RunError
+        The file cannot be written.
+    """
+    if path.exists():
+        if path.read_bytes() == data:
+            return
+        raise InputError(
+            f"{path}: expected no such file, or one with this frame, found another image; rename it, or remove it"
+        )
+    with writing(path):
+        write_bytes_atomically(path, data)
 
 
 def _decoded(task: str, path: Path, *arguments: int) -> bytes:

@@ -1,6 +1,6 @@
 """How well each frame of a film shows the tissue: sharp, well exposed, still, without glare, instruments and hands."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -279,17 +279,6 @@ def _typical_gain(gain: np.ndarray, bright: np.ndarray) -> float:
     """The gain of well exposed frames: the brightest, as long as their highlights alone are burnt out."""
     whole = bright < BURNT_OUT
     return float(np.percentile(gain[whole] if whole.mean() > BRIGHTEST_SHARE else gain, 100 * BRIGHTEST_SHARE))
-
-
-def score_images(images: Iterable[np.ndarray], *, fps: float = 25.0) -> tuple[FrameScore, ...]:
-    """Score ``(H, W, 3)`` uint8 RGB images of one size as if they were the small pictures of a film."""
-    scorer = None
-    for number, image in enumerate(images):
-        if scorer is None:
-            size_wh = (image.shape[1], image.shape[0])
-            scorer = FilmScorer(FilmInfo(0, fps, size_wh, size_wh, True, 0.0))
-        scorer.add(FilmFrame(number, number / fps, 0.0, image))
-    return scorer.finished() if scorer else ()
 
 
 def best_frames(scores: Sequence[FrameScore], count: int, *, apart_s: float = APART_SECONDS) -> tuple[FrameScore, ...]:

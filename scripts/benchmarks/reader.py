@@ -21,7 +21,7 @@ from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import InputError
 from oneframe.files.machine import available_cores
 from oneframe.files.temporary import temporary_folder
-from oneframe.packing.pack import pack_dataset
+from oneframe.packing.pack import PackOptions, pack_dataset
 from oneframe.reader import Dataset, open_dataset
 
 from .figures import write_figures
@@ -56,7 +56,7 @@ def measured(root: Path, folder: Path, views: int, rounds: int, quality: int) ->
     numbers = list(dataset.views)
     with open(os.devnull, "w") as nowhere:
         packs = {
-            name: pack_dataset(root, folder / name, views=numbers, jpeg_quality=jpeg, stream=nowhere)
+            name: pack_dataset(root, folder / name, PackOptions(jpeg_quality=jpeg), views=numbers, stream=nowhere)
             for name, jpeg in (("pack", None), (f"pack, JPEG {quality}", quality))
         }
     # as many shards as BOP has: views far from each other

@@ -12,6 +12,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
 
 import argparse
 import os
+import shutil
 import subprocess
 from collections.abc import Sequence
 
@@ -58,7 +59,11 @@ def install(blender: str, resources: Path) -> None:
 def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     try:
-        blender = build_extension.found_blender(arguments.blender, "addon-dev")
+        if (blender := shutil.which(arguments.blender or "")) is None:
+            raise InputError(
+                f"expected a Blender program, found {arguments.blender or 'none'!r}; name one: make addon-dev "
+                "BLENDER=/path/to/blender"
+            )
         install(blender, RESOURCES)
         case = arguments.case.resolve()
         if case == SAMPLE and not case.exists():

@@ -1,6 +1,6 @@
 """Build the Blender extension: one zip per platform, for "Install from Disk".
 
-python scripts/dev/build_extension.py [--platform all|current|NAME,NAME...] [--out dist] [--blender PROGRAM]
+python scripts/dev/build_extension.py [--platform all|current|NAME...] [--out dist] [--blender PROGRAM]
 """
 
 import sys
@@ -59,9 +59,10 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="build_extension.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
         "--platform",
-        metavar="NAME",
-        default="all",
-        help=f"all, current, or a list separated by commas of {', '.join(WHEEL_TAGS)} (default: %(default)s)",
+        nargs="+",
+        choices=("all", "current", *WHEEL_TAGS),
+        default=["all"],
+        help="for which computers (default: all)",
     )
     parser.add_argument(
         "--out", metavar="DIR", type=Path, default=ROOT / "dist", help="folder of the zips (default: dist)"
@@ -72,46 +73,20 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def found_blender(program: str | None, target: str) -> str:
-    """The path of a Blender program, given as one or by its name in PATH.
-
-    Parameters
-    ----------
-    program
-        As the user gave it, if at all.
-    target
-        The target of the Makefile that needs it, for the message.
-
-    Raises
-    ------
-    InputError
-        There is no such program.
-    """
-    if found := shutil.which(program or ""):
-        return found
-    raise InputError(
-        f"expected a Blender program, found {program or 'none'!r}; name one: make {target} BLENDER=/path/to/blender"
-    )
-
-
-def platforms(text: str) -> list[str]:
+def platforms(names: Sequence[str]) -> list[str]:
     """Blender's names of the platforms that ``--platform`` asks for.
 
     Raises
     ------
-    InputError
-        An unknown name.
     RunError
         OpenCV has no wheel for this computer.
     """
-    if text == "all":
+    if "all" in names:
         return list(WHEEL_TAGS)
-    known, names = ", ".join(WHEEL_TAGS), text.split(",")
-    for name in names:
-        if name != "current" and name not in WHEEL_TAGS:
-            raise InputError(f"--platform: expected all, current or some of {known}, found {name!r}")
     if "current" in names and this_platform() not in WHEEL_TAGS:
-        raise RunError(f"--platform current: OpenCV has no wheel for {this_platform()}; name some of {known}")
+        raise RunError(
+            f"--platform current: OpenCV has no wheel for {this_platform()}; name some of {', '.join(WHEEL_TAGS)}"
+        )
     return list(dict.fromkeys(this_platform() if name == "current" else name for name in names))
 
 

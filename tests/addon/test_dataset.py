@@ -322,7 +322,7 @@ def test_what_a_dataset_cannot_become_is_said_before_anything_starts(opened, job
     opened.oneframe.dataset.count = 2
     bpy.ops.oneframe.render_dataset()
     assert followed(job_module, ended).code == 0
-    job_module.forget()
+    job_module._current = None
     before, snapshot = tree(out), (tmp_path / "out.case.toml").read_bytes()
     for change, message in DIFFERENCES.items():
         bpy.ops.oneframe.open_case(filepath=str(case_path))

@@ -7,7 +7,7 @@ import pytest
 from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from oneframe.alignment.manual.pins import pull_pins
 from oneframe.alignment.reprojection import apply_twist
-from oneframe.transforms import transform_points
+from oneframe.transforms import rotation_from_vector, transform_points
 
 POINTS_PX = np.array(
     [[8.2, 7.4], [55.1, 9.3], [50.6, 40.2], [11.7, 38.9], [31.4, 24.8], [42.3, 15.6], [22.8, 12.1], [36.5, 33.3]]
@@ -139,6 +139,49 @@ def test_too_few_correspondences_are_refused_and_leave_the_pose(scene, pairs, co
     assert np.array_equal(pose_of(scene), moved)
 
 
+def test_flat_points_show_both_poses_and_a_key_goes_from_one_to_the_other(scene):
+    from blender_addon.landmarks import solve
+    from blender_addon.setup.alignment_record import pose_record
+    from blender_addon.state import from_scene
+
+    true, camera = pose_of(scene), from_scene.camera(scene)
+    extent = from_scene.surface_extents(scene).max() / 4
+    flat = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.1, 0)]) * extent
+    tilted = rotation_from_vector(np.radians([12.0, -7.0, 0.0]))
+    points = transform_points(np.linalg.inv(true), flat @ tilted.T + transform_points(true, np.zeros(3)))
+    scene.oneframe.click_sigma_px = 0.5
+    add(points, camera.project(transform_points(true, points)))
+    solved = solve.solution(scene)
+    assert solved.estimate is None
+    assert len(solved.doubtful) == 2
+    assert sum(solved.probabilities) == pytest.approx(1)
+    assert solve.shown_pose(scene, solved) == 0
+    for expected in (1, 0):
+        bpy.ops.oneframe.other_pose()
+        assert np.array_equal(pose_of(scene), solved.doubtful[expected])
+        record = pose_record(scene)
+        assert record["method"] == "landmarks"
+        assert "2 poses fit" in record["doubt"]
+        assert 0 <= record["explained"] <= 1
+        # a doubtful pose has no uncertainty of its own
+        assert "standard_deviation_deg" not in record
+
+
+def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
+    from blender_addon.setup.alignment_record import pose_record
+
+    scene.oneframe.click_sigma_px = 0.05
+    far = displace(scene, np.array([20.0, 10, 60, 0.2, -0.2, 1.2]))
+    add(pairs[0][:4], pairs[1][:4] + np.array([[3, -2], [-3, 1], [2, 3], [-1, -3]]))
+    assert "no pose fits" in solution(scene).refusal
+    assert not np.array_equal(pose_of(scene), far)
+    assert "no pose fits" in pose_record(scene)["doubt"]
+    rough = pose_of(scene)
+    bpy.ops.oneframe.landmark_toggle(index=0)
+    bpy.ops.oneframe.landmark_toggle(index=0)
+    assert np.array_equal(pose_of(scene), rough)
+
+
 def test_without_live_solve_only_the_button_moves_the_surface(scene, pairs):
     scene.oneframe.live_solve = False
     moved = displace(scene)
@@ -178,7 +221,7 @@ def test_undo_and_redo_restore_landmarks_and_pose_together(scene, pairs):
 
 def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pairs):
     from blender_addon.state import from_scene
-    from oneframe.blender.alignment.visible_surface import visible_surface
+    from oneframe.blender.alignment.surface_object import visible_surface
 
     points, pixels = pairs
     for count in (1, 2, 3):
@@ -190,7 +233,7 @@ def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pair
         own = np.array([landmark.point for landmark in placed]), np.array([landmark.pixel for landmark in placed])
         assert len(placed) == count
         after = pose_of(scene)
-        assert np.abs(after - pull_pins(*own, camera, before, pivot)).max() <= 1e-9
+        assert np.abs(after - pull_pins(*own, camera, before, pivot, held=count - 1)).max() <= 1e-9
         assert np.allclose(camera.project(transform_points(after, own[0])), own[1], atol=0.02)
         if count == 1:
             assert np.array_equal(after[:3, :3], before[:3, :3])

@@ -9,7 +9,7 @@ sitk = pytest.importorskip("SimpleITK")
 from blender_addon.state import from_scene
 from blender_addon.volume import drill_session, drill_strokes, loaded
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.commands import surface as surface_command
+from oneframe.commands.__main__ import dispatch
 from oneframe.images.png import encode_png
 from oneframe.transforms import transform_points
 from oneframe.volume.drill.drill_plan import read_drill_plan
@@ -82,7 +82,7 @@ def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
     with_labels(files)
     bpy.ops.oneframe.make_surface()
     ct = ["--labels", str(files / "labels.nii.gz"), "--out"]
-    surface_command.main([str(files / "ct.nii.gz"), *ct, str(tmp_path / "plain")])
+    dispatch(["surface", str(files / "ct.nii.gz"), *ct, str(tmp_path / "plain")])
     assert surface_bytes(scene) == (tmp_path / "plain" / "surface.ply").read_bytes()
     (nerve,) = scene.oneframe.surface.children
     assert nerve.name == "facial_nerve"
@@ -97,7 +97,7 @@ def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
     assert not scene.oneframe_ct.drilling
     assert not scene.oneframe.surface.hide_get()
     plan = ["--drill", str(tmp_path / "drill.toml")]
-    surface_command.main([str(files / "ct.nii.gz"), *plan, *ct, str(tmp_path / "drilled")])
+    dispatch(["surface", str(files / "ct.nii.gz"), *plan, *ct, str(tmp_path / "drilled")])
     assert surface_bytes(scene) == (tmp_path / "drilled" / "surface.ply").read_bytes()
     assert surface_bytes(scene) != (tmp_path / "plain" / "surface.ply").read_bytes()
 
@@ -155,10 +155,10 @@ def test_the_burr_meets_the_bone_where_the_ray_does_and_stops_at_the_margin(scen
     hit = session.hit(None, near(0, 0, 50), np.array([0, 0, -2.0]))
     np.testing.assert_allclose(hit, near(0, 0, 8), atol=0.1)
     assert session.hit(None, near(0, 9.5, 50), np.array([0, 0, -1.0])) is None
-    reached = session.reached(near(0, 0, 12), CENTRE, 1.5)
+    reached = session.room.reached(near(0, 0, 12), CENTRE, 1.5)
     # nerve of 1 mm, margin of 1 mm, burr of 1.5 mm
     assert reached[2] - CENTRE[2] == pytest.approx(3.5, abs=0.3)
-    name, distance = session.nearest(near(0, 0, 4))
+    name, distance = session.room.nearest(near(0, 0, 4))
     assert (name, distance) == ("facial_nerve", pytest.approx(3.0, abs=0.3))
     session.begin(2.0, near(0, 0, 8))
     deeper = session.hit(session.removed, near(0, 0, 50), np.array([0, 0, -1.0]))
@@ -176,7 +176,7 @@ def test_margins_can_be_chosen_and_hold(scene, files):
         bpy.ops.oneframe.margins(margins=[{"name": "facial_nerve", "spared": spared, "margin_mm": margin}])
         # the same session: nothing that was drilled is lost
         assert drill_session.of(scene) is session
-        stops.append(float(np.linalg.norm(session.reached(outside, beside, 1.0) - CENTRE)))
+        stops.append(float(np.linalg.norm(session.room.reached(outside, beside, 1.0) - CENTRE)))
     assert stops[0] == pytest.approx(0.5)
     assert stops[1] == pytest.approx(1.0 + 1.0 + 0.5, abs=0.3)
     assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oneframe.alignment.manual.pins import pull_pins
+from oneframe.alignment.manual.pins import MAX_DISTANCE_RATIO, pull_pins
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.transforms import (
@@ -55,7 +55,7 @@ def test_one_pin_shifts_parallel_to_the_image(seed, camera):
 
 
 @settings(max_examples=40)
-@given(seeds, cameras, st.floats(-0.6, 0.6), st.floats(-0.2, 0.3))
+@given(seeds, cameras, st.floats(-3.1, 3.1), st.floats(-0.2, 0.3))
 def test_two_pins_shift_roll_and_change_the_distance(seed, camera, roll, nearer):
     rng, points, pose, _ = scene(seed, camera, 2)
     points[1] = points[0] + pose[:3, :3].T @ [8.0, -5.0, 1.0]  # apart in the image
@@ -97,6 +97,18 @@ def test_pulling_does_not_depend_on_the_model_frame(seed, camera, count):
     assert shown(camera, turned, given_points) == pytest.approx(shown(camera, pulled, points), abs=1e-3)
 
 
+@settings(max_examples=20)
+@given(seeds, cameras)
+def test_the_pin_in_the_hand_wins(seed, camera):
+    rng, points, pose, pixels = scene(seed, camera, 6)
+    pixels[2] += rng.normal(size=2) * 20
+    off = [
+        np.linalg.norm(shown(camera, pull_pins(points, pixels, camera, pose, PIVOT, held=held), points)[2] - pixels[2])
+        for held in (2, None)
+    ]
+    assert off[0] < 0.1 * off[1] + 0.01
+
+
 @pytest.mark.parametrize("camera", [LONG, WIDE])
 def test_pins_on_a_line_do_not_turn_about_it(camera):
     rng = np.random.default_rng(2)
@@ -118,3 +130,5 @@ def test_wild_drags_end_in_front_of_the_camera(seed, camera, count):
     assert np.isfinite(pulled).all()
     assert pulled[:3, :3] @ pulled[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
     assert (transform_points(pulled, points)[:, 2] > 0).all()
+    farther = transform_points(pulled, PIVOT)[2] / transform_points(pose, PIVOT)[2]
+    assert 1 / MAX_DISTANCE_RATIO - 1e-9 <= farther <= MAX_DISTANCE_RATIO + 1e-9

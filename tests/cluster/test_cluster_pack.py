@@ -12,7 +12,7 @@ from oneframe.cluster import on_worker
 from oneframe.cluster.pack_on_workers import PackOnWorker
 from oneframe.dataset.run.work_folder import run_token
 from oneframe.errors import InputError, RunError
-from oneframe.packing.pack import on_this_machine, pack_dataset
+from oneframe.packing.pack import PackOptions, on_this_machine, pack_dataset
 from tests.dataset.synthetic_dataset import make_dataset
 from tests.different_files import different_files
 
@@ -29,7 +29,7 @@ def dataset(tmp_path_factory) -> Path:
 
 def test_workers_pack_the_same_bytes(dataset, tmp_path, run_command):
     with (tmp_path / "log").open("w") as stream:
-        pack_dataset(dataset, tmp_path / "here", views_per_shard=1, stream=stream)
+        pack_dataset(dataset, tmp_path / "here", PackOptions(1), stream=stream)
     command = [sys.executable, "-m", "oneframe.commands", "pack", dataset, "--out", tmp_path / "there"]
     ended = run_command([*map(str, command), "--views-per-shard", "1", "--cluster", "local:2"])
     assert (ended.returncode, ended.stderr) == (0, "")
@@ -49,7 +49,7 @@ def pack_after(dataset: Path, out: Path, try_plugin) -> None:
         yield from on_this_machine(1)(orders, progress)
 
     with (out.parent / "log").open("w") as stream:
-        pack_dataset(dataset, out, views_per_shard=2, engine=engine, stream=stream)
+        pack_dataset(dataset, out, PackOptions(2), engine=engine, stream=stream)
 
 
 def test_what_a_lost_worker_packed_is_found(dataset, tmp_path):

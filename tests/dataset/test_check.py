@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.commands import check
+from oneframe.commands.__main__ import dispatch
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import SPLIT, ViewPaths
 from oneframe.dataset.run.resume_record import read_record
@@ -42,7 +42,7 @@ pytestmark = pytest.mark.usefixtures("small_scenes")
 
 @pytest.fixture(scope="module")
 def run() -> Callable[..., int]:
-    return lambda *arguments: exit_code(check.main, [str(argument) for argument in arguments])
+    return lambda *arguments: exit_code(dispatch, ["check", *map(str, arguments)])
 
 
 def edit(path: Path, change: Callable[[dict], object]) -> None:
@@ -172,7 +172,7 @@ def rewrite_rotation(entry: dict) -> None:
 MUTATIONS = {
     "scene_gt entry too many": (
         lambda root: edit(root / S1 / "scene_gt.json", lambda c: c.update({"1": c["0"]})),
-        r"000001/scene_gt\.json .*: expected 1 keys, 1 are unknown \(1\)",
+        r"000001/scene_gt\.json: the entry: expected 1 keys, 1 are unknown \(1\)",
     ),
     "transforms.json axes": (
         lambda root: edit(
@@ -181,7 +181,7 @@ MUTATIONS = {
                 transform_matrix=(np.array(c["frames"][3]["transform_matrix"]) * [1, -1, -1, 1]).tolist()
             ),
         ),
-        r"^transforms\.json: frame 3: transform_matrix",
+        r"^transforms\.json: frames\[3\]\.transform_matrix",
     ),
     "record without a hash": (
         lambda root: change_record(root, 1, lambda c: c["files"].popitem()),

@@ -4,10 +4,7 @@ import errno
 import json
 import os
 import shutil
-import subprocess
 import sys
-import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -17,8 +14,7 @@ from oneframe.dataset import layout
 from oneframe.dataset.checksums import Checksums, read_checksums, sum_of
 from oneframe.dataset.identity import identity_of
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.run import run_folder
-from oneframe.dataset.run.lock import STALE_SECONDS, lock_by_system
+from oneframe.dataset.run import lock, run_folder
 from oneframe.dataset.run.run_folder import RunFolder, Shard
 from oneframe.errors import InputError, RunError
 from oneframe.files.content import partial_name
@@ -103,25 +99,27 @@ def test_shards_share_a_folder_and_the_last_one_tidies_up(tmp_path, monkeypatch)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no open files")
-@pytest.mark.parametrize("locks", [None, lock_by_system], ids=["files", "system"])
-def test_shards_that_end_at_the_same_moment_both_end_well(tmp_path, locks):
-    with RunFolder(tmp_path, IDENTITY, Shard(0, 2), system_lock=locks or no_locks(errno.ENOSYS)) as folder:
+def test_shards_that_end_at_the_same_moment_both_end_well(tmp_path):
+    with RunFolder(tmp_path, IDENTITY, Shard(0, 2)) as folder:
         # the other one has cleaned up
         shutil.rmtree(tmp_path / ".work")
         folder.finish()
     assert [path.name for path in tmp_path.iterdir()] == ["dataset.json"]
 
 
-def test_a_lock_on_a_removed_file_is_none(tmp_path):
+def test_a_lock_on_a_removed_file_is_none(tmp_path, monkeypatch):
     """A run that waits for the lock just as the dataset is finished must not take the dead file for the folder's."""
-    removals = iter((True, True, False))
+    removals, lock_by_system = iter((True, True, False)), lock.lock_by_system
 
     def lock_after_removal(descriptor: int, shared: bool) -> None:
         if next(removals):
             (tmp_path / ".work" / "lock").unlink()
         lock_by_system(descriptor, shared)
 
-    with RunFolder(tmp_path, IDENTITY, WHOLE, system_lock=lock_after_removal):
+    with monkeypatch.context() as patch:
+        patch.setattr(lock, "lock_by_system", lock_after_removal)
+        folder = RunFolder(tmp_path, IDENTITY, WHOLE)
+    with folder:
         assert next(removals, None) is None
         with pytest.raises(RunError, match="another process"):
             RunFolder(tmp_path, IDENTITY, WHOLE)
@@ -272,64 +270,16 @@ def test_a_dataset_does_not_grow_under_a_running_shard(tmp_path, monkeypatch):
         assert json.loads((tmp_path / "dataset.json").read_text()) == larger
 
 
-def no_locks(code: int) -> Callable[[int, bool], None]:
-    def answer(descriptor: int, shared: bool) -> None:
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOSYS, errno.EIO])
+def test_without_locks_of_the_system_shards_share_a_folder_all_the_same(tmp_path, monkeypatch, code):
+    def no_locks(descriptor: int, shared: bool) -> None:
         raise OSError(code, os.strerror(code))
 
-    return answer
-
-
-@pytest.mark.parametrize("code", [errno.ENOLCK, errno.EIO])
-def test_without_locks_of_the_system_runs_are_kept_apart_all_the_same(tmp_path, monkeypatch, code):
-    monkeypatch.setattr(run_folder, "LAST_SHARDS_SECONDS", 0.2)
-    without = {"system_lock": no_locks(code)}
-    with RunFolder(tmp_path, IDENTITY, WHOLE, **without):
-        for other in (WHOLE, Shard(0, 2)):
-            with pytest.raises(RunError, match="another process renders into this folder"):
-                RunFolder(tmp_path, IDENTITY, other, **without)
-    with (
-        RunFolder(tmp_path, IDENTITY, Shard(0, 2), **without) as first,
-        RunFolder(tmp_path, IDENTITY, Shard(1, 2), **without) as second,
-    ):
-        for other in (WHOLE, Shard(1, 2)):
-            with pytest.raises(RunError, match="another process"):
-                RunFolder(tmp_path, IDENTITY, other, **without)
+    monkeypatch.setattr(lock, "lock_by_system", no_locks)
+    with RunFolder(tmp_path, IDENTITY, Shard(0, 2)) as first, RunFolder(tmp_path, IDENTITY, Shard(1, 2)) as second:
         first.finish()
-        assert (tmp_path / ".work").exists()
-        first.__exit__(None, None, None)
         second.finish()
     assert sorted(tree(tmp_path)) == ["dataset.json"]
-
-
-def test_claims_of_the_dead_are_taken_over_and_those_of_the_living_are_not(tmp_path):
-    without = {"system_lock": no_locks(errno.ENOLCK)}
-    with RunFolder(tmp_path, IDENTITY, WHOLE, **without):
-        (claim,) = (tmp_path / ".work").glob("*.claim")
-        content = json.loads(claim.read_text())
-    other = claim.with_name("lock.0123456789abcdef.claim")
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    now = time.time()
-    claims = {
-        "alive": (content, now, True),
-        "on another machine": (content | {"machine": "elsewhere", "process": ended.pid}, now, True),
-        "unreadable": ("half a cl", now, True),
-        "ended": (content | {"process": ended.pid}, now, False),
-        "its number given to another": (content | {"started": "1"}, now, False),
-        "silent": (content | {"machine": "elsewhere"}, now - 2 * STALE_SECONDS, False),
-    }
-    for name, (claimed, when, holds) in claims.items():
-        if name in ("ended", "its number given to another") and not Path("/proc/self/stat").exists():
-            continue
-        other.write_text(json.dumps(claimed)[: None if isinstance(claimed, dict) else -1])
-        os.utime(other, (when, when))
-        if holds:
-            with pytest.raises(RunError, match="another process"):
-                RunFolder(tmp_path, IDENTITY, WHOLE, **without)
-            assert other.exists(), name
-        else:
-            with RunFolder(tmp_path, IDENTITY, WHOLE, **without):
-                assert not other.exists(), name
 
 
 @pytest.mark.parametrize("error", [InputError("bad"), RunError("bad")], ids=repr)

@@ -62,7 +62,6 @@ def test_the_command_line_may_resolve_a_conflict_in_the_table():
         ({"conut": 7}, "unknown option 'conut'; did you mean 'count'\\?"),
         ({"engine": "cycle"}, "found 'cycle'; did you mean 'cycles'\\?"),
         ({"distance_min": 1.2}, "expected distance_min <= distance_max, found 1.2 > 1.1; swap them"),
-        ({"engine": "workbench"}, "engine: .* found 'workbench'; it is gone: write raster"),
     ],
     ids=str,
 )

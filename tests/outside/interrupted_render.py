@@ -13,7 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from oneframe.commands.render import main
+from oneframe.commands import render
+from oneframe.process.arguments import run_command
 from oneframe.process.command_line import run_script
 
 CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir")
@@ -46,7 +47,8 @@ if __name__ == "__main__":
     sys.argv[1:] = arguments
 
     def run(argv: list[str]) -> int:
-        code = main(argv, command=[sys.executable, __file__, name, who, place])
+        render.own_command = lambda: [sys.executable, __file__, name, who, place]
+        code = run_command("oneframe render", render, argv)
         if name == "none":
             sys.stderr.write(f"{len(changes)}\n")
         return code

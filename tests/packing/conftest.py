@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from oneframe.dataset import layout
-from oneframe.packing.pack import pack_dataset
+from oneframe.packing.pack import PackOptions, pack_dataset
 from tests.dataset import synthetic_dataset
 
 
@@ -24,7 +24,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def packed(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """It packed, three views a shard."""
     out = tmp_path_factory.mktemp("packed") / "packed"
-    pack_dataset(dataset, out, views_per_shard=3)
+    pack_dataset(dataset, out, PackOptions(3))
     return out
 
 

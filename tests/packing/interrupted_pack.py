@@ -12,7 +12,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "outside")]
 
 from interrupted_render import arm
 
-from oneframe.commands.pack import main
+from oneframe.commands import pack
+from oneframe.process.arguments import run_command
 from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
@@ -21,7 +22,7 @@ if __name__ == "__main__":
     sys.argv[1:] = arguments
 
     def run(argv: list[str]) -> int:
-        code = main(argv)
+        code = run_command("oneframe pack", pack, argv)
         sys.stderr.write(f"{len(changes)}\n")
         return code
 

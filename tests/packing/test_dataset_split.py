@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from oneframe.commands import pack
+from oneframe.commands.__main__ import dispatch
 from oneframe.packing.manifest import read_manifest
 from oneframe.packing.verify import verify_pack
 
@@ -26,7 +26,7 @@ def rendered(tmp_path_factory, write_tiny_case, run_oneframe) -> Path:
 def test_parts_of_a_dataset(rendered, tmp_path, capfd):
     def packed(*options: object) -> tuple[set[int], str]:
         out = tmp_path / "-".join(map(str, options))
-        assert pack.main([str(word) for word in (rendered, "--out", out, "--split", *options)]) == 0
+        assert dispatch([str(word) for word in ("pack", rendered, "--out", out, "--split", *options)]) == 0
         assert not verify_pack(out, rendered).findings
         views = set(read_manifest(out).views)
         targets = json.loads((out / "test_targets_bop19.json").read_text())
@@ -53,6 +53,6 @@ def test_a_changed_table_is_noticed(rendered, tmp_path):
     table.write_bytes(whole.replace(b"obj_id", b"obj_ID"))
     try:
         with pytest.raises(ValueError, match=r"scene_gt\.json"):
-            pack.main([str(rendered), "--out", str(tmp_path / "out"), "--split", "val"])
+            dispatch(["pack", str(rendered), "--out", str(tmp_path / "out"), "--split", "val"])
     finally:
         table.write_bytes(whole)

@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pycocotools import mask as coder
 
-from oneframe.dataset.decoding import decoded_grey
 from oneframe.errors import InputError
-from oneframe.images.png import encode_png
-from oneframe.packing.masks import decoded_mask, mask_columns, mask_json
+from oneframe.packing.masks import mask_columns, mask_json
 
 MASKS = arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12)))
 
@@ -26,20 +24,9 @@ def test_run_lengths_are_the_mask(mask):
     np.testing.assert_array_equal(mask_columns(data, mask.shape, "m").T, mask)
 
 
-@given(mask=MASKS)
-def test_mask_images_are_decoded_without_a_library(mask):
-    data = encode_png(np.where(mask, np.uint8(255), np.uint8(0)))
-    np.testing.assert_array_equal(decoded_mask(data, "m"), mask)
-    np.testing.assert_array_equal(decoded_grey(data, np.uint8, mask.shape, "m") != 0, mask)
-
-
 @settings(max_examples=60)
 @given(mask=MASKS, data=st.data())
 def test_damaged_masks_are_a_sentence(mask, data):
-    png = encode_png(np.where(mask, np.uint8(255), np.uint8(0)))
-    cut = data.draw(st.integers(0, len(png) - 20))
-    with pytest.raises(InputError, match="m: expected"):
-        decoded_mask(png[:cut], "m")
     text = mask_json(mask)
     with pytest.raises(InputError, match="m: expected"):
         mask_columns(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")

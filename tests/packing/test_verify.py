@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from oneframe.dataset.checksums import sum_of_file
 from oneframe.errors import InputError
-from oneframe.packing.pack import pack_dataset
+from oneframe.packing.pack import PackOptions, pack_dataset
 from oneframe.packing.verify import verify_pack
 
 SHARD = "shard-000000.tar"
@@ -155,5 +155,5 @@ def test_notes_beside_the_shards_are_no_damage(dataset, copied_pack):
     for name in ("README.md", "LICENSE", ".gitattributes"):
         (copied_pack / name).write_text("mine")
     assert findings(copied_pack) == []
-    pack_dataset(dataset, copied_pack, views_per_shard=3, stream=io.StringIO())
+    pack_dataset(dataset, copied_pack, PackOptions(3), stream=io.StringIO())
     assert (copied_pack / "LICENSE").read_text() == "mine"

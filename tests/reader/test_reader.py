@@ -22,7 +22,7 @@ import pytest
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.packing.pack import pack_dataset
+from oneframe.packing.pack import PackOptions, pack_dataset
 from oneframe.reader import Dataset, View, open_dataset
 from oneframe.reader.pack_files import MOST_OPEN
 from tests.impossible_files import impossible
@@ -95,7 +95,7 @@ def test_it_is_a_sequence(opened):
 
 
 def test_chosen_views_keep_their_order_and_numbers(dataset, tmp_path):
-    pack_dataset(dataset, tmp_path / "out", views=[3, 0, 2], views_per_shard=2, stream=io.StringIO())
+    pack_dataset(dataset, tmp_path / "out", PackOptions(2), views=[3, 0, 2], stream=io.StringIO())
     chosen, whole = open_dataset(tmp_path / "out"), open_dataset(dataset)
     assert [*chosen.views] == [3, 0, 2]
     assert chosen.shards == (range(2), range(2, 3))
@@ -151,7 +151,7 @@ def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):
 
     count = 3 * MOST_OPEN
     views = open_dataset(dataset)
-    pack_dataset(dataset, tmp_path / "out", views_per_shard=1, stream=io.StringIO())
+    pack_dataset(dataset, tmp_path / "out", PackOptions(1), stream=io.StringIO())
     assert count > MOST_OPEN
     with open_dataset(tmp_path / "out") as packs:
         first = packs[0]
@@ -186,7 +186,7 @@ def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):
         with pytest.raises(InputError, match=f"{re.escape(str(path))}: expected the folder of a dataset or a pack"):
             open_dataset(path)
     (copied / "train_synt/000000/frame/000002.json").unlink()
-    with pytest.raises(InputError, match="expected 4 views, views 2 are missing; run oneframe render"):
+    with pytest.raises(InputError, match="expected 4 views, views 2 are missing; run the command that rendered it"):
         open_dataset(copied)
 
 
@@ -236,7 +236,7 @@ def test_claims_take_no_memory(copied, copied_pack):
         content = json.loads(text)
         content["shards"]["shard-000000.tar"]["views"] = [[0, 10**12]]
         path.write_text(json.dumps(content | {"count": count}))
-        with pytest.raises(InputError, match=r"pack\.json: .*expected at most [0-9]+ views, found"):
+        with pytest.raises(InputError, match=r"pack\.json: .*expected at most [0-9]+"):
             open_dataset(copied_pack)
 
 

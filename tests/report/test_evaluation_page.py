@@ -71,7 +71,7 @@ def test_an_evaluation_of_rows_alone_still_has_a_page(browser, tmp_path):
     (tmp_path / "evaluation.json").write_text(
         json.dumps({
             "format": "oneframe evaluation 1", "missing": "no features were given",
-            "rows": [{"case": "a", "image": "1.png", "method": "m", "ssim_whole": 0.5}, 7], "charts": None,
+            "rows": [{"case": "a", "image": "1.png", "method": "m", "ssim_whole": 0.5}],
         })
     )  # fmt: skip
     page = tmp_path / "page.html"

@@ -22,7 +22,7 @@ def test_pages_and_what_is_refused(run_oneframe, evaluation, tmp_path):
     refused = {
         (tmp_path, "--out", out): "expected the folder of a dataset or of an evaluation, found neither",
         (evaluation, "--out", evaluation / "evaluation.json"): "an input",
-        (evaluation, "--out", out, "--views", "-1"): "expected a number of views or 0 for all",
+        (evaluation, "--out", out, "--views", "-1"): "expected 0 or more",
     }
     for arguments, message in refused.items():
         ended = run_oneframe("report", *arguments)

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from oneframe import __version__
-from oneframe.commands.__main__ import COMMANDS, EPILOG, SHELLS, dispatch
-from oneframe.commands.parser import command_parser
+from oneframe.commands.__main__ import COMMANDS, EPILOG, dispatch
 from oneframe.commands.render import GROUPS
 from oneframe.dataset.options import option_names
 from oneframe.errors import InputError
+from oneframe.process.arguments import command_parser
 from oneframe.process.command_line import blender_command
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def parser_of(name: str) -> argparse.ArgumentParser:
     module = import_module(f"oneframe.commands.{name}")
-    return command_parser(f"oneframe {name}", module.ABOUT, module.EPILOG, module.add_arguments)
+    return command_parser(f"oneframe {name}", module)
 
 
 def examples(epilog: str) -> list[list[str]]:
@@ -72,7 +72,7 @@ def test_help_needs_neither_blender_nor_numpy(run_command):
     lines = [["--help"], ["--version"], *([name, "--help"] for name in COMMANDS if name != "check")]
     code = (
         "import sys\n"
-        "sys.modules.update(dict.fromkeys(['bpy', 'cv2', 'numpy', 'scipy', 'shtab', 'skimage']))\n"
+        "sys.modules.update(dict.fromkeys(['bpy', 'cv2', 'numpy', 'scipy', 'skimage']))\n"
         "from oneframe.commands.__main__ import dispatch\n"
         "from oneframe.process.command_line import exit_code\n"
         f"sys.exit(max(exit_code(dispatch, line) for line in {lines!r}))"
@@ -124,31 +124,11 @@ def test_a_missing_package_is_named(run_command, tmp_path):
 
 def test_values_that_look_like_options_are_values():
     """An argument after ``--`` is no option, and neither is one with a space in it."""
-    with pytest.raises(InputError, match=r"--views: expected a number of views or 0 for all, found -1"):
+    with pytest.raises(InputError, match=r"--views: expected 0 or more, found -1"):
         dispatch(["check", "--views", "-1", "--", "--dataset"])
     assert parser_of("colour").parse(["--out", "--a name with spaces.ply", "case.toml"]).out == Path(
         "--a name with spaces.ply"
     )
-
-
-@pytest.mark.parametrize("shell", SHELLS)
-def test_completion_scripts_know_every_command_and_hide_what_is_hidden(shell, run_oneframe):
-    ended = run_oneframe("--print-completion", shell)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    shown = {option for name in COMMANDS for option in visible_options(parser_of(name))}
-    assert "--min-clearance-mm" in shown
-    assert all(word in ended.stdout for word in (*COMMANDS, *(option.lstrip("-") for option in shown)))
-    assert "end-with-input" not in ended.stdout
-
-
-def visible_options(parser: argparse.ArgumentParser) -> set[str]:
-    return {
-        option
-        for action in parser._actions
-        if action.help != argparse.SUPPRESS
-        for option in action.option_strings
-        if option.startswith("--")
-    }
 
 
 def files_of(root: Path) -> dict[str, bytes]:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.commands import frames as command
+from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.video.frame_folder import write_frames
 from oneframe.video.frame_scores import best_frames, score_frames
@@ -97,7 +97,7 @@ def test_a_film_that_is_cut_off_gives_what_it_has(film, tmp_path, capfd):
     path, _, _ = film
     short = tmp_path / "short.mkv"
     short.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    assert command.main([str(short), "--out", str(tmp_path / "out"), "--count", "1"]) == 0
+    assert dispatch(["frames", str(short), "--out", str(tmp_path / "out"), "--count", "1"]) == 0
     assert "cut off" in capfd.readouterr().out
     assert len(list((tmp_path / "out").glob("short_frame_*.png"))) == 2
 
@@ -112,7 +112,7 @@ def test_a_film_that_is_cut_off_gives_what_it_has(film, tmp_path, capfd):
 )
 def test_wrong_options_are_refused(film, tmp_path, arguments, message):
     with pytest.raises(InputError, match=message):
-        command.main([str(film[0]), "--out", str(tmp_path / "out"), *arguments])
+        dispatch(["frames", str(film[0]), "--out", str(tmp_path / "out"), *arguments])
     assert not (tmp_path / "out").exists()
 
 
@@ -121,11 +121,11 @@ def test_the_video_is_never_replaced(film, tmp_path):
     out.mkdir()
     (out / "scores.csv").write_bytes(film[0].read_bytes())
     with pytest.raises(InputError, match=r"scores\.csv: expected a new file, found the video"):
-        command.main([str(out / "scores.csv"), "--out", str(out)])
+        dispatch(["frames", str(out / "scores.csv"), "--out", str(out)])
 
 
 def test_a_film_that_shows_nothing_gives_its_scores_and_says_so(tmp_path):
     path = write_film(tmp_path / "black.mkv", [np.zeros((120, 160, 3), np.uint8)] * 12)
     with pytest.raises(InputError, match=r"black\.mkv: expected a frame that shows something sharply, found none; see"):
-        command.main([str(path), "--out", str(tmp_path / "out")])
+        dispatch(["frames", str(path), "--out", str(tmp_path / "out")])
     assert len((tmp_path / "out" / "scores.csv").read_text().splitlines()) == 13

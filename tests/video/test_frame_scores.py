@@ -1,6 +1,7 @@
 """Scores of films whose good frames are known: a render of the sample case with faults laid over it."""
 
 import tracemalloc
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 
@@ -8,9 +9,9 @@ import numpy as np
 import pytest
 
 from oneframe.video import frame_scores
-from oneframe.video.film_reader import FilmInfo
+from oneframe.video.film_reader import FilmFrame, FilmInfo
 from oneframe.video.frame_folder import report_lines
-from oneframe.video.frame_scores import FilmScores, best_frames, score_images
+from oneframe.video.frame_scores import FilmScorer, FilmScores, FrameScore, best_frames
 from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film, write_film
 
 pytestmark = pytest.mark.render
@@ -35,6 +36,17 @@ def a_film(pictures, seed: int, settings: dict) -> tuple[list[np.ndarray], np.nd
             clear[begin:end] = False
         if all(clear[begin:end].mean() > 1 / 6 for begin, end in pairwise(cuts)):
             return list(surgical_film(pictures, events, rng, **settings)), clear
+
+
+def score_images(images: Iterable[np.ndarray]) -> tuple[FrameScore, ...]:
+    """The scores of uint8 RGB images of one size, as if they were the small pictures of a film."""
+    scorer = None
+    for number, image in enumerate(images):
+        if scorer is None:
+            size_wh = (image.shape[1], image.shape[0])
+            scorer = FilmScorer(FilmInfo(0, 25.0, size_wh, size_wh, True, 0.0))
+        scorer.add(FilmFrame(number, number / 25, 0.0, image))
+    return scorer.finished()
 
 
 def test_the_best_frames_are_clear(sample_views):

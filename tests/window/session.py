@@ -1,6 +1,6 @@
 """Plays one scenario in Blender's real window, on a separate display, with the extension installed from its zip.
 
-Used by the fixtures of these tests and by ``scripts/dev/make_screenshots.py``.
+Used by the fixtures of these tests.
 """
 
 import ctypes

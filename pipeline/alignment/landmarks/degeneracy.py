@@ -56,12 +56,17 @@ class UndeterminedPose(InputError):
         The reason.
     candidates
         ``(4, 4)`` cam_from_model of the poses considered, the most probable first; possibly empty.
+    probabilities
+        Of the candidates, where several fit; otherwise empty.
     """
 
-    def __init__(self, kind: Kind, message: str, candidates: Sequence[np.ndarray] = ()) -> None:
+    def __init__(
+        self, kind: Kind, message: str, candidates: Sequence[np.ndarray] = (), probabilities: Sequence[float] = ()
+    ) -> None:
         super().__init__(message)
         self.kind = kind
         self.candidates = tuple(candidates)
+        self.probabilities = tuple(probabilities)
 
 
 def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str]) -> None:
@@ -194,21 +199,23 @@ def ambiguous_pose(
         Stated click noise.
     """
     candidates = [each.pose.matrix(0, correspondences.pivot_model) for each in possible]
+    odds = np.exp([each.log_evidence - possible[0].log_evidence for each in possible])
+    probabilities = (odds / odds.sum()).tolist()
     best, second = possible[0], possible[1]
     differ = f"which differ by up to {format_two_digits(rotation_deg)}°"
     fits = f"landmarks: the correspondences fit {len(possible)} poses nearly equally well, {differ}"
     if not np.array_equal(best.inliers, second.inliers):
         doubtful = [repr(names[index]) for index in np.flatnonzero(best.inliers != second.inliers).tolist()]
         advice = f"at least one of {', '.join(doubtful)} is wrong; check these, or add pairs"
-        return UndeterminedPose("contradictory", f"{fits}: {advice}", candidates)
+        return UndeterminedPose("contradictory", f"{fits}: {advice}", candidates, probabilities)
     distance = float(np.linalg.norm(best.pose.positions[0]))
     if _principal_spread_px(correspondences, distance)[2] < MIN_SPREAD_SIGMAS * click_sigma_px:
         advice = "their points lie nearly on one plane, which can tilt either way; add a pair well above or below it"
-        return UndeterminedPose("coplanar", f"{fits}: {advice}", candidates)
+        return UndeterminedPose("coplanar", f"{fits}: {advice}", candidates, probabilities)
     advice = (
         "add a pair, ideally where the surface rises or falls most" if len(correspondences) < 6 else "check the pairs"
     )
-    return UndeterminedPose("ambiguous", f"{fits}: {advice}", candidates)
+    return UndeterminedPose("ambiguous", f"{fits}: {advice}", candidates, probabilities)
 
 
 def check_uncertainty(

@@ -19,7 +19,7 @@ OUTLIER_PROBABILITY, OUTLIER_RANGE_SIGMAS = 0.05, 50.0
 SUSPICIOUS_NOISE_RATIO = 2.0
 """Noise estimate over stated noise beyond which the search for outliers starts."""
 
-NOISE_PRIOR_DOF = 12.0
+NOISE_PRIOR_DOF = 4.0
 """Degrees of freedom of the prior on the click noise when outliers are weighed against large noise."""
 
 TRIPLES = 50

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
-from ...transforms import transform_points
+from ...transforms import rigid, rotation_from_vector, transform_points
 from ..levenberg_marquardt import PosePrior, fit_poses
 from ..reprojection import Correspondences, Poses
 
@@ -15,6 +15,13 @@ PRIOR_PX_PER_RADIAN = 0.3
 Weak enough for three pins to reach their pixels within 0.01 px, strong enough to keep what the pins do not determine.
 """
 
+MAX_DISTANCE_RATIO = 4.0
+"""One drag brings the surface at most this many times nearer or farther: pixels that nearly coincide would send it to
+infinity."""
+
+HELD_COUNTS = 100
+"""As many pins does the one in the hand count for."""
+
 
 def pull_pins(
     points_model: np.ndarray,
@@ -22,15 +29,19 @@ def pull_pins(
     camera: PinholeCamera,
     cam_from_model: np.ndarray,
     pivot_model: np.ndarray,
+    *,
+    held: int | None = None,
 ) -> np.ndarray:
     """The pose nearest to the current one that brings each pin to its pixel, as far as possible.
 
     * One pin: a shift parallel to the image at the pin's depth; exact.
     * Two pins: a shift, a roll about the view ray and a change of distance; exact unless the pixels coincide.
-    * Three and more: all six degrees of freedom by Levenberg-Marquardt from the current pose, without a jump to another
-      solution.
+    * Three and more: all six degrees of freedom.
 
-    Pins that coincide or lie on one line do not change what they do not determine.
+    The last two by Levenberg-Marquardt, from the current pose and from the shift, roll and distance that fit the pins
+    best: a surface upside down has no way back from the current pose. Pins that coincide or lie on one line do not
+    change what they do not determine, and none brings the surface more than :data:`MAX_DISTANCE_RATIO` times nearer or
+    farther.
 
     Parameters
     ----------
@@ -43,6 +54,8 @@ def pull_pins(
     pivot_model
         ``(3,)`` mm: the centre of rotations, e.g. the centre of the visible surface. The roll is about the ray through
         it.
+    held
+        The pin in the hand: where pins contradict each other, it wins.
 
     Returns
     -------
@@ -51,22 +64,57 @@ def pull_pins(
     Raises
     ------
     InputError
-        No pin, wrong shapes, coordinates that are not finite, a pin or the pivot at or behind the camera.
+        A pin or the pivot at or behind the camera.
     """
-    points, clicks, pivot = _checked_input(points_model, pixels, cam_from_model, pivot_model)
-    correspondences = Correspondences.about(points, clicks, camera, pivot)
-    current = Poses.of(cam_from_model[None], pivot)
+    depths = transform_points(cam_from_model, np.vstack([points_model, pivot_model]))[:, 2]
+    if not (depths > 0).all():
+        raise InputError(
+            f"pins: expected the pins and the pivot in front of the camera, found one at depth {depths.min():.4g} mm; "
+            "bring the surface into view first"
+        )
+    correspondences = Correspondences.about(points_model, pixels, camera, pivot_model)
+    current = Poses.of(cam_from_model[None], pivot_model)
     if len(correspondences) == 1:
-        depth = transform_points(cam_from_model, points[0])[2]
-        shown = camera.project(transform_points(cam_from_model, points))[0]
+        shown = camera.project(transform_points(cam_from_model, points_model))[0]
         moved = cam_from_model.copy()
-        moved[:2, 3] += (clicks[0] - shown) * depth / [camera.fx, camera.fy]
+        moved[:2, 3] += (pixels[0] - shown) * depths[0] / [camera.fx, camera.fy]
         return moved
     distance = float(np.linalg.norm(current.positions[0]))
     root = np.array([PRIOR_PX_PER_DISTANCE / distance] * 3 + [PRIOR_PX_PER_RADIAN] * 3)
     free_directions = _shift_roll_depth(current.positions[0]) if len(correspondences) == 2 else None
-    fitted, _ = fit_poses(correspondences, current, prior=PosePrior(current, root), free_directions=free_directions)
-    return fitted.matrix(0, pivot)
+    in_plane = _shifted_rolled_and_scaled(points_model, pixels, camera, cam_from_model, current.positions[0])
+    starts = Poses.of(np.stack([cam_from_model, in_plane]), pivot_model)
+    counted = [*range(len(points_model)), *([] if held is None else [held] * HELD_COUNTS)]
+    prior = PosePrior(current, root)
+    fitted, cost = fit_poses(correspondences[counted], starts, prior=prior, free_directions=free_directions)
+    ratio = fitted.positions[:, 2] / current.positions[0, 2]
+    cost = np.where((ratio < 1 / MAX_DISTANCE_RATIO) | (ratio > MAX_DISTANCE_RATIO), np.inf, cost)
+    if np.isfinite(cost).any():
+        return fitted.matrix(int(np.argmin(cost)), pivot_model)
+    return in_plane if (transform_points(in_plane, points_model)[:, 2] > 0).all() else cam_from_model
+
+
+def _shifted_rolled_and_scaled(
+    points: np.ndarray, pixels: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray, pivot_cam: np.ndarray
+) -> np.ndarray:
+    """The pose ``(4, 4)`` after the similarity of the image plane that takes the pins to their pixels best.
+
+    Umeyama's closed form (1991) in two dimensions; the roll is about the ray through the pivot.
+    """
+    points_cam = transform_points(cam_from_model, points)
+    shown, wanted = (rays[:, :2] @ [1, 1j] for rays in (points_cam / points_cam[:, 2:], camera.rays_cam(pixels)))
+    spread = shown - shown.mean()
+    turn = (spread.conj() @ (wanted - wanted.mean())) / max(np.vdot(spread, spread).real, 1e-300) or 1.0
+    moved = (
+        rigid(rotation_from_vector(np.angle(turn) * pivot_cam / np.linalg.norm(pivot_cam)), np.zeros(3))
+        @ cam_from_model
+    )
+    farther = 1 / np.clip(abs(turn), 1 / MAX_DISTANCE_RATIO, MAX_DISTANCE_RATIO)
+    moved[2, 3] += pivot_cam[2] * (farther - 1)
+    moved_cam = transform_points(moved, points)
+    shift = (wanted * moved_cam[:, 2] - moved_cam[:, :2] @ [1, 1j]).mean()
+    moved[:2, 3] += [shift.real, shift.imag]
+    return moved
 
 
 def _shift_roll_depth(pivot_cam: np.ndarray) -> np.ndarray:
@@ -75,25 +123,3 @@ def _shift_roll_depth(pivot_cam: np.ndarray) -> np.ndarray:
     free_directions[:3, :3] = np.eye(3)
     free_directions[3:, 3] = pivot_cam / np.linalg.norm(pivot_cam)
     return free_directions
-
-
-def _checked_input(
-    points_model: np.ndarray, pixels: np.ndarray, cam_from_model: np.ndarray, pivot_model: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    points, clicks = np.asarray(points_model, np.float64), np.asarray(pixels, np.float64)
-    pivot = np.asarray(pivot_model, np.float64)
-    count = len(points)
-    if count == 0 or points.shape != (count, 3) or clicks.shape != (count, 2):
-        raise InputError(
-            f"pins: expected at least one point (N, 3) and as many pixels (N, 2), found {points.shape} and "
-            f"{clicks.shape}"
-        )
-    if not (np.isfinite(points).all() and np.isfinite(clicks).all() and np.isfinite(pivot).all()):
-        raise InputError("pins: expected finite coordinates, found NaN or infinity; set the pin again")
-    depths = transform_points(cam_from_model, np.vstack([points, pivot]))[:, 2]
-    if not (depths > 0).all():
-        raise InputError(
-            f"pins: expected the pins and the pivot in front of the camera, found one at depth {depths.min():.4g} mm; "
-            "bring the surface into view first"
-        )
-    return points, clicks, pivot

@@ -6,13 +6,12 @@ refined from coarse to fine. Where the image shows cast shadows, :mod:`.side_lig
 :mod:`.verdict` accepts or refuses the result. Needs ``cv2``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...errors import InputError
 from ...projection.z_buffer import rasterise_depth
 from ...surface.decimation import cluster_vertices
 from ...surface.mesh import TriangleMesh
@@ -95,10 +94,9 @@ def refine_pose(
     Raises
     ------
     InputError
-        Shapes that do not match, or a matrix that is not a rigid transform.
+        A matrix that is not a rigid transform.
     """
     start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
-    _check(image, valid, camera, mesh, colours)
     report = progress or (lambda fraction: None)
     report(0.0)
     levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
@@ -138,19 +136,15 @@ def refine_pose(
     return result
 
 
-def _check(
-    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, mesh: TriangleMesh, colours: np.ndarray | None
-) -> None:
-    if image.ndim != 3 or image.shape[:2] != camera.shape_hw or valid.shape != camera.shape_hw:
-        raise InputError(
-            f"refinement: expected an image and a mask of the camera's {camera.width}x{camera.height} px, "
-            f"found shapes {image.shape} and {valid.shape}; give the undistorted frame of this camera"
-        )
-    if colours is not None and colours.shape != mesh.vertices.shape:
-        raise InputError(
-            f"refinement: expected one colour per vertex {mesh.vertices.shape}, found {colours.shape}; "
-            "leave the colours out or give those of this mesh"
-        )
+def explained(
+    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, mesh: TriangleMesh, poses: Sequence[np.ndarray]
+) -> tuple[float, ...]:
+    """Fraction, 0..1, of the image's variation that the surface explains at each of some poses ``(4, 4)``.
+
+    The other arguments, and the errors raised, are those of :func:`refine_pose`.
+    """
+    levels, _, _ = _levels(image, valid, camera, Surface(mesh, None), poses[0])
+    return tuple(score(levels[-1], pose) if levels else 0.0 for pose in poses)
 
 
 def _levels(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...case.case_file import Case
-from ...dataset.differences import POSES_HASH
+from ...dataset.identity import POSES_HASH
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
 from ...dataset.run.run_folder import Shard

@@ -225,17 +225,15 @@ def _opened_renderer(
                 engine=options.engine,
                 samples=1 if at_edges else options.samples,
                 filtered=at_edges,
-                threads=threads,
             )
             opened.enter_context(scene)
-            if len(colours) > 1 and not renders:
-                scene.add_face_pass()
+            scene.limit_threads(threads)
             renders.append(
                 EdgeSampler(scene, view, pivot, colour, camera, options.samples).render
                 if at_edges
                 else partial(render_view, scene)
             )
-        yield best_of(mesh, source.views, renders), ViewProbe(scene, source, camera)
+        yield best_of(mesh, camera, source.views, renders), ViewProbe(scene, source, camera)
 
 
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:

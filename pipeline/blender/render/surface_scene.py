@@ -14,7 +14,7 @@ from ...surface.mesh import TriangleMesh
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
 from ..bridge.versions import ENGINE_IDS
-from .material import FACE_PASS, OBSERVED_PASS, assign_colour, emit_faces
+from .material import OBSERVED_PASS, assign_colour
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
@@ -44,28 +44,19 @@ class SurfaceScene:
         engine: str = "cycles",
         samples: int = 1,
         filtered: bool = False,
-        threads: int = 0,
     ) -> None:
-        """Build the scene.
+        """Build the scene, which renders with a thread per core.
 
         Parameters
         ----------
-        mesh
-            The surface, model frame.
-        camera
-            Intrinsics of the views.
-        colour
-            Source of the surface's colour; ``None`` for geometry alone.
-        unseen
-            ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
+        mesh, camera, colour, unseen
+            As of :class:`.RayTracer`.
         engine
             ``"cycles"`` is exact; ``"eevee"`` is a rasteriser that needs OpenGL.
         samples
             Samples per pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
         filtered
             Take colours from an image that the caller sets, see :func:`.assign_colour`.
-        threads
-            Number of render threads, 0 for one per core.
 
         Raises
         ------
@@ -94,9 +85,7 @@ class SurfaceScene:
             _set_exact_colour(self.scene)
             _set_passes(self.scene)
             _set_sampling(self.scene, engine, samples)
-            self.scene.render.threads_mode = "FIXED" if threads else "AUTO"
-            if threads:
-                self.scene.render.threads = threads
+            self.scene.render.threads_mode = "AUTO"
 
     def __enter__(self) -> "SurfaceScene":
         return self
@@ -120,21 +109,10 @@ class SurfaceScene:
         finally:
             self._own += [block for block in data_blocks() if block not in existing]
 
-    def add_face_pass(self) -> None:
-        """Give views the faces that they show, :attr:`.RenderedView.face`.
-
-        Raises
-        ------
-        InputError
-            The engine is Eevee, whose passes are in half precision.
-        """
-        if self.engine != "cycles":
-            raise InputError(
-                f"--engine {self.engine}: expected one frame, found several; use --engine cycles or raster, or leave "
-                "[[frames]] out of the case"
-            )
-        emit_faces(self.surface_object)
-        _add_pass(self.scene, FACE_PASS)
+    def limit_threads(self, threads: int) -> None:
+        """Render with this number of threads; 0 is one per core."""
+        if threads:
+            self.scene.render.threads_mode, self.scene.render.threads = "FIXED", threads
 
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""
@@ -163,12 +141,8 @@ def _set_exact_colour(scene: bpy.types.Scene) -> None:
 def _set_passes(scene: bpy.types.Scene) -> None:
     layer = scene.view_layers[0]
     layer.use_pass_combined = layer.use_pass_z = True
-    _add_pass(scene, OBSERVED_PASS)
-
-
-def _add_pass(scene: bpy.types.Scene, name: str) -> None:
-    added = scene.view_layers[0].aovs.add()
-    added.name, added.type = name, "VALUE"
+    observed = layer.aovs.add()
+    observed.name, observed.type = OBSERVED_PASS, "VALUE"
 
 
 def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:

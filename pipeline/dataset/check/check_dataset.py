@@ -1,13 +1,10 @@
 """Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels.
 
-What the tables say is converted and compared here apart from the code that wrote them: images are decoded with OpenCV,
-poses and intrinsics of every table computed anew, depths by projecting the model
-(:mod:`oneframe.dataset.check.depth`). Only the records are read with the code of a run. The check goes through the
-scenes one by one and keeps little of a view, so its memory does not grow with the masks. Needs cv2 and OpenCV's video
-reader.
+Images are decoded with OpenCV, and depths computed by projecting the model (:mod:`oneframe.dataset.check.depth`), apart
+from the code that wrote them; tables are made again from the records. The check goes through the views one by one and
+keeps little of each, so its memory does not grow with the masks. Needs cv2 and OpenCV's video reader.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
@@ -21,22 +18,22 @@ from ...projection.silhouette import SilhouetteEdges
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
 from ..identity import poses_hash
-from ..layout import RECORD, SPLIT, WORK, ViewPaths, scene_count, scene_views
+from ..layout import RECORD, SPLIT, WORK, ViewPaths
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
-from .comparison import require_equal
+from .comparison import require_equal, require_rotation
 from .contents import check_names, check_sums
 from .depth import DepthAgreement
 from .findings import Findings
 from .images import check_images, check_pose
 from .inputs import check_inputs
 from .model import check_model
-from .pose_tables import ViewPose, check_pose_tables, require_rotation
 from .rerendered import Rerendering, check_rerendered
-from .scene_tables import check_scene_tables
+from .tables import check_tables
 from .video import check_video
 
 DEFAULT_VIEWS = 200
+FOREIGN = "views of another run"
 AGAIN = "run the same `oneframe render` again"
 
 
@@ -136,11 +133,6 @@ def check_dataset(
             "damaged files", f"{RECORD}: remove a damaged one and {AGAIN}: this writes it, and keeps the views"
         )
         return CheckReport(0, findings, 0, ())
-    if "setting" in description.content:
-        raise InputError(
-            f"{root / RECORD}: its views are of --quality, which this version does not have; check the dataset with "
-            "the version that made it"
-        )
     report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
     if case is not None:
         check_inputs(description, case, poses, findings)
@@ -158,11 +150,12 @@ class _Check:
     def __init__(self, root: Path, description: Description, findings: Findings, *, views: int, hashes: bool) -> None:
         self._root, self._description, self._findings, self._hashes = root, description, findings, hashes
         self._chosen = _evenly_spaced(description.count, views)
-        self._poses: dict[int, ViewPose] = {}
+        self._poses: dict[int, np.ndarray] = {}
+        self._finest_scale = np.inf
         self._compared: list[DepthAgreement] = []
 
     def run(self, stream: TextIO | None) -> CheckReport:
-        """Check scene by scene, then what belongs to all views."""
+        """Check view by view, then what belongs to all of them."""
         root, description, findings = self._root, self._description, self._findings
         count, unfinished = description.count, (root / WORK).exists()
         missing = unrecorded_views(root, count)
@@ -188,34 +181,29 @@ class _Check:
             require_equal(description.content["camera"], numbers | {"K": camera.k.tolist()}, f"{RECORD}: camera")
         absent = set(missing)
         with Progress(count - len(missing), "views checked", stream=stream) as progress:
-            for scene in range(scene_count(count)):
-                views = scene_views(scene, count)
-                records = self._check_views((view for view in views if view not in absent), surface, progress)
-                if len(records) == len(views) and not unfinished:
-                    check_scene_tables(root, scene, records, description, findings)
+            for index in range(count):
+                if index not in absent:
+                    self._check_record(index, surface)
+                    progress.advance()
         if len(self._poses) == count and not unfinished:
             self._check_poses()
-            check_pose_tables(root, self._poses, description, mesh, findings)
+            if mesh is not None and FOREIGN not in findings.counts:
+                check_tables(root, description, mesh, self._finest_scale, findings)
             if (root / "video").exists():
                 with findings.collecting("damaged files"):
                     check_video(root, description, mesh)
         hashed += len(self._poses) * len(description.kinds) * self._hashes
         return CheckReport(count, findings, hashed, tuple(self._compared))
 
-    def _check_views(
-        self, views: Iterable[int], surface: SilhouetteEdges | None, progress: Progress
-    ) -> dict[int, ViewRecord]:
-        """Check the views of a scene; gives the records that can be read."""
-        records: dict[int, ViewRecord] = {}
-        for index in views:
-            paths = ViewPaths(self._root, index)
-            with self._findings.collecting("damaged files"):
-                records[index] = record = read_record(paths)
-                require_rotation(record.cam_from_model, paths.relative("frame"))
-                self._poses[index] = ViewPose(record.cam_from_model, record.depth_scale, record.gt_info.visib_fract)
-                self._check_view(paths, record, surface)
-            progress.advance()
-        return records
+    def _check_record(self, index: int, surface: SilhouetteEdges | None) -> None:
+        """Check a view that has a record."""
+        paths = ViewPaths(self._root, index)
+        with self._findings.collecting("damaged files"):
+            record = read_record(paths)
+            require_rotation(record.cam_from_model, paths.relative("frame"))
+            self._poses[index] = record.cam_from_model
+            self._finest_scale = min(self._finest_scale, record.depth_scale)
+            self._check_view(paths, record, surface)
 
     def _check_view(self, paths: ViewPaths, record: ViewRecord, surface: SilhouetteEdges | None) -> None:
         """Check that the view is of this dataset, the sums of its files and, if it is chosen, its pixels."""
@@ -223,7 +211,7 @@ class _Check:
         where = paths.relative("frame")
         if record.identity != description.identity:
             findings.add(
-                "views of another run",
+                FOREIGN,
                 f"{where}: its identity is not that of {RECORD}: the view is of another run, or {RECORD} was changed",
             )
         if record.files.keys() != {paths.relative(kind) for kind in description.kinds}:
@@ -244,11 +232,9 @@ class _Check:
         expected = self._description.poses_hash
         if expected is None:
             return
-        poses = np.stack([self._poses[index].cam_from_model for index in range(self._description.count)])
+        poses = np.stack([self._poses[index] for index in range(self._description.count)])
         if poses_hash(poses) != expected:
-            self._findings.add(
-                "views of another run", f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed"
-            )
+            self._findings.add(FOREIGN, f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed")
 
 
 def _evenly_spaced(count: int, views: int) -> set[int] | range:

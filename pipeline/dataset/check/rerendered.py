@@ -23,8 +23,7 @@ from ..dataset_file import Description
 from ..layout import ViewPaths
 from .comparison import read_table, require_equal, require_pose
 from .findings import Findings
-from .pose_tables import read_video_poses
-from .video import VIDEO, VIDEO_POSES
+from .video import VIDEO, VIDEO_POSES, read_video_poses
 
 KIND = "files that differ from those rendered again"
 ENCODED_CODES = 12

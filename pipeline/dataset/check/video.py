@@ -11,11 +11,13 @@ from ...surface.mesh import TriangleMesh
 from ...video.frame_reader import read_video_frame, video_info
 from ..dataset_file import Description
 from ..layout import VIDEO_FILES
+from ..tables.pose_tables import POSE_COLUMNS
+from .comparison import RELATIVE, numbers_of, read_rows, require_equal, require_rotation
 from .depth import surface_depth
-from .pose_tables import read_video_poses
 
 VIDEO, VIDEO_POSES = VIDEO_FILES
 FRAMES_LOOKED_AT = 6
+FRAMES_PER_SECOND = 24
 DARK, FAR_PX = 60, 3
 """Code value that compression does not reach in a black background; distance from the surface at which it is one."""
 
@@ -52,3 +54,24 @@ def check_video(root: Path, description: Description, mesh: TriangleMesh | None)
             raise InputError(
                 f"{VIDEO}: {int(beside.sum())} px of frame {index} lie beside the surface at its pose in {VIDEO_POSES}"
             )
+
+
+def read_video_poses(root: Path) -> list[np.ndarray]:
+    """The 4x4 poses of ``video/poses.csv``, mm.
+
+    Raises
+    ------
+    InputError
+        The file is damaged.
+    """
+    poses = []
+    for number, row in enumerate(read_rows(root, VIDEO_POSES, ["frame", "time_s", *POSE_COLUMNS])):
+        here, pose = f"{VIDEO_POSES}: row {number}", np.eye(4)
+        values = numbers_of(row, here)
+        require_equal(values[:2], [number, number / FRAMES_PER_SECOND], here, relative=RELATIVE)
+        pose[:3, :3], pose[:3, 3] = np.reshape(values[2:11], (3, 3)), values[11:]
+        require_rotation(pose, here)
+        poses.append(pose)
+    if not poses:
+        raise InputError(f"{VIDEO_POSES}: expected the pose of each frame, found none")
+    return poses

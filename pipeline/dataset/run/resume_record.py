@@ -5,8 +5,8 @@ from the records.
 """
 
 import json
-import re
-from collections.abc import Callable, Mapping
+import math
+import operator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from ...errors import InputError, RunError
 from ...files.content import LARGEST_FILE, read_content
 from ...files.tables import parsed_json
 from ...poses.constraints import Rejections
-from ..checksums import FileSum, sums_to_json
+from ..checksums import FileSum, checked_hash, sum_from_json, sums_to_json
 from ..layout import ViewPaths
 
 Box = tuple[int, int, int, int]
@@ -123,33 +123,49 @@ class ViewRecord:
         RunError
             A key is missing, or its value is of the wrong kind.
         """
-        _check_kinds(content, _KINDS, where)
-        _check_kinds(content["gt_info"], _INFO_KINDS, where)
-        _check_kinds(content["rejections"], _REJECTION_KINDS, where)
-        info = content["gt_info"]
-        return cls(
-            index=content["index"],
-            identity=content["identity"],
-            cam_from_model=_pose(content["cam_R_m2c"], content["cam_t_m2c"]),
-            depth_scale=float(content["depth_scale"]),
-            gt_info=GroundTruthInfo(
-                bbox_obj=tuple(info["bbox_obj"]),
-                bbox_visib=tuple(info["bbox_visib"]),
-                px_count_all=info["px_count_all"],
-                px_count_valid=info["px_count_valid"],
-                px_count_visib=info["px_count_visib"],
-                visib_fract=float(info["visib_fract"]),
-            ),
-            px_count_observed=content["px_count_observed"],
-            attempts=content["attempts"],
-            rejections=Rejections(**{name: content["rejections"][name] for name in _REJECTION_KINDS}),
-            files={name: FileSum(known["sha256"], known["bytes"]) for name, known in content["files"].items()},
-            rle_counts=tuple(content["rle_counts"]),
-        )
+        try:
+            info, whole = content["gt_info"], operator.index
+            record = cls(
+                index=whole(content["index"]),
+                identity=checked_hash(content["identity"]),
+                cam_from_model=_pose(content["cam_R_m2c"], content["cam_t_m2c"]),
+                depth_scale=float(content["depth_scale"]),
+                gt_info=GroundTruthInfo(
+                    bbox_obj=_box(info["bbox_obj"]),
+                    bbox_visib=_box(info["bbox_visib"]),
+                    px_count_all=whole(info["px_count_all"]),
+                    px_count_valid=whole(info["px_count_valid"]),
+                    px_count_visib=whole(info["px_count_visib"]),
+                    visib_fract=float(info["visib_fract"]),
+                ),
+                px_count_observed=whole(content["px_count_observed"]),
+                attempts=whole(content["attempts"]),
+                rejections=Rejections(
+                    **{name: whole(content["rejections"][name]) for name in ("surface", "observed", "clearance")}
+                ),
+                files={name: sum_from_json(known) for name, known in content["files"].items()},
+                rle_counts=tuple(map(whole, content["rle_counts"])),
+            )
+            numbers = (record.depth_scale, record.gt_info.visib_fract, *record.cam_t_m2c, *record.cam_r_m2c)
+            if not all(map(math.isfinite, numbers)) or max(record.rle_counts, default=0) > LARGEST_COUNT:
+                raise ValueError("a number is too large")
+        except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
+            raise RunError(
+                f"{where}: expected the record of a view, found a damaged one ({type(error).__name__}: {error}); "
+                f"remove the file and {_AGAIN}"
+            ) from None
+        return record
+
+
+def _box(values: list[int]) -> Box:
+    x, y, width, height = map(operator.index, values)
+    return x, y, width, height
 
 
 def _pose(r: list[float], t: list[float]) -> np.ndarray:
     """A rotation row by row and a translation as ``(4, 4)``; in one step, for a survey reads them by the 100 000."""
+    if (len(r), len(t)) != (9, 3):
+        raise ValueError(f"a pose of {len(r)} and {len(t)} numbers")
     return np.array([[*r[:3], t[0]], [*r[3:6], t[1]], [*r[6:], t[2]], [0.0, 0.0, 0.0, 1.0]], np.float64)
 
 
@@ -183,6 +199,9 @@ def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
     return record
 
 
+LARGEST_COUNT = 1e15
+"""No run of pixels is nearly as long."""
+_AGAIN = "run the same command again: it renders the view again"
 _RUN_LENGTHS = b',"rle_counts":['
 
 
@@ -204,84 +223,3 @@ def _parsed(data: bytes, where: str, *, with_mask: bool) -> Any:
                 f"{where}: expected JSON, found a mistake: {error}; correct it or write it again"
             ) from None
     return content
-
-
-LARGEST_NUMBER = 1e15
-"""No distance, count or index is near it; NaN is none at all."""
-_AGAIN = "run the same command again: it renders the view again"
-
-
-_HASH = re.compile("[0-9a-f]{64}")
-
-
-def _is_object(value: object) -> bool:
-    return isinstance(value, dict)
-
-
-def _is_hash(value: object) -> bool:
-    return isinstance(value, str) and _HASH.fullmatch(value) is not None
-
-
-def _is_integer(value: object) -> bool:
-    return type(value) is int and -LARGEST_NUMBER <= value <= LARGEST_NUMBER
-
-
-def _is_number(value: object) -> bool:
-    # one after the other: twice as quick as isinstance with a union
-    return (type(value) is float or type(value) is int) and -LARGEST_NUMBER <= value <= LARGEST_NUMBER
-
-
-def _are_numbers(count: int) -> Callable[[object], bool]:
-    return lambda value: isinstance(value, list) and len(value) == count and all(map(_is_number, value))
-
-
-def _are_integers(value: object) -> bool:
-    # thousands of them: without a call for each
-    return isinstance(value, list) and (
-        not value or ({*map(type, value)} == {int} and -LARGEST_NUMBER <= min(value) <= max(value) <= LARGEST_NUMBER)
-    )
-
-
-def _is_box(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 4 and _are_integers(value)
-
-
-def _are_sums(value: object) -> bool:
-    return isinstance(value, dict) and all(
-        isinstance(entry, dict) and _is_hash(entry.get("sha256")) and _is_integer(entry.get("bytes"))
-        for entry in value.values()
-    )
-
-
-_Kinds = Mapping[str, tuple[Callable[[object], bool], str]]
-"""Keys of an object -> whether a value is right, and what it should be."""
-_INTEGER, _NUMBER, _OBJECT = (_is_integer, "a whole number"), (_is_number, "a number"), (_is_object, "an object")
-_KINDS: _Kinds = {
-    "index": _INTEGER,
-    "identity": (_is_hash, "64 hexadecimal digits"),
-    "cam_R_m2c": (_are_numbers(9), "9 numbers"),
-    "cam_t_m2c": (_are_numbers(3), "3 numbers"),
-    "depth_scale": _NUMBER,
-    "gt_info": _OBJECT,
-    "px_count_observed": _INTEGER,
-    "attempts": _INTEGER,
-    "rejections": _OBJECT,
-    "files": (_are_sums, "sha256 and bytes by name of a file"),
-    "rle_counts": (_are_integers, "whole numbers"),
-}
-_INFO_KINDS: _Kinds = {
-    **dict.fromkeys(("bbox_obj", "bbox_visib"), (_is_box, "4 whole numbers")),
-    **dict.fromkeys(("px_count_all", "px_count_valid", "px_count_visib"), _INTEGER),
-    "visib_fract": _NUMBER,
-}
-_REJECTION_KINDS: _Kinds = dict.fromkeys(("surface", "observed", "clearance"), _INTEGER)
-
-
-def _check_kinds(content: object, kinds: _Kinds, where: str) -> None:
-    again = f"remove the file and {_AGAIN}"
-    if not isinstance(content, dict):
-        raise RunError(f"{where}: expected the record of a view, found {content!r}; {again}")
-    for key, (is_right, expected) in kinds.items():
-        if not is_right(content.get(key)):
-            found = repr(content[key])[:60] if key in content else "no such key"
-            raise RunError(f"{where}: expected {key} to be {expected}, found {found}; {again}")

@@ -17,8 +17,7 @@ from ...errors import InputError, RunError
 from ...files.content import LARGEST_TEXT, partial_name, read_file, write_bytes_atomically
 from .. import layout
 from ..checksums import keep_checksums
-from ..differences import COUNT
-from ..identity import description_bytes, identity_of
+from ..identity import COUNT, description_bytes, identity_of
 from ..layout import (
     FOLDERS,
     RECORD,
@@ -31,7 +30,7 @@ from ..layout import (
     scene_count,
     scene_folder,
 )
-from .lock import Busy, SystemLock, wait_for
+from .lock import Busy, wait_for
 from .same_run import check_count, check_description, holds_views_of, is_cut_off
 from .work_folder import WorkFolder
 
@@ -82,7 +81,6 @@ class RunFolder(WorkFolder):
         shard: Shard,
         *,
         poses: np.ndarray | None = None,
-        system_lock: SystemLock | None = None,
     ) -> None:
         """Create or enter the folder.
 
@@ -96,8 +94,6 @@ class RunFolder(WorkFolder):
             Different shards of the same run may share the folder.
         poses
             ``(N, 4, 4)`` listed ``cam_from_model``, mm, or ``None`` if the poses are drawn.
-        system_lock
-            Takes a lock of the system; :func:`.lock_by_system` if left out.
 
         Raises
         ------
@@ -114,10 +110,10 @@ class RunFolder(WorkFolder):
 
         def lock() -> None:
             is_new = self._holds_nothing()
-            self._common = self._acquire("lock", shared=self._shared, system_lock=system_lock)
+            self._common = self._acquire("lock", shared=self._shared)
             self._is_new = is_new
             if self._shared:
-                self._acquire(f"lock-{shard.index}-of-{shard.count}", system_lock=system_lock)
+                self._acquire(f"lock-{shard.index}-of-{shard.count}")
 
         def look() -> None:
             self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]

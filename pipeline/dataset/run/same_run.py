@@ -10,17 +10,19 @@ import numpy as np
 from ...errors import RunError
 from ...files.content import LARGEST_TEXT, read_file
 from .. import layout
-from ..differences import (
+from ..identity import (
     COUNT,
     DEPTH_SCALE,
     LISTED,
     POSES_HASH,
     Difference,
     described,
+    description_bytes,
     differences,
+    identity_of,
+    poses_hash,
     short,
 )
-from ..identity import description_bytes, identity_of, poses_hash
 from ..layout import FORMAT, RECORD, ViewPaths, occupied_views
 from .resume_record import read_record
 

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -228,26 +227,18 @@ def _unchanged(root: Path, records: list[ViewRecord], damaged: dict[int, str], t
     return [record for record, why in zip(records, problems, strict=True) if not why]
 
 
-def runs(numbers: Iterable[int]) -> list[range]:
-    """Different numbers, in any order, as increasing ranges of consecutive ones."""
-    ordered = sorted(numbers)
-    starts = [place for place, (one, other) in enumerate(pairwise(ordered), 1) if other != one + 1]
-    bounds = [0, *starts, len(ordered)] if ordered else []
-    return [range(ordered[first], ordered[stop - 1] + 1) for first, stop in pairwise(bounds)]
-
-
-def ranges_text(ranges: Iterable[range]) -> str:
-    """Increasing ranges as text: "0-9, 12"; neighbours are joined, and only the first :data:`MOST_SHOWN` are shown."""
-    joined: list[range] = []
-    for one in ranges:
-        if joined and joined[-1].stop == one.start:
-            joined[-1] = range(joined[-1].start, one.stop)
-        elif len(one):
-            joined.append(one)
-    texts = [str(one.start) if len(one) == 1 else f"{one.start}-{one.stop - 1}" for one in joined]
-    return ", ".join(texts[:MOST_SHOWN]) + (", ..." if len(texts) > MOST_SHOWN else "")
+def to_runs(views: Iterable[int]) -> list[list[int]]:
+    """Numbers as [first, last] of runs that rise by one; their order is kept."""
+    runs: list[list[int]] = []
+    for view in views:
+        if runs and runs[-1][1] + 1 == view:
+            runs[-1][1] = view
+        else:
+            runs.append([view, view])
+    return runs
 
 
 def view_ranges(views: Iterable[int]) -> str:
-    """Numbers of views as text: see :func:`ranges_text`."""
-    return ranges_text(runs(views))
+    """Numbers of views, in any order, as text: "0-9, 12"; only the first :data:`MOST_SHOWN` ranges are shown."""
+    texts = [str(first) if first == last else f"{first}-{last}" for first, last in to_runs(sorted(views))]
+    return ", ".join(texts[:MOST_SHOWN]) + (", ..." if len(texts) > MOST_SHOWN else "")

@@ -14,9 +14,9 @@ from typing import Self
 from ...errors import RunError
 from ...files.content import create_folder, names_in, partial_name
 from ..layout import WORK
-from .lock import Busy, FileLock, SystemLock
+from .lock import Busy, FileLock
 
-LOCK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?|run-[0-9a-f]{16}"
+LOCK_FILES = r"lock(-[0-9]+-of-[0-9]+)?|run-[0-9a-f]{16}"
 """Files in ``.work`` of every run; the last ones are those of :func:`run_token`."""
 _ATTEMPTS = 10
 
@@ -74,12 +74,12 @@ class WorkFolder:
             self.__exit__(type(refusal), refusal, None)
             raise refusal from None
 
-    def _acquire(self, name: str, *, shared: bool = False, system_lock: SystemLock | None = None) -> FileLock:
+    def _acquire(self, name: str, *, shared: bool = False) -> FileLock:
         """Take the lock of this name in ``.work``; RunError if another process has it."""
         for _ in range(_ATTEMPTS):
             create_folder(self.work)
             try:
-                lock = FileLock(self.work / name, shared=shared, system_lock=system_lock)
+                lock = FileLock(self.work / name, shared=shared)
             except FileNotFoundError:
                 # another process has just finished and removed the file
                 continue

@@ -88,6 +88,7 @@ def write_scene(root: Path, records: Sequence[ViewRecord], camera: PinholeCamera
         key = str(path.image_id)
         scene_camera[key], scene_gt[key], scene_gt_info[key] = scene_entries(record, camera.k.ravel().tolist())
     folder = paths[0].scene
+    create_folder(folder)
     _write_rows(folder / "scene_camera.json", scene_camera)
     _write_rows(folder / "scene_gt.json", scene_gt)
     _write_rows(folder / "scene_gt_info.json", scene_gt_info)

@@ -17,6 +17,8 @@ from ..run.resume_record import ViewRecord
 
 POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)), "tx_mm", "ty_mm", "tz_mm")
 """Columns of a pose in CSV tables."""
+POSE_TABLE_COLUMNS = ("index", "image", *POSE_COLUMNS, "mesh_tx_mm", "mesh_ty_mm", "mesh_tz_mm")
+"""Of ``poses.csv``."""
 NGP_FILL = 0.9
 """The part of Instant NGP's unit cube that the surface's box spans."""
 
@@ -48,7 +50,7 @@ def write_poses(
     """
     model_from_mesh = inverse_rigid(mesh_from_model)
     with written_file(root / "poses.csv") as poses, written_file(root / "transforms.json") as nerf:
-        poses.write(_csv_line(("index", "image", *POSE_COLUMNS, "mesh_tx_mm", "mesh_ty_mm", "mesh_tz_mm")))
+        poses.write(_csv_line(POSE_TABLE_COLUMNS))
         head = _nerf_intrinsics(camera) | _instant_ngp_scene(bounds, depth_scale)
         nerf.write(f'{json.dumps(head)[:-1]}, "frames": ['.encode())
         separator = ""

@@ -18,7 +18,9 @@ from .bop import is_test_target, write_scene, write_test_targets
 from .pose_tables import write_poses
 
 
-def write_view_tables(root: Path, description: Description, *, bounds: np.ndarray, depth_scale: float) -> Tally:
+def write_view_tables(
+    root: Path, description: Description, *, bounds: np.ndarray, depth_scale: float, out: Path | None = None
+) -> Tally:
     """Write the tables of a dataset whose views are all finished.
 
     Parameters
@@ -27,6 +29,8 @@ def write_view_tables(root: Path, description: Description, *, bounds: np.ndarra
         ``(2, 3)`` corners of the surface's box in the model frame, mm.
     depth_scale
         Millimetres per unit of the depth images, as in ``camera.json``.
+    out
+        The folder of the tables, if it is not that of the dataset.
 
     Returns
     -------
@@ -37,21 +41,21 @@ def write_view_tables(root: Path, description: Description, *, bounds: np.ndarra
     RunError
         A record is missing, damaged or of another run.
     """
-    count, camera = description.count, description.camera
+    count, camera, out = description.count, description.camera, out or root
     tally, targets = Tally(), array("L")
 
     def records() -> Iterator[ViewRecord]:
         for scene in range(scene_count(count)):
             in_scene = scene_records(root, scene, count, description.identity)
-            write_scene(root, in_scene, camera, description.name)
+            write_scene(out, in_scene, camera, description.name)
             for record in in_scene:
                 tally.add(record)
                 if is_test_target(record):
                     targets.append(record.index)
                 yield record
 
-    write_poses(root, records(), camera, description.mesh_from_model, bounds=bounds, depth_scale=depth_scale)
-    write_test_targets(root, targets)
+    write_poses(out, records(), camera, description.mesh_from_model, bounds=bounds, depth_scale=depth_scale)
+    write_test_targets(out, targets)
     return tally
 
 

@@ -30,23 +30,14 @@ class LabelColours:
     colours: dict[int, Colour]
 
 
-def slice_views(
-    volume: Volume,
-    level_hu: float,
-    centre_mm: np.ndarray,
-    *,
-    solid: np.ndarray | None = None,
-    removed: RemovedField | None = None,
-    structures: Sequence[LabelColours] = (),
-) -> tuple[Slice, Slice, Slice]:
-    """Three slices through a point, in planes of LPS however the voxels lie.
+@dataclass(frozen=True)
+class DrawnBone:
+    """What is drawn over the grey values.
 
-    Parameters
+    Attributes
     ----------
     level_hu
         Its contour is the bone's.
-    centre_mm
-        ``(3,)`` where the planes meet.
     solid
         ``(Z, Y, X)`` bool: the bone that counts; other bone has no contour.
     removed
@@ -54,6 +45,15 @@ def slice_views(
     structures
         Contours of labels.
     """
+
+    level_hu: float
+    solid: np.ndarray | None = None
+    removed: RemovedField | None = None
+    structures: Sequence[LabelColours] = ()
+
+
+def slice_views(volume: Volume, centre_mm: np.ndarray, drawn: DrawnBone) -> tuple[Slice, Slice, Slice]:
+    """Three slices in planes of LPS, however the voxels lie, which meet in ``(3,)`` ``centre_mm``."""
     lower, upper = volume.grid.bounds_mm
     extent = upper - lower
     mm_per_px = max(
@@ -61,19 +61,12 @@ def slice_views(
         max(extent[down] for _, _, down, _ in _PLANES) / HEIGHT_PX,
     )
     return tuple(  # type: ignore[return-value]
-        _slice_view(volume, level_hu, centre_mm, plane, mm_per_px, solid, removed, structures) for plane in _PLANES
+        _slice_view(volume, centre_mm, plane, mm_per_px, drawn) for plane in _PLANES
     )
 
 
 def _slice_view(
-    volume: Volume,
-    level_hu: float,
-    centre_mm: np.ndarray,
-    plane: tuple[str, int, int, str],
-    mm_per_px: float,
-    solid: np.ndarray | None,
-    removed: RemovedField | None,
-    structures: Sequence[LabelColours],
+    volume: Volume, centre_mm: np.ndarray, plane: tuple[str, int, int, str], mm_per_px: float, drawn: DrawnBone
 ) -> Slice:
     title, right, down, directions = plane
     lower, upper = volume.grid.bounds_mm
@@ -90,20 +83,17 @@ def _slice_view(
 
     voxels = Sampler(volume.grid, points)
     hu = plane_of(voxels.values(volume.values, outside=GREY_HU[0]))
-    bone = hu - np.float32(level_hu)
-    counts = None if solid is None else plane_of(voxels.values(solid, outside=0)) > 0
+    bone = hu - np.float32(drawn.level_hu)
+    counts = None if drawn.solid is None else plane_of(voxels.values(drawn.solid, outside=0)) > 0
     tinted, contours = None, [Contour(bone, BONE_COLOUR, counts)]
-    if removed is not None:
-        first, size = removed.first, removed.distance_mm.shape[::-1]
-        box = volume.grid.shifted(first, (size[0], size[1], size[2]))
+    if (removed := drawn.removed) is not None:
         # distances are known near the surface only; where they end, they would jump
         far = float(np.linalg.norm(volume.grid.spacing_mm))
-        near = Sampler(box, points).values(removed.distance_mm, outside=far, of=lambda mm: np.clip(mm, -far, far))
-        kept = plane_of(near)
+        kept = plane_of(removed.sampled(volume.grid, points, outside=far, farthest_mm=far))
         was_bone = bone > 0 if counts is None else (bone > 0) & counts
         tinted = was_bone & (kept <= 0)
         contours.append(Contour(kept, DRILL_COLOUR, was_bone))
-    for each in structures:
+    for each in drawn.structures:
         voxels = Sampler(each.labels.grid, points)
         for value, colour in each.colours.items():
             share = plane_of(voxels.values(each.labels.values, outside=0, of=partial(np.equal, value)))

@@ -280,8 +280,11 @@ def test_ctrl_c_stops_between_views(case, reference, tmp_path, render_command, s
 
 STRUCTURE = '[[structures]]\nname = "nerve"\nmesh = "surface.ply"\n'
 CHANGES = {
-    "the camera": (lambda folder, _: edit(folder / "case.toml", "320.0", "321.0"), "camera.fx was 320.0, is 321.0"),
-    "the pose": (lambda folder, _: edit(folder / "case.toml", "340", "341"), "frame.cam_from_model was"),
+    "the camera": (
+        lambda folder, _: edit(folder / "case.toml", "320.0", "321.0"),
+        "fx of the camera was 320.0, is 321.0",
+    ),
+    "the pose": (lambda folder, _: edit(folder / "case.toml", "340", "341"), "the pose has changed"),
     "a structure": (
         lambda folder, _: edit(folder / "case.toml", "[pose]", STRUCTURE + "[pose]"),
         "the file of the structure nerve",
@@ -328,7 +331,7 @@ def test_workers_refuse_inputs_that_changed_after_the_run_began(case, reference,
     command = render_command(other / "case.toml", "--out", out, *ARGUMENTS, "--worker")
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as worker:
         # its input stays open: it ends by itself
-        assert b"cam_from_model was" in worker.stderr.read()
+        assert b"the pose has changed" in worker.stderr.read()
         assert worker.wait() == 3
 
 

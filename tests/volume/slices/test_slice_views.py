@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from oneframe.transforms import transform_points
 from oneframe.volume.bone.isosurface import RemovedField
-from oneframe.volume.slices.slice_views import LabelColours, slice_views
+from oneframe.volume.slices.slice_views import DrawnBone, LabelColours, slice_views
 from oneframe.volume.volume import LabelMap, Sampler, Volume, VoxelGrid
 from tests.volume.solids import voxel_centres
 
@@ -43,7 +43,7 @@ def test_patients_right_is_on_the_left_and_the_head_at_the_top(seed):
     for axis, sides in enumerate(("RL", "AP", "IS")):
         # brighter to the left, to the back and to the head
         values = (300 + 10 * (points[..., axis] - middle[axis])).astype(np.int16)
-        for view in slice_views(Volume(values, grid), 300, middle):
+        for view in slice_views(Volume(values, grid), middle, DrawnBone(300)):
             rows, columns = np.nonzero(view.image > 0)
             value = view.image[rows, columns]
             left, right, top, bottom = view.directions
@@ -66,7 +66,7 @@ def test_contours_and_the_drilled_part_lie_where_they_are_in_the_patient():
     removed = RemovedField(np.array(first), distances.astype(np.float32))
     labels = LabelMap((distance < 5).astype(np.uint8) * 3, grid, {3: "nerve"})
     drawn = [LabelColours(labels, {3: (1, 0, 1), 4: (0, 1, 0)})]
-    axial, _, _ = slice_views(ball, 300, middle, solid=distance < 12, removed=removed, structures=drawn)
+    axial, _, _ = slice_views(ball, middle, DrawnBone(300, distance < 12, removed, drawn))
     height, width = axial.image.shape
     lower, _ = grid.bounds_mm
     x = lower[0] + (np.arange(width) + 0.5) * axial.mm_per_px - middle[0]

@@ -1,6 +1,6 @@
-"""The user's actions for the pictures of the documentation; ``make_screenshots.py`` plays them.
+"""The user's actions for the pictures of the documentation; ``test_documentation_pictures.py`` plays them.
 
-Runs inside Blender's window: see ``tests/window/user.py``. Each picture shows the whole window; ``facts["crops"]``
+Runs inside Blender's window: see ``user.py``. Each picture shows the whole window; ``facts["crops"]``
 holds the part that the documentation shows: left, top, width, height in px.
 """
 

@@ -1,0 +1,178 @@
+"""Arguments of commands, read before Blender loads: a mistake in them is reported at once."""
+
+import argparse
+import itertools
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn, Protocol
+
+from ..errors import InputError, RunError
+from ..files.keys import nearest_name
+
+PACKAGES = {
+    "bpy": "Blender (bpy), which needs Python 3.11 or 3.13",
+    "cv2": "OpenCV",
+    "scipy": "SciPy",
+    "skimage": "scikit-image",
+}
+"""Modules that pip installs -> their names in messages."""
+DASK = "distributed dask-jobqueue cryptography"
+"""What --cluster needs, for pip."""
+
+
+class ArgumentParser(argparse.ArgumentParser):
+    """Raises :class:`.InputError` for mistakes in the arguments; does not accept abbreviated options."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(allow_abbrev=False, **settings)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise argparse's message as an :class:`.InputError`."""
+        raise InputError(f"command line: {message}; --help shows all options")
+
+    def parse(self, argv: Sequence[str]) -> argparse.Namespace:
+        """Parse all arguments.
+
+        Raises
+        ------
+        InputError
+            An unknown option, or a missing or unusable value.
+        """
+        # before argparse, which would only report the option that the user misspelt as missing
+        self._check_names(itertools.takewhile(lambda argument: argument != "--", argv))
+        arguments, unknown = self.parse_known_args(argv)
+        self._check_names(unknown)
+        if unknown:
+            raise InputError(f"command line: unknown argument {unknown[0]!r}; --help shows all options")
+        return arguments
+
+    def _check_names(self, arguments: Iterable[str]) -> None:
+        known = tuple(option for action in self._actions for option in action.option_strings)
+        for argument in arguments:
+            name = argument.partition("=")[0]
+            if name.startswith("--") and " " not in name and name not in known:
+                raise InputError(f"command line: unknown argument {name!r}; {nearest_name(name, known)}")
+
+
+class Command(Protocol):
+    """A module of :mod:`oneframe.commands`.
+
+    Attributes
+    ----------
+    ABOUT
+        The description: one sentence. No docstring, which ``python -OO`` drops.
+    EPILOG
+        Examples and notes at the end of ``--help``; ``%(prog)s`` stands for how the user calls it.
+    """
+
+    ABOUT: str
+    EPILOG: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add the arguments of this command."""
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Do it; gives the exit code. The arguments as they were typed are ``argv`` of the namespace."""
+        ...
+
+
+def command_parser(prog: str, command: Command) -> ArgumentParser:
+    """The parser of a command that the user calls by ``prog``."""
+    layout = argparse.RawDescriptionHelpFormatter
+    parser = ArgumentParser(prog=prog, description=command.ABOUT, epilog=command.EPILOG, formatter_class=layout)
+    command.add_arguments(parser)
+    return parser
+
+
+def run_command(prog: str, command: Command, argv: Sequence[str]) -> int:
+    """Parse the arguments of a command and run it; gives its exit code."""
+    arguments = command_parser(prog, command).parse(argv)
+    arguments.argv = argv
+    return command.run(arguments)
+
+
+def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str], float]:
+    """The ``type`` of an argument that is a finite number of a kind, and not below another."""
+
+    def number(text: str) -> float:
+        value = kind(text)
+        if not (math.isfinite(value) and value >= least):
+            expected = f"{least:g} or more" if math.isfinite(least) else "a finite number"
+            raise argparse.ArgumentTypeError(f"expected {expected}, found {text}")
+        return value
+
+    return number
+
+
+@contextmanager
+def explained_imports() -> Iterator[None]:
+    """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error.
+
+    Raises
+    ------
+    RunError
+        A package is missing, e.g. OpenCV in a Blender program without the extension.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name in ("dask", "distributed", "dask_jobqueue"):
+            raise RunError(
+                f"--cluster: expected Dask, this Python ({sys.executable}) has none; install it: pip install {DASK}"
+            ) from None
+        if (error.name or "").endswith(".cluster"):
+            raise RunError(
+                "--cluster: expected OneFrame as a package, found the extension, which may use no network; install it "
+                'from its folder: pip install ".[cluster]"'
+            ) from None
+        if error.name not in PACKAGES:
+            raise
+        raise RunError(
+            f"expected {PACKAGES[error.name]}, this Python has none; install OneFrame with pip in a separate Python, "
+            "or, for OpenCV, use a Blender in which the OneFrame extension is enabled"
+        ) from None
+
+
+@contextmanager
+def resumable() -> Iterator[None]:
+    """Say in the message of an interruption how to go on; also a decorator."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("stopped; run the same command again to continue") from None
+
+
+def add_cluster_arguments(group: argparse._ArgumentGroup, verb: str, default: str) -> None:
+    """Add the options of a command that gives its work to a Dask cluster; ``default`` says what settings jobs have."""
+    group.add_argument(
+        "--cluster", metavar="ADDRESS|local:N|slurm", help=f"{verb} on the workers of a Dask cluster: the address "
+        "of its scheduler, such as tls://host:8786, N workers on this machine, or jobs of Slurm"
+    )  # fmt: skip
+    group.add_argument(
+        "--insecure", action="store_true", help="with --cluster ADDRESS: take a scheduler on another machine without "
+        "TLS, though everybody in its network can run programs as you"
+    )  # fmt: skip
+    group.add_argument(
+        "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
+        f"memory, cores and number of jobs (default: {default})"
+    )  # fmt: skip
+
+
+def check_cluster_arguments(arguments: argparse.Namespace, *others: str) -> None:
+    """Raise InputError for options of a cluster without one; ``others`` are those of the command itself."""
+    if arguments.cluster_settings is not None and arguments.cluster != "slurm":
+        raise InputError(
+            "command line: --cluster-settings: expected with --cluster slurm only; add it, or leave out both"
+        )
+    for name in ("insecure", *others):
+        if getattr(arguments, name) and arguments.cluster is None:
+            flag = "--" + name.replace("_", "-")
+            raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
+    if arguments.cluster is not None and arguments.workers:
+        raise InputError(
+            f"command line: --cluster: expected without --workers, found --workers {arguments.workers}; the cluster's "
+            "workers do the work: leave --workers out, or use --cluster local:N"
+        )

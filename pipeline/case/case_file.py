@@ -4,6 +4,7 @@ This module reads paths and numbers; :mod:`oneframe.blender.case.load_case` open
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from .landmarks import Landmark, landmarks_from_tables
 from .posed_frame import UnreadFrame
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "frame": (("image",), ()),
+    "frame": (("image",), ("video", "video_frame")),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
     "surface": (("mesh",), ("name",)),
     "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
@@ -79,6 +80,8 @@ class Case:
         Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
         Origin of the pose: see :mod:`oneframe.case.alignment_record`.
+    video
+        Origin of the frame: the name of the film that it was taken from, and its number there, from 0.
     """
 
     path: Path
@@ -96,6 +99,7 @@ class Case:
     messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     alignment: dict[str, object] = field(default_factory=dict)
+    video: tuple[str, int] | None = None
 
     @property
     def every_frame(self) -> tuple[UnreadFrame, ...]:
@@ -172,6 +176,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
             pixel_origin=camera.get("pixel_origin", "center"),
         ),
         alignment=checked_alignment_record(table.get("alignment", {}), f"{name}: [alignment]"),
+        video=_video(frame, f"{name}: [frame]"),
     )
 
 
@@ -241,6 +246,18 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     if len(set(names)) != len(names):
         raise InputError(f"{name}: expected a different name for each of the [[structures]], found {names}")
     return tuple(structures)
+
+
+def _video(frame: Mapping[str, object], where: str) -> tuple[str, int] | None:
+    video, number = frame.get("video"), frame.get("video_frame")
+    if video is None and number is None:
+        return None
+    if not isinstance(video, str) or isinstance(number, bool) or not isinstance(number, int) or number < 0:
+        raise InputError(
+            f"{where}: expected video, the name of a film, and video_frame, a number from 0, together, "
+            f"found {video!r} and {number!r}"
+        )
+    return str(video), int(number)
 
 
 def _raw_table(table: object, key: str, name: str) -> dict[str, object]:

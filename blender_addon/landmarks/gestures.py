@@ -180,7 +180,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         context.workspace.status_text_set(None)
 
     def _say_missed(self, error: InputError, event: bpy.types.Event) -> OperatorResult:
-        """Say in the status bar what is wrong, and at the pointer what to do; an ERROR would open a popup for the keys."""
+        """Say what is wrong, and at the pointer what to do: an ERROR would open a popup, which takes the next keys."""
         global _missed
         self.report({"WARNING"}, str(error))
         advice = str(error).rpartition("; ")[2]

@@ -101,8 +101,6 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         blocks.append(["[alignment]", *_pairs(alignment_record)])
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
     blocks += [_structure_lines(structure, folder) for structure in case.structures]
-    if case.cluster:
-        blocks.append(["[cluster]", *_pairs(case.cluster)])
     if case.dataset:
         blocks.append(["[dataset]", *_pairs(relocated_options(case.dataset, case.path.parent, folder))])
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"

@@ -29,7 +29,7 @@ from .vertex_colours import NEUTRAL, VertexColours
 BLOCK = 1 << 15
 """Rays that are cast and coloured at once: few enough for a processor's cache."""
 
-FACES_A_PIXEL = 4
+FACES_A_PIXEL = 2
 """Faces in a pixel of the view from which on rays take less time than the z-buffer, whose time grows with the faces."""
 
 

@@ -10,7 +10,7 @@ from ..state import from_scene, workbench
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.strokes import Colour, Strokes
-from ..view.fit import free_rectangle
+from ..view.zoom import free_rectangle
 from . import gestures, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution

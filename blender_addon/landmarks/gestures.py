@@ -12,10 +12,10 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
 from ..state.events import redraw
+from ..state.pose import set_cam_from_model
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import OperatorResult
 from . import edit, solve
@@ -80,7 +80,7 @@ class _Snapshot:
                 entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
                 entry.point, entry.pixel = landmark.point or (0, 0, 0), landmark.pixel or (0, 0)
             settings.landmark_index = self.active
-        surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), self.pose)
+        set_cam_from_model(scene, self.pose)
 
 
 _running: Gesture | None = None

@@ -88,7 +88,6 @@ _MODULES = tuple(
         "setup.panel",
         "video.panel",
         "view.zoom",
-        "view.fit",
         "view.operators",
         "view.overlay_mesh",
         "view.overlay",

@@ -75,6 +75,6 @@ def check_pixel(scene: bpy.types.Scene, pixel: np.ndarray) -> np.ndarray:
     if not camera.contains(pixel):
         raise InputError(
             f"expected an image point in the frame of {camera.width} x {camera.height} px, "
-            f"found ({pixel[0]:.1f}, {pixel[1]:.1f}); click inside the frame"
+            f"found ({pixel[0]:.1f}, {pixel[1]:.1f}); stay inside the frame"
         )
     return pixel

@@ -14,8 +14,8 @@ from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.strokes import Strokes, in_window_pixels
-from ..view.fit import free_rectangle
 from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
+from ..view.zoom import free_rectangle
 from . import gestures, tool
 from .marks import LandmarkView, marks_of
 

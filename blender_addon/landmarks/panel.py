@@ -18,7 +18,7 @@ from .solve import Solution
 class ONEFRAME_UL_landmarks(bpy.types.UIList):
     """One landmark per row: use, name, residual"""
 
-    def draw_item(
+    def draw_item(  # noqa: PLR0913  # as Blender calls it
         self,
         context: bpy.types.Context,
         layout: bpy.types.UILayout,

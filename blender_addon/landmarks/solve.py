@@ -7,24 +7,25 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end, class_registration, listening
-from ..pipeline.alignment.landmarks import surface_distance
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
     align_landmarks,
     complete_landmarks,
     is_ambiguous,
     landmark_arrays,
+    landmark_distances,
 )
+from ..pipeline.alignment.landmarks.align_landmarks import off_surface as off_surface_warning
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
 from ..pipeline.alignment.reprojection import twist_between
-from ..pipeline.blender.alignment import surface_object
-from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
 from ..state import events, from_scene, pose_evidence, workbench
+from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
 """Two poses count as the same if no landmark's projection differs by more than this."""
@@ -122,8 +123,8 @@ def _solved(
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
-    mesh = surface_object.edited_mesh(from_scene.surface_of(scene))
-    return surface_distance.off_surface(surface_distance.landmark_distances(from_scene.landmarks_model(scene), mesh))
+    mesh = edited_mesh(from_scene.surface_of(scene))
+    return off_surface_warning(landmark_distances(from_scene.landmarks_model(scene), mesh))
 
 
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
@@ -171,8 +172,7 @@ def apply(scene: bpy.types.Scene, solved: Solution) -> None:
         The landmarks do not even give a rough pose.
     """
     if solved.estimate is not None:
-        camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
-        surface_object.set_pose(camera_object, surface, solved.estimate.cam_from_model)
+        set_cam_from_model(scene, solved.estimate.cam_from_model)
         return
     if not solved.doubtful:
         raise InputError(solved.refusal)
@@ -205,7 +205,7 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
         record["doubt"] = "no pose fits the landmarks; this one comes nearest"
     if explained is not None:
         record["explained"] = explained
-    surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
+    set_cam_from_model(scene, pose)
     pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
 
 
@@ -226,18 +226,14 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
     InputError
         No pose fits the pins, for instance because a point would lie behind the camera.
     """
-    camera_object, surface, camera = (
-        from_scene.camera_object_of(scene),
-        from_scene.surface_of(scene),
-        from_scene.camera(scene),
-    )
+    surface, camera = from_scene.surface_of(scene), from_scene.camera(scene)
     complete = complete_landmarks(from_scene.landmarks_model(scene))
     points, pixels = landmark_arrays(tuple(complete.values()))
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
         pivot = points.mean(axis=0)
     pulled = pull_pins(points, pixels, camera, cam_from_model, pivot, held=list(complete).index(held))
-    surface_object.set_pose(camera_object, surface, pulled)
+    set_cam_from_model(scene, pulled)
     record = {"method": "pins", "pairs": len(points), "rms_px": _rms_px(scene, pulled)}
     pose_evidence.remember(scene, record, pulled)
 

@@ -6,13 +6,13 @@ import numpy as np
 from ..pipeline.alignment.confidence_region import ellipse_outlines
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.alignment.reprojection import apply_twist
-from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.blender.alignment.surface_object import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene, pose_evidence
 from ..ui.frame_view import FrameView
 from ..ui.strokes import Colour, Strokes
-from ..view.fit import free_rectangle
+from ..view.zoom import free_rectangle
 from . import solve
 from .marks import LandmarkView
 from .solve import Solution

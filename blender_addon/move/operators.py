@@ -6,11 +6,10 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..class_registration import class_registration, prop, tool
 from ..pipeline.alignment.manual.nudge import Axis, nudged
-from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.events import redraw
-from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh
+from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh, set_cam_from_model
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import MOVE_TOOL, TOOLS, Key, ViewTool, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
@@ -50,8 +49,7 @@ class _Mover(NeedsAlignment):
         return nudged(pose, from_scene.camera(context.scene), self._pivot, axis, step_px, self._radius)
 
     def _set_pose(self, context: bpy.types.Context, pose: np.ndarray) -> None:
-        scene = context.scene
-        surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
+        set_cam_from_model(context.scene, pose)
         redraw()
 
 

@@ -44,7 +44,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
         """Refine without a preview, as scripts do."""
         scene = context.scene
         loaded = from_scene.loaded_case(scene, aligned=False)
-        result = refined(loaded, known_colours(scene))
+        result = _refinement_of(scene, loaded)(progress=None)
         _remember(result)
         taken = self.take_refused and result.can_be_taken
         if not result.accepted and not taken:
@@ -55,7 +55,8 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
     def work(self, context: bpy.types.Context) -> Work:
         loaded = from_scene.loaded_case(context.scene, aligned=False)
         self._start, self._inputs = loaded.frame.cam_from_model, inputs_of(context.scene)
-        return partial(refined, loaded, known_colours(context.scene))
+        refinement = _refinement_of(context.scene, loaded)
+        return lambda progress: refinement(progress=progress)
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         check_inputs(context.scene, self._inputs)
@@ -103,19 +104,11 @@ def _refused(scene: bpy.types.Scene) -> Refinement:
     return result
 
 
-def refined(
-    loaded: LoadedCase, colours: np.ndarray | None, progress: Callable[[float], None] | None = None
-) -> Refinement:
-    """Refine the case's pose against its frame, on arrays alone; arguments as for :func:`refine_pose`."""
-    return refine_pose(
-        loaded.frame.image,
-        loaded.frame.valid,
-        loaded.case.camera,
-        loaded.surface.mesh,
-        loaded.frame.cam_from_model,
-        colours=colours,
-        progress=progress,
-    )
+def _refinement_of(scene: bpy.types.Scene, loaded: LoadedCase) -> Callable[..., Refinement]:
+    """:func:`refine_pose` with the case's arrays, for any thread; it takes ``progress``."""
+    frame = loaded.frame
+    arrays = frame.image, frame.valid, loaded.case.camera, loaded.surface.mesh, frame.cam_from_model
+    return partial(refine_pose, *arrays, colours=known_colours(scene))
 
 
 def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:

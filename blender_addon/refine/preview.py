@@ -6,12 +6,11 @@ import bpy
 import numpy as np
 
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.blender.alignment.surface_object import set_pose
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
-from ..state import from_scene
 from ..state.events import redraw
+from ..state.pose import set_cam_from_model
 from ..ui.background_operator import NAVIGATION, show_status
 from ..ui.operator import OperatorResult
 
@@ -22,7 +21,7 @@ TAKE = {"RET", "NUMPAD_ENTER"}
 
 def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -> None:
     """Move the surface to the pose that a refinement has found, and record how; ``start``: of its initial pose."""
-    set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), result.found)
+    set_cam_from_model(scene, result.found)
     remember_refined(scene, result, start)
 
 
@@ -90,9 +89,7 @@ class Preview(bpy.types.Operator):
         show_status(context, f"{shown}: {figures}      {_keys(self._result)}")
 
     def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
-        scene = context.scene
-        pose = self._result.found if is_result else self._start
-        set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
+        set_cam_from_model(context.scene, self._result.found if is_result else self._start)
         self._shows_result = is_result
         redraw()
 

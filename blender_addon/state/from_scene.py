@@ -28,7 +28,7 @@ from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, transform_points
 
-KEPT_FIELDS = ("cluster", "object_name")
+KEPT_FIELDS = ("object_name",)
 """Fields of a case that the add-on has no settings for, and keeps as they are."""
 READ_POSE = "oneframe_read_pose"
 """Custom property of the surface: ``cam_from_model`` and ``cam_from_mesh`` of the opened case. Computing one from the

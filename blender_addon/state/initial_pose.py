@@ -8,8 +8,7 @@ from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.errors import InputError
-from ..pipeline.surface.ball import Ball
-from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.surface.mesh import Ball, TriangleMesh
 from . import from_scene
 from .camera_view import follow_surface
 

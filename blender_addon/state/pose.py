@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.blender.alignment import surface_object
-from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.blender.alignment.surface_object import visible_surface
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.errors import InputError
@@ -47,6 +47,17 @@ def keep_pivot(scene: bpy.types.Scene, pivot_model: np.ndarray, radius_mm: float
     set_exact(from_scene.surface_of(scene), PIVOT, np.array([*pivot_model, radius_mm]))
 
 
+def set_cam_from_model(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
+    """Move the surface to a pose ``(4, 4)``, mm.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface.
+    """
+    surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), cam_from_model)
+
+
 def cam_from_mesh_of(scene: bpy.types.Scene) -> np.ndarray:
     """``(4, 4)`` cam_from_mesh in the frame and units of the mesh file, as in a case file."""
     cam_from_mesh = from_scene.cam_from_mesh(scene).copy()
@@ -85,8 +96,6 @@ def pose_from_text(text: str) -> tuple[np.ndarray, str | None]:
 
 def set_cam_from_mesh(scene: bpy.types.Scene, cam_from_mesh: np.ndarray) -> None:
     """Move the surface to a pose ``(4, 4)`` in the frame and units of the mesh file."""
-    camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
     cam_from_mesh = cam_from_mesh.copy()
     cam_from_mesh[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]
-    mesh_from_model = surface_object.mesh_from_model_of(surface)
-    surface_object.set_pose(camera_object, surface, cam_from_mesh @ mesh_from_model)
+    set_cam_from_model(scene, cam_from_mesh @ surface_object.mesh_from_model_of(from_scene.surface_of(scene)))

@@ -6,15 +6,14 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.blender.alignment import alignment_scene, surface_object
-from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.surface.mesh_reader import read_mesh
 
 Colour = tuple[float, float, float]
 """sRGB, 0..1."""
 
 
-def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Colour]], units: str = "mm") -> list[str]:
-    """Add structures to the surface, by their names; those of the same names are replaced.
+def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Colour]]) -> list[str]:
+    """Add structures in mm to the surface, by their names; those of the same names are replaced.
 
     Returns
     -------
@@ -30,7 +29,7 @@ def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Co
     old = [child for child in surface.children if child.name in files and child.oneframe.role == "STRUCTURE"]
     alignment_scene.remove_objects(old)
     for name, (path, colour) in files.items():
-        mesh = read[name][0].scaled(MM_PER_UNIT[units]).moved(-offset)
+        mesh = read[name][0].moved(-offset)
         structure = alignment_scene.put_structure(surface, mesh, name, colour)
         structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path.resolve())
     alignment_scene.hide_context(surface)

@@ -19,8 +19,7 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import reading
 from ..pipeline.images.image_check import may_have_alpha
-from ..pipeline.surface.ball import Ball
-from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.surface.mesh import Ball, TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene, pose_evidence, workbench
 from .another_frame import leave_frame

@@ -8,7 +8,7 @@ from bpy_extras import view3d_utils
 from mathutils import Matrix, Vector
 from numpy.typing import ArrayLike
 
-from ..pipeline.blender.alignment.visible_surface import first_hit
+from ..pipeline.blender.alignment.surface_object import first_hit
 from ..pipeline.blender.bridge.camera import cam_from_model_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.errors import InputError

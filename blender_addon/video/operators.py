@@ -15,7 +15,7 @@ from ..state import camera_view, from_scene, to_scene, workbench
 from ..state.scene_files import session_folder
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Messages, Reporting, available
-from ..view.fit import fit_soon
+from ..view.zoom import fit_soon
 from . import session, shown_frame
 from .session import FilmSession
 

@@ -8,7 +8,7 @@ from gpu_extras.batch import batch_for_shader
 from ..class_registration import at_end, class_registration, drawing, listening
 from ..state import from_scene
 from ..ui.strokes import Colour, Strokes
-from ..view.fit import free_rectangle, reserved
+from ..view.zoom import free_rectangle, reserved
 from . import shown_frame, strip_gizmo, strip_pictures
 from .session import FilmSession
 from .strip_layout import StripLayout, film_in, reserved_height

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..state import from_scene
 from ..ui.frame_view import shows_frame, window_region
-from ..view.fit import uncovered_rectangle
+from ..view.zoom import uncovered_rectangle
 from . import session
 from .session import FilmSession
 

@@ -11,6 +11,7 @@ import bpy
 import gpu
 import numpy as np
 from bpy.app.handlers import persistent
+from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
 from ..class_registration import at_end, class_registration, listening
@@ -188,14 +189,8 @@ def _batch(content: _Content, mesh: bpy.types.Mesh) -> gpu.types.GPUBatch:
     fields = {"position": vertices, "normal": normals}
     if values is not None:
         fields["colour" if content.kind == "COLOURS" else "uv"] = values
-    layout = gpu.types.GPUVertFormat()
-    for name, data in fields.items():
-        layout.attr_add(id=name, comp_type="F32", len=data.shape[1], fetch_mode="FLOAT")
-    buffer = gpu.types.GPUVertBuf(layout, len(vertices))
-    for name, data in fields.items():
-        buffer.attr_fill(name, np.ascontiguousarray(data, np.float32))
-    index = gpu.types.GPUIndexBuf(type="TRIS", seq=np.ascontiguousarray(faces, np.int32))
-    return gpu.types.GPUBatch(type="TRIS", buf=buffer, elem=index)
+    fields = {name: np.ascontiguousarray(data, np.float32) for name, data in fields.items()}
+    return batch_for_shader(surface_shader(content.kind), "TRIS", fields, indices=np.ascontiguousarray(faces, np.int32))
 
 
 def _median_edge(content: _Content) -> float:

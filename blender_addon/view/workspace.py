@@ -16,7 +16,7 @@ from ..state.events import areas
 from ..ui.frame_view import window_region
 from ..ui.keymap import PIN_TOOL
 from ..ui.operator import OperatorResult
-from . import fit
+from . import zoom
 
 NAME = "OneFrame"
 TAB = "OneFrame"
@@ -212,9 +212,9 @@ class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
 register, unregister = class_registration(
     __name__,
     at_end(_entering.clear, _opened.clear, remove),
-    timers(_settle, fit.fit_waiting),
+    timers(_settle, zoom.fit_waiting),
     listening(workbench.listeners, _entered),
-    listening(camera_view.listeners, fit.fit_soon),
+    listening(camera_view.listeners, zoom.fit_soon),
     listening(bpy.app.handlers.undo_post, _after_change),
     listening(bpy.app.handlers.redo_post, _after_change),
     listening(bpy.app.handlers.load_post, _after_load),

@@ -6,6 +6,7 @@ import bpy
 import gpu
 import numpy as np
 from bpy_extras import view3d_utils
+from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
 
 from ..class_registration import at_end, class_registration, cursor, drawing
@@ -14,7 +15,7 @@ from ..pipeline.images.pixel_values import linear_from_codes
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene
 from ..ui.strokes import Colour, Strokes, in_window_pixels
-from ..view.fit import free_rectangle
+from ..view.zoom import free_rectangle
 from . import drill_session
 from .drill_gesture import is_ready
 from .drill_session import BlockKey, Burr, DrillSession, burr_at, world_from_mesh
@@ -78,13 +79,7 @@ def block_shader() -> gpu.types.GPUShader:
 
 
 def _batch(vertices: np.ndarray, drilled: np.ndarray, faces: np.ndarray) -> gpu.types.GPUBatch:
-    layout = gpu.types.GPUVertFormat()
-    layout.attr_add(id="position", comp_type="F32", len=3, fetch_mode="FLOAT")
-    layout.attr_add(id="drilled", comp_type="F32", len=1, fetch_mode="FLOAT")
-    buffer = gpu.types.GPUVertBuf(layout, len(vertices))
-    buffer.attr_fill("position", vertices)
-    buffer.attr_fill("drilled", drilled)
-    return gpu.types.GPUBatch(type="TRIS", buf=buffer, elem=gpu.types.GPUIndexBuf(type="TRIS", seq=faces))
+    return batch_for_shader(block_shader(), "TRIS", {"position": vertices, "drilled": drilled}, indices=faces)
 
 
 def _upload(session: DrillSession) -> None:

@@ -18,8 +18,7 @@ from ..pipeline.blender.alignment import surface_object
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.volume.bone.bone import bone_voxels
 from ..pipeline.volume.bone.isosurface import RemovedField, block_surface
-from ..pipeline.volume.drill.bone_ray import first_bone
-from ..pipeline.volume.drill.burr_room import BurrRoom
+from ..pipeline.volume.drill.burr import BurrRoom, first_bone
 from ..pipeline.volume.drill.drill_plan import DrillPlan, Stroke
 from ..pipeline.volume.drill.virtual_drill import DrilledVolume, VoxelBox
 from ..state import from_scene
@@ -55,20 +54,20 @@ class DrillSession:
         self, ct: LoadedCT, level_hu: float, solid: np.ndarray,
         structures: Mapping[str, TriangleMesh], margins_mm: Mapping[str, float],
     ) -> None:  # fmt: skip
-        """Begin with nothing drilled."""
+        """Begin with nothing drilled; ``room`` is that of the burr between structures."""
         self.ct, self.level_hu, self.solid, self.structures = ct, level_hu, solid, dict(structures)
         self.blocks: dict[BlockKey, Block] = {}
         self.changed: set[BlockKey] = set()
         self.revision = 0
         self._drilled = DrilledVolume(ct.volume.grid)
         self.margins_mm = dict(margins_mm)
-        self._room = BurrRoom(structures, margins_mm)
+        self.room = BurrRoom(structures, margins_mm)
 
     def spare(self, margins_mm: Mapping[str, float]) -> None:
         """Stop the burr at other margins from now on."""
         if self.margins_mm != margins_mm:
             self.margins_mm = dict(margins_mm)
-            self._room = BurrRoom(self.structures, margins_mm)
+            self.room = BurrRoom(self.structures, margins_mm)
 
     @property
     def removed(self) -> RemovedField | None:
@@ -115,14 +114,6 @@ class DrillSession:
     def hit(self, removed: RemovedField | None, origin_mm: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
         """Where a ray meets the bone that a field has left."""
         return first_bone(self.ct.volume, self.level_hu, self.solid, removed, origin_mm, direction)
-
-    def nearest(self, point: np.ndarray) -> tuple[str, float] | None:
-        """The structure nearest to a point, and its distance, mm."""
-        return self._room.nearest(point)
-
-    def reached(self, start: np.ndarray, end: np.ndarray, radius_mm: float) -> np.ndarray:
-        """Up to where a burr comes before it meets a margin."""
-        return self._room.reached(start, end, radius_mm)
 
     def _renew(self, box: VoxelBox) -> None:
         """Make the blocks again that voxels belong to."""
@@ -217,10 +208,10 @@ def burr_at(
     radius = float(context.scene.oneframe_ct.burr_mm) / 2
     radius = float(drill_strokes.rounded(np.array(radius)))
     centre = hit - (1 - DEPTH) * radius * toward
-    reached = session.reached(centre - APPROACH * radius * toward, centre, radius)
+    reached = session.room.reached(centre - APPROACH * radius * toward, centre, radius)
     stopped = bool(np.linalg.norm(reached - centre) > 1e-6)
     centre = drill_strokes.rounded(reached)
-    near = session.nearest(centre)
+    near = session.room.nearest(centre)
     name, distance = ("", np.inf) if near is None else near
     return Burr(centre, radius, stopped, name, distance - radius)
 

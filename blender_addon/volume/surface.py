@@ -11,8 +11,7 @@ from ..class_registration import class_registration, prop
 from ..pipeline.case.surface_folder import write_meshes
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.errors import InputError
-from ..pipeline.surface.ball import Ball, ball_around
-from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.surface.mesh import Ball, TriangleMesh, ball_around
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.bone import bone_voxels

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..files.numbers import format_two_digits
+from ..transforms import transform_points
 from .confidence_region import f_quantile
 from .reprojection import jacobian_at, twist_between
 
@@ -95,6 +96,25 @@ class PoseUncertainty:
         covariance = axes @ self.covariance @ axes.T
         deviation = np.sqrt(covariance[number, number])
         return _DIRECTIONS[number].format(format_two_digits(deviation if number < 3 else np.degrees(deviation)))
+
+    def table(self, mesh_from_model: np.ndarray) -> dict[str, object]:
+        """For JSON, in the frame of the mesh file."""
+        return {
+            "of": "twist in camera axes about the pivot: translation (mm), then rotation (radians)",
+            "pivot": transform_points(mesh_from_model, self.pivot_model).tolist(),
+            "covariance": self.covariance.tolist(),
+            "degrees_of_freedom": self.dof,
+            **self.record(),
+            "weakest_twist": self.weakest_twist.tolist(),
+        }
+
+    def record(self) -> dict[str, object]:
+        """What the record of an alignment in a case file keeps of it."""
+        return {
+            "standard_deviation_deg": self.rotation_deg.tolist(),
+            "standard_deviation_mm": self.translation_mm.tolist(),
+            "weakest": self.weakest,
+        }
 
     def scaled(self, factor: float) -> "PoseUncertainty":
         """That of the pose of the surface scaled about the camera's centre: every pixel is as uncertain as before."""

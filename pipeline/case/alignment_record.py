@@ -3,17 +3,14 @@
 It records how the pose was found and its uncertainty; nothing is computed from it.
 """
 
-import math
 import re
 from collections.abc import Mapping
-from datetime import date, datetime
+from datetime import date
 from typing import Any
-
-import numpy as np
 
 from ..errors import InputError
 from ..files.keys import check_keys
-from ..files.numbers import format_two_digits
+from ..files.numbers import format_two_digits, is_number
 
 KEYS = (
     "method",
@@ -79,13 +76,7 @@ OTHER_FRAME = "another frame"
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
-_TEXTS = ("method", "tool", "doubt", "refused", "start_method", "weakest")
-_COUNTS = ("pairs", "start_pairs")
-_NUMBERS = {
-    **dict.fromkeys(("explained", "start_explained", "second_peak_ratio"), "a number from 0"),
-    "moved_deg": "a number of degrees",
-    **{key: "a number of pixels" for key in KEYS if key.endswith("_px")},
-}
+_TEXTS = ("method", "tool", "date", "doubt", "refused", "start_method", "weakest")
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:
@@ -121,39 +112,16 @@ def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, obje
 
 def _checked(key: str, value: Any, where: str) -> object:
     if key in _TEXTS:
+        if isinstance(value, date):  # TOML has dates; a datetime is a date too
+            return value.isoformat()
         if not isinstance(value, str):
             raise InputError(f"{where}: expected text, found {value!r}")
         return value
-    if key == "date":
-        return _checked_date(value, where)
-    if key in _COUNTS:
-        if not _is_number(value) or value != int(value) or value < 0:
-            raise InputError(f"{where}: expected the number of landmarks, found {value!r}")
-        return int(value)
-    if key in _NUMBERS:
-        if not _is_number(value) or value < 0:
-            raise InputError(f"{where}: expected {_NUMBERS[key]}, found {value!r}")
-        return float(value)
-    values: list[Any] = list(value) if isinstance(value, list | tuple | np.ndarray) else []
-    if len(values) != 3 or not all(_is_number(each) and each >= 0 for each in values):
+    if not key.startswith("standard_deviation"):
+        if not is_number(value) or value < 0:
+            raise InputError(f"{where}: expected a number from 0, found {value!r}")
+        return int(value) if key.endswith("pairs") else float(value)
+    values = value if isinstance(value, list) else []
+    if len(values) != 3 or not all(is_number(each) and each >= 0 for each in values):
         raise InputError(f"{where}: expected three numbers, for the camera's x, y and z axis, found {value!r}")
     return [float(each) for each in values]
-
-
-def _is_number(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # an integer too large for a float
-        return False
-
-
-def _checked_date(value: Any, where: str) -> str:
-    if isinstance(value, date):  # TOML has dates; a datetime is a date too
-        return value.isoformat()
-    try:
-        datetime.fromisoformat(value)
-    except (TypeError, ValueError):
-        raise InputError(f'{where}: expected a date such as "2026-03-31", found {value!r}') from None
-    return str(value)

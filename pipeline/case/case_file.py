@@ -70,8 +70,6 @@ class Case:
         What overlays show in addition to the surface.
     dataset
         The raw ``[dataset]`` table: options of the run, checked by :mod:`oneframe.dataset.options`.
-    cluster
-        The raw ``[cluster]`` table: jobs of workers, checked by :mod:`oneframe.cluster.slurm_settings`.
     object_name
         Name of the surface in the tables of a dataset, or ``None`` for that of its file.
     messages
@@ -94,7 +92,6 @@ class Case:
     frames: tuple[UnreadFrame, ...] = ()
     structures: tuple[Structure, ...] = ()
     dataset: dict[str, object] = field(default_factory=dict)
-    cluster: dict[str, object] = field(default_factory=dict)
     object_name: str | None = None
     messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
@@ -136,7 +133,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     table = parsed_toml(text, name)
     check_keys(
         table, ("units", "frame", "camera", "surface", "pose"),
-        ("frames", "structures", "landmarks", "alignment", "dataset", "cluster"), f"{name}: ",
+        ("frames", "structures", "landmarks", "alignment", "dataset"), f"{name}: ",
     )  # fmt: skip
     if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
         raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
@@ -167,7 +164,6 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         frames=tuple(frames),
         structures=_structures(path, table.get("structures", [])),
         dataset=_raw_table(table.get("dataset", {}), "dataset", name),
-        cluster=_raw_table(table.get("cluster", {}), "cluster", name),
         messages=tuple(messages),
         landmarks=landmarks_from_tables(
             table.get("landmarks", []),

@@ -1,17 +1,14 @@
 """Save a case over its file: only what has changed is rewritten, so the author's comments and order stay."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..errors import InputError
 from ..files.content import read_content, write_bytes_atomically
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY
-from .case_file import Case, Structure, case_from_text
+from .case_file import Case, case_from_text
 from .case_writer import case_output, case_text, encoded, write_case
 
 if TYPE_CHECKING:
@@ -104,8 +101,25 @@ def differing_fields(one: Case, other: Case) -> tuple[str, ...]:
 
     Files are compared by what they name. The order of structures does not count, since nothing depends on it.
     """
-    names = [field.name for field in fields(Case) if field.name not in ("path", "messages")]
-    return tuple(name for name in names if not _EQUAL.get(name, _same)(one, other, name))
+    meanings = [_meaning(case) for case in (one, other)]
+    return tuple(name for name in meanings[0] if meanings[0][name] != meanings[1][name])
+
+
+def _meaning(case: Case) -> dict[str, Any]:
+    """What the fields say, wherever the case lies and whatever comes first."""
+    meaning = {field.name: getattr(case, field.name) for field in fields(Case)}
+    del meaning["path"], meaning["messages"]
+    meaning |= {name: os.path.realpath(meaning[name]) for name in ("image", "mesh")}
+    meaning["cam_from_mesh"] = case.cam_from_mesh.tolist()
+    meaning["frames"] = [
+        (os.path.realpath(each.image), each.camera, each.distortion, each.cam_from_mesh.tolist())
+        for each in case.frames
+    ]
+    meaning["structures"] = {each.name: (os.path.realpath(each.mesh), each.colour) for each in case.structures}
+    poses = case.dataset.get("poses")
+    if isinstance(poses, str):
+        meaning["dataset"] = {**case.dataset, "poses": os.path.realpath(case.path.parent / poses)}
+    return meaning
 
 
 def _adopt_conventions(document: "TOMLDocument", path: Path, wanted: Case) -> None:
@@ -186,42 +200,3 @@ def _own_key(target: Any, key: str) -> str:
 def _text(item: Any) -> str:
     # of a container tomlkit gives truth values as Python's own
     return repr(item) if isinstance(item, bool) else str(item.as_string()).strip()
-
-
-def _by_name(structures: Sequence[Structure]) -> dict[str, Any]:
-    return {each.name: (os.path.realpath(each.mesh), each.colour) for each in structures}
-
-
-def _frames(case: Case) -> list[Any]:
-    return [
-        (os.path.realpath(each.image), each.camera, each.distortion, each.cam_from_mesh.tolist())
-        for each in case.frames
-    ]
-
-
-def _options(case: Case) -> dict[str, Any]:
-    """The options of a case, with the absolute path of the poses' file."""
-    poses = case.dataset.get("poses")
-    return (
-        {**case.dataset, "poses": os.path.realpath(case.path.parent / poses)}
-        if isinstance(poses, str)
-        else case.dataset
-    )
-
-
-def _same(one: Case, other: Case, name: str) -> bool:
-    return getattr(one, name) == getattr(other, name)
-
-
-def _same_file(one: Case, other: Case, name: str) -> bool:
-    return os.path.realpath(getattr(one, name)) == os.path.realpath(getattr(other, name))
-
-
-_EQUAL: Mapping[str, Callable[[Case, Case, str], bool]] = {
-    "cam_from_mesh": lambda one, other, name: np.array_equal(one.cam_from_mesh, other.cam_from_mesh),
-    "image": _same_file,
-    "mesh": _same_file,
-    "frames": lambda one, other, name: _frames(one) == _frames(other),
-    "structures": lambda one, other, name: _by_name(one.structures) == _by_name(other.structures),
-    "dataset": lambda one, other, name: _options(one) == _options(other),
-}

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
 from datetime import date, time
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -101,8 +101,6 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         blocks.append(["[alignment]", *_pairs(alignment_record)])
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
     blocks += [_structure_lines(structure, folder) for structure in case.structures]
-    if case.cluster:
-        blocks.append(["[cluster]", *_pairs(case.cluster)])
     if case.dataset:
         blocks.append(["[dataset]", *_pairs(relocated_options(case.dataset, case.path.parent, folder))])
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
@@ -188,21 +186,14 @@ def _file(path: Path, folder: Path) -> str:
 
 def relative_name(path: Path, folder: Path) -> str:
     """A file's path relative to a folder, with slashes on every system; absolute if it is on another drive."""
-    try:
+    if path.is_relative_to(folder):
         return path.relative_to(folder).as_posix()
+    # ".." goes to the parent of a link's target, so no folder on the way may be a link
+    target = Path(os.path.realpath(path.parent)) / path.name
+    try:
+        return Path(os.path.relpath(target, os.path.realpath(folder))).as_posix()
     except ValueError:
-        # ".." goes to the parent of a link's target, so no folder on the way may be a link
-        return path_from_folder(Path(os.path.realpath(path.parent)) / path.name, Path(os.path.realpath(folder)))
-
-
-def path_from_folder(path: PurePath, folder: PurePath) -> str:
-    """The relative path from an absolute folder to a file, with slashes."""
-    if path.anchor != folder.anchor:
-        return path.as_posix()
-    shared = 0
-    while path.parts[: shared + 1] == folder.parts[: shared + 1] and shared < len(folder.parts):
-        shared += 1
-    return "/".join([".."] * (len(folder.parts) - shared) + list(path.parts[shared:]))
+        return target.as_posix()
 
 
 def toml_value(value: Any) -> str:

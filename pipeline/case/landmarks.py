@@ -12,7 +12,7 @@ import numpy as np
 from ..camera.pinhole import PixelOrigin
 from ..errors import InputError
 from ..files.keys import check_keys
-from ..files.numbers import millimetres
+from ..files.numbers import is_number, millimetres
 
 MOST_LANDMARKS = 10_000
 
@@ -116,13 +116,6 @@ def landmark_from_table(
 
 
 def _numbers(values: Any, count: int, expected: str) -> list[float]:
-    is_list = isinstance(values, list) and len(values) == count
-    if not is_list or not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-        raise InputError(f"{expected}, {count} numbers, found {values!r}")
-    try:
-        finite = bool(np.isfinite([float(value) for value in values]).all())
-    except OverflowError:
-        finite = False
-    if not finite:
+    if not isinstance(values, list) or len(values) != count or not all(map(is_number, values)):
         raise InputError(f"{expected}, {count} finite numbers, found {values!r}")
     return values

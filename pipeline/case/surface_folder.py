@@ -1,7 +1,6 @@
 """The folder that ``oneframe surface`` leaves: the names of its files, and its record, read strictly."""
 
 import json
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,10 +11,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
+from ..files.numbers import is_number
 from ..files.outputs import made_folder, writing
 from ..files.tables import parsed_json
-from ..surface.ball import Ball, ball_around
-from ..surface.mesh import TriangleMesh
+from ..surface.mesh import Ball, TriangleMesh, ball_around
 from ..surface.mesh_writer import SAFE_NAME, write_ply
 from ..surface.structure_colour import structure_colour
 from .case_file import Structure
@@ -23,9 +22,6 @@ from .case_file import Structure
 SURFACE, RECORD, STRUCTURES = "surface.ply", "surface.json", "structures"
 
 ADVICE = "run oneframe surface again, or give a mesh file"
-
-_COUNTS = re.compile(rb"^element (vertex|face) (\d+)\s*$", re.MULTILINE)
-_HEADER_BYTES = 64 * 1024
 
 
 @dataclass(frozen=True)
@@ -87,12 +83,12 @@ def focus_table(focus: Ball) -> dict[str, object]:
 
 
 def read_surface_folder(folder: Path) -> SurfaceFolder:
-    """Read the record of a folder, and check that the meshes in it are those that the record describes.
+    """Read the record of a folder.
 
     Raises
     ------
     InputError
-        There is no record, it is none, or it does not belong to the meshes beside it.
+        There is no record, or it is none.
     """
     path = folder / RECORD
     if not path.exists():
@@ -105,7 +101,6 @@ def read_surface_folder(folder: Path) -> SurfaceFolder:
         raise InputError(f"{path}: expected the report of oneframe surface, found another file; {ADVICE}")
     surface = _table(record["surface"], f"{path}: surface")
     mesh = _file(folder, surface, f"{path}: surface")
-    _check_counts(mesh, surface, ("vertices", "faces"), path)
     structures = []
     for name, value in _table(record.get("structures", {}), f"{path}: structures").items():
         if not name:
@@ -115,9 +110,7 @@ def read_surface_folder(folder: Path) -> SurfaceFolder:
         colour = _numbers(entry.get("colour"), 3, f"{where}: colour")
         if not all(0 <= part <= 1 for part in colour):
             raise InputError(f"{where}: colour: expected three numbers 0..1, found {colour}; {ADVICE}")
-        structure = Structure(name, _file(folder, entry, where), (colour[0], colour[1], colour[2]))
-        _check_counts(structure.mesh, entry, ("faces",), path)
-        structures.append(structure)
+        structures.append(Structure(name, _file(folder, entry, where), (colour[0], colour[1], colour[2])))
     return SurfaceFolder(mesh, tuple(structures), _focus(record.get("focus"), f"{path}: focus"), is_lps=True)
 
 
@@ -128,18 +121,6 @@ def _focus(value: object, where: str) -> Ball | None:
     centre = _numbers(table.get("centre_mm"), 3, f"{where}: centre_mm")
     (radius,) = _numbers([table.get("radius_mm")], 1, f"{where}: radius_mm")
     return Ball(np.array(centre), radius) if radius > 0 else None
-
-
-def _check_counts(mesh: Path, entry: dict[str, Any], keys: tuple[str, ...], record: Path) -> None:
-    """Check the numbers of vertices and faces that a PLY announces against those of the record."""
-    header = read_content(mesh, "a mesh", str(mesh))[:_HEADER_BYTES].partition(b"end_header")[0]
-    found = {{b"vertex": "vertices", b"face": "faces"}[name]: int(count) for name, count in _COUNTS.findall(header)}
-    for key in keys:
-        if entry.get(key) != found.get(key):
-            raise InputError(
-                f"{mesh}: expected the {entry.get(key)} {key} that {record.name} states, found "
-                f"{found.get(key, 'none')}: the record does not belong to this mesh; {ADVICE}"
-            )
 
 
 def _file(folder: Path, entry: dict[str, Any], where: str) -> Path:
@@ -159,7 +140,6 @@ def _table(value: Any, where: str) -> dict[str, Any]:
 
 def _numbers(value: Any, count: int, where: str) -> list[float]:
     values = value if isinstance(value, list) else []
-    numbers = [each for each in values if isinstance(each, int | float) and not isinstance(each, bool)]
-    if len(values) != count or len(numbers) != count or not all(map(math.isfinite, numbers)):
+    if len(values) != count or not all(map(is_number, values)):
         raise InputError(f"{where}: expected {count} numbers, found {json.dumps(value)[:100]}; {ADVICE}")
-    return [float(each) for each in numbers]
+    return [float(each) for each in values]

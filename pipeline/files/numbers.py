@@ -4,6 +4,7 @@ import io
 import math
 import operator
 import re
+import sys
 import warnings
 from decimal import Decimal, DecimalException
 from typing import Any
@@ -51,6 +52,11 @@ def length_text(value_mm: float, mm_per_unit: float) -> str:
     if millimetres(float(shortest), mm_per_unit) == value_mm:
         return shortest
     return str(Decimal(repr(float(value_mm))) / Decimal(mm_per_unit))
+
+
+def is_number(value: object) -> bool:
+    """Whether it is a finite real number, and no truth value."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def parsed_numbers(text: bytes, dtype: type[np.float64] | type[np.int64]) -> np.ndarray | None:

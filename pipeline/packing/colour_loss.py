@@ -78,9 +78,10 @@ def as_jpeg(png: bytes, quality: int, shape: Shape, where: str) -> tuple[bytes, 
     InputError
         Damaged, or of another size; ``where`` names the file.
     """
-    bgr = np.ascontiguousarray(decoded_rgb(png, shape, where)[..., ::-1])
+    rgb = decoded_rgb(png, shape, where)
+    bgr = np.ascontiguousarray(rgb[..., ::-1])
     data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-    return data, jpeg_loss(data, png, shape, where)
+    return data, ColourLoss.between(rgb, decoded_rgb(data, shape, where))
 
 
 def jpeg_loss(jpeg: bytes, png: bytes, shape: Shape, where: str) -> ColourLoss:

@@ -3,8 +3,9 @@
 All are ``cam_from_mesh``, in the frame of the user's mesh file: see :mod:`oneframe.transforms`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -130,55 +131,54 @@ def read_poses(
     path = Path(path)
     if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):
         raise InputError(f"{path.name}: expected a positive number of mm per unit of the poses, found {mm_per_unit:g}")
-    if path.suffix.lower() not in _LISTED:
-        raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
-    content = read_content(
-        path, "a list of poses", most=LARGEST_FILE if path.suffix.lower() == ".json" else LARGEST_LIST
-    )
-    entries = _LISTED[path.suffix.lower()](content, path.name)
+    entries = _listed(path)
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
-    cams_from_model = np.empty((len(entries), 4, 4))
-    corrected: list[str] = []
-    for index, matrix in enumerate(entries):
-        pose, message = checked_rigid(matrix, f"{path.name}: pose {index} (counted from 0)")
-        pose[:3, 3] *= mm_per_unit
-        cams_from_model[index] = pose @ mesh_from_model
-        corrected += [message] if message else []
-    messages = corrected[:1]
-    if len(corrected) > 1:
-        messages.append(f"{path.name}: the rotations of {len(corrected) - 1} other poses were corrected too")
-    return cams_from_model, messages
+    found, messages = _converted(dict(enumerate(entries)), f"{path.name}: pose", mesh_from_model, mm_per_unit)
+    return np.stack([*found.values()]), messages
 
 
-def _array_entries(data: bytes, name: str) -> Sequence[object]:
-    array = npy_array(data, name)
-    if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
-        raise InputError(f"{name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
-    return list(array.reshape(-1, 4, 4))
-
-
-def _json_entries(data: bytes, name: str) -> list[object]:
+def _listed(path: Path) -> list[Any]:
+    """The poses in a file, unchecked: arrays of ``.npy``, or what JSON holds."""
+    suffix = path.suffix.lower()
+    if suffix not in (".npy", ".json"):
+        raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
+    data = read_content(path, "a list of poses", most=LARGEST_FILE if suffix == ".json" else LARGEST_LIST)
+    if suffix == ".npy":
+        array = npy_array(data, path.name)
+        if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
+            raise InputError(f"{path.name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
+        return list(array.reshape(-1, 4, 4))
     # whole numbers as float too: one of 400 digits becomes infinity, and the error then names the pose
-    found = parsed_json(data, name, parse_int=float)
+    found: Any = parsed_json(data, path.name, parse_int=float)
     if isinstance(found, dict) or (_is_list(found) and _is_list(found[0]) and not _is_list(found[0][0])):
         found = [found]
     if not isinstance(found, list):
-        raise InputError(f"{name}: expected a list of poses, found {type(found).__name__}")
-    return [_json_entry(entry, f"{name}: pose {index} (counted from 0)") for index, entry in enumerate(found)]
-
-
-def _json_entry(entry: object, where: str) -> object:
-    if not isinstance(entry, dict):
-        return entry
-    return entry[pose_key(entry, f"{where}: ")]
+        raise InputError(f"{path.name}: expected a list of poses, found {type(found).__name__}")
+    return found
 
 
 def _is_list(value: object) -> bool:
     return isinstance(value, list) and len(value) > 0
 
 
-_LISTED: dict[str, Callable[[bytes, str], Sequence[object]]] = {".npy": _array_entries, ".json": _json_entries}
+def _converted(
+    entries: Mapping[int, Any], what: str, mesh_from_model: np.ndarray, mm_per_unit: float
+) -> tuple[dict[int, np.ndarray], list[str]]:
+    """``cam_from_model`` (4x4, mm) of each entry by its number, and messages; ``what`` begins those of one."""
+    poses: dict[int, np.ndarray] = {}
+    corrected = []
+    for number, entry in entries.items():
+        where = f"{what} {number} (counted from 0)"
+        matrix = entry[pose_key(entry, f"{where}: ")] if isinstance(entry, dict) else entry
+        pose, message = checked_rigid(matrix, where)
+        pose[:3, 3] *= mm_per_unit
+        poses[number] = pose @ mesh_from_model
+        corrected += [message] if message else []
+    if len(corrected) > 1:
+        name = what.partition(":")[0]
+        return poses, [corrected[0], f"{name}: the rotations of {len(corrected) - 1} other poses were corrected too"]
+    return poses, corrected
 
 
 def read_frame_poses(
@@ -210,46 +210,28 @@ def read_frame_poses(
         exist, or no frame has a pose.
     """
     path = Path(path)
-    if path.suffix.lower() not in _LISTED:
-        raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
-    is_json = path.suffix.lower() == ".json"
-    content = read_content(path, "a list of poses", most=LARGEST_FILE if is_json else LARGEST_LIST)
-    found = (
-        _frame_entries(content, path.name, frames) if is_json else dict(enumerate(_array_entries(content, path.name)))
-    )
-    if found.keys() - range(frames) or (len(found) != frames and not is_json):
-        raise _other_number(path.name, len(found), frames)
-    poses: list[np.ndarray | None] = [None] * frames
-    messages: list[str] = []
-    for number, matrix in found.items():
-        if matrix is None or (isinstance(matrix, np.ndarray) and np.isnan(matrix).all()):
-            continue
-        pose, message = checked_rigid(matrix, f"{path.name}: pose of frame {number} (counted from 0)")
-        pose[:3, 3] *= mm_per_unit
-        poses[number] = pose @ mesh_from_model
-        messages += [message] if message else []
-    if all(pose is None for pose in poses):
+    entries = _by_frame(_listed(path), path.name, frames)
+    given = {
+        number: entry
+        for number, entry in entries.items()
+        if entry is not None and not (isinstance(entry, np.ndarray) and np.isnan(entry).all())
+    }
+    if not given:
         raise InputError(f"{path.name}: expected a pose for some of the {frames} frames, found none")
-    if len(messages) > 1:
-        others = f"{path.name}: the rotations of {len(messages) - 1} other poses were corrected too"
-        messages = [messages[0], others]
-    return poses, messages
+    found, messages = _converted(given, f"{path.name}: pose of frame", mesh_from_model, mm_per_unit)
+    return [found.get(number) for number in range(frames)], messages
 
 
-def _frame_entries(data: bytes, name: str, frames: int) -> dict[int, object]:
+def _by_frame(found: list[Any], name: str, frames: int) -> dict[int, Any]:
     """Frame -> its entry."""
-    found = parsed_json(data, name, parse_int=float)
-    if not isinstance(found, list):
-        raise InputError(f"{name}: expected a list of poses, one a frame, found {type(found).__name__}")
-    keyed = [isinstance(entry, dict) and "frame" in entry for entry in found]
-    if not any(keyed):
+    if not any(isinstance(entry, dict) and "frame" in entry for entry in found):
         if len(found) != frames:
-            raise _other_number(name, len(found), frames)
-        return {
-            number: None if entry is None else _json_entry(entry, f"{name}: pose of frame {number} (counted from 0)")
-            for number, entry in enumerate(found)
-        }
-    entries: dict[int, object] = {}
+            raise InputError(
+                f"{name}: expected a pose for each of the {frames} frames of the video, found {len(found)}; write null "
+                "(JSON) or NaN (npy) for frames without a pose"
+            )
+        return dict(enumerate(found))
+    entries: dict[int, Any] = {}
     for index, entry in enumerate(found):
         where = f"{name}: entry {index} (counted from 0)"
         if not isinstance(entry, dict) or "frame" not in entry:
@@ -259,12 +241,5 @@ def _frame_entries(data: bytes, name: str, frames: int) -> dict[int, object]:
             raise InputError(f"{where}: expected frame = 0 to {frames - 1}, found {number!r}")
         if int(number) in entries:
             raise InputError(f"{where}: expected one pose for each frame, found another one for frame {number:.0f}")
-        entries[int(number)] = _json_entry(entry, where)
+        entries[int(number)] = entry
     return entries
-
-
-def _other_number(name: str, poses: int, frames: int) -> InputError:
-    return InputError(
-        f"{name}: expected a pose for each of the {frames} frames of the video, found {poses}; write null (JSON) or "
-        "NaN (npy) for frames without a pose"
-    )

@@ -20,15 +20,12 @@ class RenderedView:
     near_unseen
         ``(H, W)`` bool: observed, but within about one frame pixel of the border of the observed surface; only scenes
         for anti-aliasing have it.
-    face
-        ``(H, W)`` int32 index of the face at the pixel's centre, -1 for none; only scenes that were asked have it.
     """
 
     rgb: np.ndarray
     depth_mm: np.ndarray
     observed: np.ndarray
     near_unseen: np.ndarray
-    face: np.ndarray | None = None
 
     @property
     def mask(self) -> np.ndarray:

@@ -16,7 +16,7 @@ from .spans import filled, spans_of
 FARTHEST_PX = 1e5
 """Largest coordinate of a corner: beyond it, too little of a number's precision is left for the pixel."""
 
-SIDES_PX = 1, 2, 4, 8
+SIDES_PX = 2, 4
 """Sizes of boxes around small faces: their pixels are tested one by one; larger faces are filled in spans."""
 
 OUTSIDE = 1e-9

@@ -17,9 +17,8 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..surface.mesh import TriangleMesh
-from ..surface.tube import tube
 from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
-from .distance_field import ImplicitGrid, ball, largest_component, polyline, smooth_minimum, subtract_burrs
+from .distance_field import ImplicitGrid, ball, largest_component, polyline, smooth_minimum, subtract_burrs, tube
 
 SPACING_MM = 0.3
 LOWER_MM, UPPER_MM = np.array([-42.0, -31.0, -26.0]), np.array([36.0, 29.9, 3.7])

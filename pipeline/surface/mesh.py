@@ -16,6 +16,9 @@ LARGEST_COORDINATE = 1e9
 MOST_FACES = MOST_VERTICES = 10_000_000
 """Of a mesh; a temporal bone at the resolution of its CT has two million."""
 
+BALL_DECIMALS = 3
+"""Of a ball in a file: to a micrometre."""
+
 _BLOCK = 1 << 18
 """Faces that are computed at a time, which bounds the memory that it takes."""
 
@@ -112,6 +115,24 @@ class TriangleMesh:
     def flipped(self) -> "TriangleMesh":
         """The mesh with the other side of every face as its front."""
         return replace(self, faces=np.ascontiguousarray(self.faces[:, ::-1]))
+
+
+@dataclass(frozen=True)
+class Ball:
+    """The part of a surface that matters: ``centre`` (3,) and radius, mm, in the frame of the mesh."""
+
+    centre: np.ndarray
+    radius_mm: float
+
+    def rounded(self) -> "Ball":
+        """As files hold it: to a micrometre."""
+        return Ball(np.round(self.centre, BALL_DECIMALS), round(self.radius_mm, BALL_DECIMALS))
+
+
+def ball_around(mesh: TriangleMesh) -> Ball:
+    """The ball about the mean of a surface's vertices that holds all of them, rounded."""
+    centre = mesh.vertices.mean(axis=0)
+    return Ball(centre, mesh.moved(-centre).radius).rounded()
 
 
 def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[TriangleMesh, list[str]]:

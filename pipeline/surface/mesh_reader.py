@@ -24,12 +24,6 @@ LARGEST_MESH = 768 << 20
 MOST_CORNERS = 10_000
 """Of a polygon."""
 
-LONGEST_LINE = 1 << 20
-"""Bytes of a line of text."""
-
-_BLOCK = 8 << 20
-"""Bytes of text that are split into words at a time: words take many times their size."""
-
 
 def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
     """Read a surface from a file with extension .ply, .obj or .stl, in upper or lower case.
@@ -82,8 +76,9 @@ def _fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
 # --- STL
 
 
-_FACET = b"facet normal . . . outer loop vertex x y z vertex x y z vertex x y z endloop endfacet".split()
-_NUMBERS = (b".", b"x", b"y", b"z")
+_STL_WORDS = re.compile(
+    rb"^[ \t]*(?:end)?solid\b[^\n]*|\b(?:facet[ \t]+normal|outer[ \t]+loop|vertex|endloop|endfacet)\b", re.MULTILINE
+)
 
 
 def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
@@ -114,61 +109,29 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _stl_text_points(data: bytes, where: str) -> np.ndarray:
-    """``(F, 3, 3)`` corners of the facets of a text STL."""
-    end = data[-LONGEST_LINE:].rstrip().lower().replace(b"\r", b"\n")
-    if not re.match(rb"[ \t]*endsolid\b", end[end.rfind(b"\n") + 1 :]) or b"\0" in data:
+    """``(F, 3, 3)`` corners of the facets of a text STL; several solids in one file become one mesh."""
+    text = data.lower().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if not re.match(rb"[ \t]*endsolid\b", text.rstrip().rpartition(b"\n")[2]) or b"\0" in data:
         raise InputError(
             f"{where}: expected 'endsolid' in the last line, found the end of the file after {len(data):,} bytes; "
             "it is truncated: copy or export it again"
         )
-    parts: list[np.ndarray] = []
-    start = facets = 0
-    while start < len(data):
-        # up to the end of a facet
-        found = _ENDFACET.search(data, start + _BLOCK, start + _BLOCK + LONGEST_LINE)
-        stop = found.end() if found else min(start + _BLOCK + LONGEST_LINE, len(data))
-        parts.append(_stl_facets(data[start:stop], facets, where))
-        facets += len(parts[-1])
-        start = stop
-    return np.concatenate(parts)
-
-
-_ENDFACET = re.compile(rb"endfacet", re.IGNORECASE)
-
-
-def _stl_facets(block: bytes, first: int, where: str) -> np.ndarray:
-    """``(F, 3, 3)`` corners of the facets in a part of a text STL; ``first`` is the number of facets before it."""
-    # several solids in one file become one mesh
-    text = block.lower().replace(b"\r", b"\n")
-    words = re.sub(rb"^[ \t]*(?:end)?solid\b[^\n]*", b"", text, flags=re.MULTILINE).split()
-    period = len(_FACET)
-    facets, rest = divmod(len(words), period)
-    columns = [words[index : facets * period : period] for index in range(period)]
-    wrong = [  # (facet, place in it) of the first deviation from each keyword
-        (next(facet for facet, word in enumerate(column) if word != meant), place)
-        for place, (column, meant) in enumerate(zip(columns, _FACET, strict=True))
-        if meant not in _NUMBERS and column.count(meant) < facets
-    ]
-    if wrong:
-        facet, place = min(wrong)
-        raise _stl_error(where, first + facet, f"'{_FACET[place].decode()}'", columns[place][facet])
-    if rest:
-        raise _stl_error(where, first + facets, "'endsolid' or a whole facet", words[-rest])
-    points = np.empty((facets, 9))
-    for axis, place in enumerate(place for place, meant in enumerate(_FACET) if meant in _NUMBERS[1:]):
-        numbers = parsed_numbers(b" ".join(columns[place]), np.float64)
-        if numbers is None:
-            facet, _ = first_wrong_word(b"\n".join(columns[place]), np.float64)
-            raise _stl_error(where, first + facet, "a coordinate", columns[place][facet])
-        points[:, axis] = numbers
-    return points.reshape(-1, 3, 3)
-
-
-def _stl_error(where: str, facet: int, expected: str, found: bytes) -> InputError:
-    return InputError(
-        f"{where}: facet {facet}: expected {expected}, found {found[:30].decode('latin-1')!r}; "
-        "the file is corrupt: copy or export it again"
-    )
+    rest = _STL_WORDS.sub(b" ", text)
+    numbers = parsed_numbers(rest, np.float64)
+    if numbers is None:
+        line, word = first_wrong_word(rest, np.float64)
+        raise InputError(
+            f"{where}: line {line + 1}: expected facets of numbers, found {word!r}; "
+            "the file is corrupt: copy or export it again"
+        )
+    facets = text.count(b"endfacet")
+    if len(numbers) != 12 * facets:
+        raise InputError(
+            f"{where}: expected 12 numbers in each of {facets:,} facets, found {len(numbers):,}; "
+            "the file is corrupt: copy or export it again"
+        )
+    # the first three are the normal
+    return numbers.reshape(-1, 4, 3)[:, 1:]
 
 
 _READERS = {".ply": read_ply, ".obj": read_obj, ".stl": _read_stl}

@@ -63,8 +63,6 @@ def write_ply(
 
     Raises
     ------
-    ValueError
-        Arrays that do not fit the mesh.
     OSError
         The file cannot be written.
     """
@@ -93,18 +91,8 @@ def encoded_ply(
     texture
         Name of the image in the same folder, written as ``comment TextureFile`` (MeshLab's convention); needs ``uv``
         and a :data:`SAFE_NAME`. Readers without textures, such as Blender and Open3D, show ``colours``.
-
-    Raises
-    ------
-    ValueError
-        Arrays that do not fit the mesh.
     """
     vertex_count, face_count = len(mesh.vertices), len(mesh.faces)
-    _check("colours", colours, (vertex_count, 3), np.uint8)
-    _check("normals", normals, (vertex_count, 3), np.float64)
-    _check("uv", uv, (face_count, 3, 2), np.float64)
-    _check_texture(uv, texture)
-
     vertex_fields = [("xyz", "<f4", 3)]
     header = ["ply", "format binary_little_endian 1.0"]
     if texture is not None:
@@ -154,14 +142,10 @@ def write_obj(
 
     Raises
     ------
-    ValueError
-        Arrays that do not fit the mesh.
     OSError
         A file cannot be written.
     """
     path = Path(path)
-    _check("uv", uv, (len(mesh.faces), 3, 2), np.float64)
-    _check_texture(uv, texture)
     parts: list[str] = []
     if texture is not None:
         material = material_path(path)
@@ -184,13 +168,3 @@ def write_obj(
 def _format_rows(line_format: str, rows: np.ndarray) -> str:
     """Format all rows in one call, several times faster than row by row."""
     return (line_format * len(rows)) % tuple(rows.ravel().tolist())
-
-
-def _check(name: str, array: np.ndarray | None, shape: tuple[int, ...], dtype: type) -> None:
-    if array is not None and (array.shape != shape or not np.can_cast(array.dtype, dtype)):
-        raise ValueError(f"{name}: expected {shape} of {dtype.__name__}, found {array.shape} of {array.dtype}")
-
-
-def _check_texture(uv: np.ndarray | None, texture: str | None) -> None:
-    if texture is not None and (uv is None or not SAFE_NAME.fullmatch(texture)):
-        raise ValueError(f"texture: expected the safe name of a file in the same folder, with uv, found {texture!r}")

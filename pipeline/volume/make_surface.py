@@ -6,12 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from ..surface.ball import Ball
-from ..surface.mesh import TriangleMesh
+from ..surface.mesh import Ball, TriangleMesh
 from ..surface.structure_colour import OTHER, structure_colour
-from .bone.bone_surface import BoneSurface, Finish, Report, bone_surface, removed_ball, widened_mm
+from .bone.bone_surface import STEPS, BoneSurface, Finish, Report, bone_surface, removed_ball, widened_mm
 from .bone.isosurface import RemovedField
-from .bone.smoothing import STEPS
 from .bone.structures import structure_meshes
 from .bone.subtraction import removed_by_labels, removed_by_operation, united
 from .drill.drill_plan import DrillPlan

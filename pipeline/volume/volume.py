@@ -6,7 +6,7 @@ mm, which are the frame of every mesh made from the volume.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -50,32 +50,38 @@ class VoxelGrid:
         """``(4, 4)``, the inverse of ``mesh_from_index``."""
         return np.linalg.inv(self.mesh_from_index)
 
-    def box_of(self, lower_mm: np.ndarray, upper_mm: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
-        """First and one past the last voxel, ``(3,)`` each as (x, y, z), that cover a box in LPS between two corners.
-
-        Raises
-        ------
-        InputError
-            The box holds no voxel.
-        """
-        corners = np.array(np.meshgrid(*np.stack([lower_mm, upper_mm], axis=1))).reshape(3, -1).T
-        index = transform_points(self.index_from_mesh, corners)
-        first = np.maximum(np.floor(index.min(axis=0)), 0).astype(int)
-        stop = np.minimum(np.ceil(index.max(axis=0)) + 1, self.size).astype(int)
-        if (stop <= first).any():
-            raise InputError(
-                f"{where}: expected a box in the volume, found {np.round(lower_mm, 1).tolist()} to "
-                f"{np.round(upper_mm, 1).tolist()} mm outside it; it covers "
-                f"{np.round(self.bounds_mm[0], 1).tolist()} to {np.round(self.bounds_mm[1], 1).tolist()} mm (LPS)"
-            )
-        return first, stop
+    @cached_property
+    def corners_mm(self) -> np.ndarray:
+        """``(8, 3)`` LPS centres of the outermost voxels."""
+        return transform_points(self.mesh_from_index, box_corners(np.zeros(3), np.array(self.size) - 1.0))
 
     @cached_property
     def bounds_mm(self) -> np.ndarray:
         """``(2, 3)`` smallest and largest LPS coordinates of the voxels' centres."""
-        ends = np.array(np.meshgrid(*[(0, count - 1) for count in self.size])).reshape(3, -1).T
-        points = transform_points(self.mesh_from_index, ends.astype(np.float64))
-        return np.stack([points.min(axis=0), points.max(axis=0)])
+        return np.stack([self.corners_mm.min(axis=0), self.corners_mm.max(axis=0)])
+
+    def box_of(self, points_mm: np.ndarray | None, where: str) -> tuple[np.ndarray, np.ndarray]:
+        """First and one past the last voxel, ``(3,)`` each as (x, y, z), that cover points ``(N, 3)`` in LPS.
+
+        ``None`` stands for the whole volume.
+
+        Raises
+        ------
+        InputError
+            There is no voxel where they are.
+        """
+        if points_mm is None:
+            return np.zeros(3, int), np.array(self.size)
+        index = transform_points(self.index_from_mesh, points_mm)
+        first = np.maximum(np.floor(index.min(axis=0)), 0).astype(int)
+        stop = np.minimum(np.ceil(index.max(axis=0)) + 1, self.size).astype(int)
+        if (stop <= first).any():
+            found, own = (
+                f"{np.round(lower, 1).tolist()} to {np.round(upper, 1).tolist()} mm"
+                for lower, upper in ((points_mm.min(axis=0), points_mm.max(axis=0)), self.bounds_mm)
+            )
+            raise InputError(f"{where}: expected a box in the volume, found {found} outside it; it covers {own} (LPS)")
+        return first, stop
 
     def shifted(self, first: np.ndarray, size: tuple[int, int, int]) -> "VoxelGrid":
         """The grid of ``size`` voxels that begins at voxel ``first`` (x, y, z) of this one."""
@@ -99,17 +105,6 @@ class Volume:
     values: np.ndarray
     grid: VoxelGrid
 
-    def cropped(self, lower_mm: np.ndarray, upper_mm: np.ndarray, where: str = "crop box") -> "Volume":
-        """The voxels that cover a box in LPS, mm, as a view.
-
-        Raises
-        ------
-        InputError
-            The box lies outside the volume.
-        """
-        values, grid = _cropped(self.values, self.grid, lower_mm, upper_mm, where)
-        return replace(self, values=values, grid=grid)
-
 
 @dataclass(frozen=True)
 class LabelMap:
@@ -129,24 +124,21 @@ class LabelMap:
     grid: VoxelGrid
     names: Mapping[int, str]
 
-    def cropped(self, lower_mm: np.ndarray, upper_mm: np.ndarray, where: str = "crop box") -> "LabelMap":
-        """The voxels that cover a box in LPS, mm, as a view, with the names of all labels.
 
-        Raises
-        ------
-        InputError
-            The box lies outside the map.
-        """
-        values, grid = _cropped(self.values, self.grid, lower_mm, upper_mm, where)
-        return replace(self, values=values, grid=grid)
+def box_corners(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """``(8, 3)`` corners of the box between two of them, ``(3,)`` each."""
+    return np.stack(np.meshgrid(*np.stack([lower, upper], axis=1)), axis=-1).reshape(-1, 3)
 
 
-def _cropped(
-    values: np.ndarray, grid: VoxelGrid, lower_mm: np.ndarray, upper_mm: np.ndarray, where: str
-) -> tuple[np.ndarray, VoxelGrid]:
-    first, stop = grid.box_of(lower_mm, upper_mm, where)
-    part = values[first[2] : stop[2], first[1] : stop[1], first[0] : stop[0]]
-    return part, grid.shifted(first, tuple(int(count) for count in stop - first))  # type: ignore[arg-type]
+def box_slices(first: np.ndarray, stop: np.ndarray) -> tuple[slice, ...]:
+    """Slices of a ``(z, y, x)`` array from voxel ``first`` (x, y, z) to before ``stop``."""
+    return tuple(slice(int(a), int(b)) for a, b in zip(first[::-1], stop[::-1], strict=True))
+
+
+def box_around(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First voxel ``(3,)`` (x, y, z) and one past the last of what is not zero in ``(z, y, x)``."""
+    planes = [np.flatnonzero(mask.any(axis=tuple(other for other in range(3) if other != axis))) for axis in (2, 1, 0)]
+    return np.array([plane[0] for plane in planes]), np.array([plane[-1] + 1 for plane in planes])
 
 
 class Sampler:

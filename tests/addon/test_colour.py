@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from oneframe.blender.case.load_case import load_case
 from oneframe.blender.colour.export import export_coloured_surface
-from oneframe.blender.colour.reference_view import colour_of, colouring_view_of
+from oneframe.blender.colour.reference_view import colouring_view_of, colours_of
 from oneframe.case.case_file import read_case
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
@@ -42,7 +42,7 @@ def blocks() -> Counter:
 
 def source_and_colour(case_path, mode):
     source = colouring_view_of(load_case(read_case(case_path)))
-    return source, colour_of(source, mode)[0]
+    return source, colours_of(source, mode)[0][0]
 
 
 def vertex_colours(surface) -> np.ndarray:

@@ -221,7 +221,7 @@ def test_undo_and_redo_restore_landmarks_and_pose_together(scene, pairs):
 
 def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pairs):
     from blender_addon.state import from_scene
-    from oneframe.blender.alignment.visible_surface import visible_surface
+    from oneframe.blender.alignment.surface_object import visible_surface
 
     points, pixels = pairs
     for count in (1, 2, 3):

@@ -155,10 +155,10 @@ def test_the_burr_meets_the_bone_where_the_ray_does_and_stops_at_the_margin(scen
     hit = session.hit(None, near(0, 0, 50), np.array([0, 0, -2.0]))
     np.testing.assert_allclose(hit, near(0, 0, 8), atol=0.1)
     assert session.hit(None, near(0, 9.5, 50), np.array([0, 0, -1.0])) is None
-    reached = session.reached(near(0, 0, 12), CENTRE, 1.5)
+    reached = session.room.reached(near(0, 0, 12), CENTRE, 1.5)
     # nerve of 1 mm, margin of 1 mm, burr of 1.5 mm
     assert reached[2] - CENTRE[2] == pytest.approx(3.5, abs=0.3)
-    name, distance = session.nearest(near(0, 0, 4))
+    name, distance = session.room.nearest(near(0, 0, 4))
     assert (name, distance) == ("facial_nerve", pytest.approx(3.0, abs=0.3))
     session.begin(2.0, near(0, 0, 8))
     deeper = session.hit(session.removed, near(0, 0, 50), np.array([0, 0, -1.0]))
@@ -176,7 +176,7 @@ def test_margins_can_be_chosen_and_hold(scene, files):
         bpy.ops.oneframe.margins(margins=[{"name": "facial_nerve", "spared": spared, "margin_mm": margin}])
         # the same session: nothing that was drilled is lost
         assert drill_session.of(scene) is session
-        stops.append(float(np.linalg.norm(session.reached(outside, beside, 1.0) - CENTRE)))
+        stops.append(float(np.linalg.norm(session.room.reached(outside, beside, 1.0) - CENTRE)))
     assert stops[0] == pytest.approx(0.5)
     assert stops[1] == pytest.approx(1.0 + 1.0 + 0.5, abs=0.3)
     assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)

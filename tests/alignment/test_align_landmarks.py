@@ -2,18 +2,11 @@
 
 import numpy as np
 import pytest
-import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from oneframe.alignment.landmarks.align_landmarks import align_landmarks
 from oneframe.alignment.landmarks.solver import UndeterminedPose
-from oneframe.alignment.landmarks.surface_distance import (
-    surface_distance,
-)
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.landmarks import Landmark
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(1920, 1080, 12800.0, 12750.0, 955.0, 545.0)
@@ -66,15 +59,3 @@ def test_disabled_and_incomplete_landmarks_take_no_part():
     assert np.array_equal(found.estimate.cam_from_model, expected.estimate.cam_from_model)
     assert np.array_equal(found.points, points)
     assert np.array_equal(found.pixels, pixels)
-
-
-@settings(max_examples=60)
-@given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([0.01, 1.0, 30.0]))
-def test_distances_from_a_mesh_are_those_of_its_nearest_triangle(seed, faces, far):
-    rng = np.random.default_rng(seed)
-    # one size of triangle in ten is large: the nearest point is often far from every corner
-    corners = rng.normal(0, 10, (faces, 1, 3)) + rng.normal(0, 1, (faces, 3, 3)) * rng.choice([1, 1, 30], (faces, 1, 1))
-    mesh = TriangleMesh(corners.reshape(-1, 3), np.arange(3 * faces, dtype=np.int32).reshape(-1, 3))
-    point = corners[rng.integers(faces)].mean(axis=0) + rng.normal(0, far, 3)
-    nearest = trimesh.triangles.closest_point(corners, np.repeat(point[None], faces, axis=0))
-    assert surface_distance(point, mesh) == pytest.approx(np.linalg.norm(nearest - point, axis=1).min(), abs=1e-9)

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from oneframe.alignment.manual.initial_pose import FILL, HEAD, initial_pose, opening_of
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.surface.ball import Ball
-from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh import Ball, TriangleMesh
 from oneframe.transforms import nearest_rotation, transform_points
 from tests.conftest import grid_mesh
 

@@ -149,7 +149,6 @@ BAD = {
     ),
     "landmark's key": (landmark('name = "a"\npixle = [1, 2]'), "number 1: unknown key 'pixle'; did you mean 'pixel'"),
     "two landmarks of a name": (landmark('name = "a"\n[[landmarks]]\nname = "a"'), "found 'a' twice; rename one"),
-    "provenance's date": ({"more": '[alignment]\ndate = "today"'}, "date: expected a date such as .*found 'today'"),
 }
 
 

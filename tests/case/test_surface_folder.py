@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from oneframe.case.surface_folder import focus_table, read_surface_folder, structure_file
 from oneframe.errors import InputError
-from oneframe.surface.ball import Ball
-from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh import Ball, TriangleMesh
 from oneframe.surface.mesh_writer import SAFE_NAME, write_ply
 
 MESH = TriangleMesh(np.eye(3) * 10, np.array([[0, 1, 2]], np.int32))

@@ -13,8 +13,8 @@ from oneframe.projection.contour import visible_contours
 from oneframe.projection.overlay_scene import OverlayScene, Solid, structure_layer
 from oneframe.projection.silhouette import SilhouetteEdges
 from oneframe.projection.z_buffer import inverse_depth_of, rasterise_depth
+from oneframe.sample.distance_field import tube
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.surface.tube import tube
 from oneframe.transforms import rigid
 
 CAMERA = PinholeCamera(401, 301, fx=1210.0, fy=1190.0, cx=195.3, cy=148.8)

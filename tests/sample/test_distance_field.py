@@ -14,8 +14,8 @@ from oneframe.sample.distance_field import (
     polyline,
     smooth_minimum,
     subtract_burrs,
+    tube,
 )
-from oneframe.surface.tube import tube
 from tests.volume.solids import enclosed_mm3, is_closed
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)

@@ -13,8 +13,8 @@ from oneframe.case.case_file import read_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
+from oneframe.sample.distance_field import tube
 from oneframe.surface.mesh_writer import write_ply
-from oneframe.surface.tube import tube
 from oneframe.transforms import transform_points
 
 pytestmark = pytest.mark.render

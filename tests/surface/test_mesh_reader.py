@@ -307,7 +307,7 @@ FACES = HEADER + b"element face 1\nproperty list uchar int vertex_indices\nend_h
         ("a.obj", b"v 1 2 3\nv 3 4 5\n", "2 vertices and 0 faces"),
         ("a.stl", b"anything else", "expected 0 triangles in 84 bytes, the file has 13"),
         ("a.stl", SAMPLES["text.stl"][:-20], "'endsolid' .*truncated"),
-        ("a.stl", SAMPLES["text.stl"].replace(b"vertex 0", b"vertex o", 1), r"facet 0: .*'o\.000000000e\+00'"),
+        ("a.stl", SAMPLES["text.stl"].replace(b"vertex 0", b"vertex o", 1), r"line 4: .*'o\.000000000e\+00'"),
         ("a.gltf", b"{}", r"found extension '\.gltf'"),
     ],
 )

@@ -1,11 +1,15 @@
 """Grids in any direction, balls, and what every surface of a solid obeys."""
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import numpy as np
 import trimesh
 
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import transform_points
-from oneframe.volume.volume import VoxelGrid
+from oneframe.volume.bone.structures import structure_name
+from oneframe.volume.volume import LabelMap, Volume, VoxelGrid
 
 
 def oblique_grid(rng: np.random.Generator, spacing: float | np.ndarray, size: int) -> VoxelGrid:
@@ -39,3 +43,16 @@ def is_closed(mesh: TriangleMesh) -> bool:
 def enclosed_mm3(mesh: TriangleMesh) -> float:
     """Positive if fronts face outward."""
     return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]], mesh.face_cross) / 6)
+
+
+def check_crop(whole: Volume, part: Volume) -> None:
+    """Every voxel of a part of a volume lies where the whole has it."""
+    index = transform_points(whole.grid.index_from_mesh, voxel_centres(part.grid).reshape(-1, 3))
+    x, y, z = np.rint(index).astype(int).T
+    np.testing.assert_allclose(index, np.rint(index), atol=1e-4)
+    np.testing.assert_array_equal(part.values.ravel(), whole.values[z, y, x])
+
+
+def only(labels: LabelMap, structures: Collection[str]) -> LabelMap:
+    """The map with the names of some structures alone."""
+    return replace(labels, names={k: name for k, name in labels.names.items() if structure_name(name) in structures})

@@ -16,7 +16,7 @@ from oneframe.volume.make_surface import finish_of, removed_of
 from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.volume import Volume, VoxelGrid
-from tests.volume.solids import ball
+from tests.volume.solids import ball, only
 
 pytestmark = pytest.mark.long
 
@@ -56,9 +56,9 @@ def test_mastoidectomy_holds_its_margins_and_shows_the_short_process_of_the_incu
     volume = read_volume(BONES / f"{side}_pseudoct_semisynthetic.nii.gz")
     labels = without_bone(read_labels(BONES / f"{side}_labels.nii.gz", volume, resampled=False))
     plan = read_drill_plan(ROOT / "docs" / "examples" / f"drill_{side.lower()}.toml")
-    only = set(plan.margins_mm) & set(structure_names(labels).values())
-    assert only >= {"facial_nerve", "chorda_tympani", "sinus_dura", "eac", "incus"}
-    structures = structure_meshes(labels, only)
+    spared = set(plan.margins_mm) & set(structure_names(labels).values())
+    assert spared >= {"facial_nerve", "chorda_tympani", "sinus_dura", "eac", "incus"}
+    structures = structure_meshes(only(labels, spared))
     surface, sentences = drilled_surface(volume, plan, structures)
     assert sentences == []
     # its tip points backwards

@@ -41,12 +41,6 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run_in_window(blender: str) -> Callable[..., tuple[int | str, str]]:
-    """Runs a command on a separate display, with additional environment variables."""
-    return session.run_in_window
-
-
-@pytest.fixture
 def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callable[[Path, float], dict]:
     """Plays a scenario file in a separate Blender; returns its facts, and fails if the scenario fails."""
 

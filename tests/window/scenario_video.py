@@ -60,7 +60,7 @@ def alone(user, path):
     yield from user.picture("1_alone")
     assert KINDS[film.shown // EACH] == "clear"
     with user.context():
-        low, high = part("view.fit").free_rectangle(user.area)
+        low, high = part("view.zoom").free_rectangle(user.area)
     height, width = film.picture.shape[:2]
     size = np.array([width, height]) * np.min((high - low) / [width, height])
     check_picture(user, film, (low + high - size) / 2, (low + high + size) / 2)

@@ -10,7 +10,7 @@ bpy.ops.preferences.addon_enable(module=PACKAGE)
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
-from bl_ext.user_default.oneframe.view.fit import free_rectangle
+from bl_ext.user_default.oneframe.view.zoom import free_rectangle
 
 
 def scenario(user):

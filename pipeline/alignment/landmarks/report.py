@@ -78,24 +78,14 @@ def report_table(alignment: Alignment) -> dict[str, object]:
         "pairs": pairs,
         "rms_px": estimate.rms_px,
         "click_sigma_px": alignment.click_sigma_px,
-        "uncertainty": {
-            "of": "twist in camera axes about the pivot: translation (mm), then rotation (radians)",
-            "pivot": _plain(uncertainty.pivot_model),
-            "covariance": _plain(uncertainty.covariance),
-            "degrees_of_freedom": uncertainty.dof,
-            "noise_px": uncertainty.sigma_px,
-            "standard_deviation_deg": _plain(uncertainty.rotation_deg),
-            "standard_deviation_mm": _plain(uncertainty.translation_mm),
-            "weakest": uncertainty.weakest,
-            "weakest_twist": _plain(uncertainty.weakest_twist),
-        },
+        "uncertainty": {"noise_px": uncertainty.sigma_px, **uncertainty.table(np.eye(4))},
         "messages": list(estimate.messages),
     }
 
 
 def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
     """The record for a case file: see :mod:`oneframe.case.alignment_record`. The same in any frame of the surface."""
-    estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
+    estimate = alignment.estimate
     return {
         "method": "landmarks",
         "tool": tool,
@@ -103,9 +93,7 @@ def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, ob
         "pairs": int(estimate.inliers.sum()),
         "rms_px": estimate.rms_px,
         "click_sigma_px": alignment.click_sigma_px,
-        "standard_deviation_deg": _plain(uncertainty.rotation_deg),
-        "standard_deviation_mm": _plain(uncertainty.translation_mm),
-        "weakest": uncertainty.weakest,
+        **estimate.uncertainty.record(),
     }
 
 

@@ -113,15 +113,17 @@ def solve_pose(
     UndeterminedPose
         The correspondences do not determine a pose: see :mod:`.degeneracy`.
     InputError
-        Shapes do not match, a coordinate is not finite, or the click noise is not positive.
+        The click noise is not positive.
     """
-    points_model, pixels, names = _checked_input(points_model, pixels, names, click_sigma_px)
-    check_correspondences(points_model, pixels, names)
+    if not (np.isfinite(click_sigma_px) and click_sigma_px > 0):
+        raise InputError(f"click noise: expected a positive number of pixels, found {click_sigma_px!r}")
+    labels = list(names or map(str, range(1, len(points_model) + 1)))
+    check_correspondences(points_model, pixels, labels)
     correspondences = Correspondences.about(points_model, pixels, camera)
     found = hypotheses(correspondences, _start_poses(start, correspondences), click_sigma_px)
     mirrored = _mirror_hypothesis(correspondences, found, click_sigma_px)
     check_fit(correspondences, found, mirrored, click_sigma_px)
-    chosen, messages = _choose(correspondences, found, start, click_sigma_px, names)
+    chosen, messages = _choose(correspondences, found, start, click_sigma_px, labels)
     cam_from_model = chosen.pose.matrix(0, correspondences.pivot_model)
     fitted = Correspondences.about(points_model[chosen.inliers], pixels[chosen.inliers], camera)
     uncertainty = pose_uncertainty(fitted, cam_from_model, click_sigma_px)
@@ -136,36 +138,12 @@ def solve_pose(
         messages=(
             *messages,
             *(
-                f"{names[second]!r} repeats {names[first]!r}, which then counts twice: delete one."
+                f"{labels[second]!r} repeats {labels[first]!r}, which then counts twice: delete one."
                 for first, second in repeated_correspondences(points_model, pixels)
             ),
-            *_warnings(chosen, residuals_px, uncertainty, mirrored, click_sigma_px, names),
+            *_warnings(chosen, residuals_px, uncertainty, mirrored, click_sigma_px, labels),
         ),
     )
-
-
-def _checked_input(
-    points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str] | None, click_sigma_px: float
-) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    points, clicks = np.asarray(points_model, np.float64), np.asarray(pixels, np.float64)
-    # an empty list has no columns
-    if points.size == clicks.size == 0:
-        points, clicks = np.zeros((0, 3)), np.zeros((0, 2))
-    count = len(points)
-    if points.shape != (count, 3) or clicks.shape != (count, 2):
-        raise InputError(
-            f"landmarks: expected points (N, 3) and as many pixels (N, 2), found {points.shape} and {clicks.shape}"
-        )
-    labels = [str(number) for number in range(1, count + 1)] if names is None else [str(name) for name in names]
-    if len(labels) != count:
-        raise InputError(f"landmarks: expected a name for each of {count} correspondences, found {len(labels)} names")
-    unusable = ~(np.isfinite(points).all(axis=1) & np.isfinite(clicks).all(axis=1))
-    if unusable.any():
-        name = labels[int(np.argmax(unusable))]
-        raise InputError(f"landmarks: expected finite coordinates, found NaN or infinity in {name!r}; pick it again")
-    if not (np.isfinite(click_sigma_px) and click_sigma_px > 0):
-        raise InputError(f"click noise: expected a positive number of pixels, found {click_sigma_px!r}")
-    return points, clicks, labels
 
 
 def _start_poses(start: np.ndarray | None, correspondences: Correspondences) -> Poses:

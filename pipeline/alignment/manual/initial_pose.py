@@ -3,8 +3,7 @@
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...surface.ball import Ball
-from ...surface.mesh import TriangleMesh
+from ...surface.mesh import Ball, TriangleMesh
 from ...transforms import rigid
 
 FILL = 0.9

@@ -64,30 +64,34 @@ def pull_pins(
     Raises
     ------
     InputError
-        No pin, wrong shapes, coordinates that are not finite, a pin or the pivot at or behind the camera.
+        A pin or the pivot at or behind the camera.
     """
-    points, clicks, pivot = _checked_input(points_model, pixels, cam_from_model, pivot_model)
-    correspondences = Correspondences.about(points, clicks, camera, pivot)
-    current = Poses.of(cam_from_model[None], pivot)
+    depths = transform_points(cam_from_model, np.vstack([points_model, pivot_model]))[:, 2]
+    if not (depths > 0).all():
+        raise InputError(
+            f"pins: expected the pins and the pivot in front of the camera, found one at depth {depths.min():.4g} mm; "
+            "bring the surface into view first"
+        )
+    correspondences = Correspondences.about(points_model, pixels, camera, pivot_model)
+    current = Poses.of(cam_from_model[None], pivot_model)
     if len(correspondences) == 1:
-        depth = transform_points(cam_from_model, points[0])[2]
-        shown = camera.project(transform_points(cam_from_model, points))[0]
+        shown = camera.project(transform_points(cam_from_model, points_model))[0]
         moved = cam_from_model.copy()
-        moved[:2, 3] += (clicks[0] - shown) * depth / [camera.fx, camera.fy]
+        moved[:2, 3] += (pixels[0] - shown) * depths[0] / [camera.fx, camera.fy]
         return moved
     distance = float(np.linalg.norm(current.positions[0]))
     root = np.array([PRIOR_PX_PER_DISTANCE / distance] * 3 + [PRIOR_PX_PER_RADIAN] * 3)
     free_directions = _shift_roll_depth(current.positions[0]) if len(correspondences) == 2 else None
-    in_plane = _shifted_rolled_and_scaled(points, clicks, camera, cam_from_model, current.positions[0])
-    starts = Poses.of(np.stack([cam_from_model, in_plane]), pivot)
-    counted = [*range(len(points)), *([] if held is None else [held] * HELD_COUNTS)]
+    in_plane = _shifted_rolled_and_scaled(points_model, pixels, camera, cam_from_model, current.positions[0])
+    starts = Poses.of(np.stack([cam_from_model, in_plane]), pivot_model)
+    counted = [*range(len(points_model)), *([] if held is None else [held] * HELD_COUNTS)]
     prior = PosePrior(current, root)
     fitted, cost = fit_poses(correspondences[counted], starts, prior=prior, free_directions=free_directions)
     ratio = fitted.positions[:, 2] / current.positions[0, 2]
     cost = np.where((ratio < 1 / MAX_DISTANCE_RATIO) | (ratio > MAX_DISTANCE_RATIO), np.inf, cost)
     if np.isfinite(cost).any():
-        return fitted.matrix(int(np.argmin(cost)), pivot)
-    return in_plane if (transform_points(in_plane, points)[:, 2] > 0).all() else cam_from_model
+        return fitted.matrix(int(np.argmin(cost)), pivot_model)
+    return in_plane if (transform_points(in_plane, points_model)[:, 2] > 0).all() else cam_from_model
 
 
 def _shifted_rolled_and_scaled(
@@ -119,25 +123,3 @@ def _shift_roll_depth(pivot_cam: np.ndarray) -> np.ndarray:
     free_directions[:3, :3] = np.eye(3)
     free_directions[3:, 3] = pivot_cam / np.linalg.norm(pivot_cam)
     return free_directions
-
-
-def _checked_input(
-    points_model: np.ndarray, pixels: np.ndarray, cam_from_model: np.ndarray, pivot_model: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    points, clicks = np.asarray(points_model, np.float64), np.asarray(pixels, np.float64)
-    pivot = np.asarray(pivot_model, np.float64)
-    count = len(points)
-    if count == 0 or points.shape != (count, 3) or clicks.shape != (count, 2):
-        raise InputError(
-            f"pins: expected at least one point (N, 3) and as many pixels (N, 2), found {points.shape} and "
-            f"{clicks.shape}"
-        )
-    if not (np.isfinite(points).all() and np.isfinite(clicks).all() and np.isfinite(pivot).all()):
-        raise InputError("pins: expected finite coordinates, found NaN or infinity; set the pin again")
-    depths = transform_points(cam_from_model, np.vstack([points, pivot]))[:, 2]
-    if not (depths > 0).all():
-        raise InputError(
-            f"pins: expected the pins and the pivot in front of the camera, found one at depth {depths.min():.4g} mm; "
-            "bring the surface into view first"
-        )
-    return points, clicks, pivot

@@ -6,7 +6,7 @@ transforms give the correlation of features and channels at all shifts, each ove
 (Padfield, "Masked object registration in the Fourier domain", 2012).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import cv2
@@ -31,6 +31,8 @@ TILTS_DEG = tuple(
 )
 ROLLS_DEG = (-4.0, 0.0, 4.0)
 SCALES = (0.95, 1.0, 1.05)
+"""Rotations about the camera's (x, y) and about z, and factors of the image's size; all combinations are searched."""
+
 REACH = 0.058
 """Largest shift, as a fraction of the distance."""
 
@@ -66,9 +68,6 @@ def search_poses(
     cam_from_model: np.ndarray,
     pivot_cam: np.ndarray,
     *,
-    tilts_deg: Sequence[tuple[float, float]] = TILTS_DEG,
-    rolls_deg: Sequence[float] = ROLLS_DEG,
-    scales: Sequence[float] = SCALES,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[Candidate]:
     """Local maxima of the correlation around a pose, best first.
@@ -79,16 +78,14 @@ def search_poses(
         ``(4, 4)`` the rough pose.
     pivot_cam
         ``(3,)`` mm: the centre of rotations, a point on the surface at the rough pose, in the camera frame.
-    tilts_deg, rolls_deg, scales
-        Rotations about the camera's (x, y) and about z, and factors of the image's size; all combinations are searched.
     progress
         Called with the fraction done.
     """
     reach, canvas, shape = _canvas(level)
-    warped_images = [_warped_image(level, roll, scale, reach, shape) for roll in rolls_deg for scale in scales]
+    warped_images = [_warped_image(level, roll, scale, reach, shape) for roll in ROLLS_DEG for scale in SCALES]
     found = []
-    for index, tilt in enumerate(tilts_deg):
-        progress(index / len(tilts_deg))
+    for index, tilt in enumerate(TILTS_DEG):
+        progress(index / len(TILTS_DEG))
         tilted = turned_about(pivot_cam, rotation_from_vector(np.radians([*tilt, 0.0]))) @ cam_from_model
         seen = appearance(level.surface, canvas, tilted, window_px=level.window_px, brief=True)
         if seen is None:

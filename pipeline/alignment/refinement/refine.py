@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...errors import InputError
 from ...projection.z_buffer import rasterise_depth
 from ...surface.decimation import cluster_vertices
 from ...surface.mesh import TriangleMesh
@@ -95,10 +94,9 @@ def refine_pose(
     Raises
     ------
     InputError
-        Shapes that do not match, or a matrix that is not a rigid transform.
+        A matrix that is not a rigid transform.
     """
     start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
-    _check(image, valid, camera, mesh, colours)
     report = progress or (lambda fraction: None)
     report(0.0)
     levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
@@ -145,24 +143,8 @@ def explained(
 
     The other arguments, and the errors raised, are those of :func:`refine_pose`.
     """
-    _check(image, valid, camera, mesh, None)
     levels, _, _ = _levels(image, valid, camera, Surface(mesh, None), poses[0])
     return tuple(score(levels[-1], pose) if levels else 0.0 for pose in poses)
-
-
-def _check(
-    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, mesh: TriangleMesh, colours: np.ndarray | None
-) -> None:
-    if image.ndim != 3 or image.shape[:2] != camera.shape_hw or valid.shape != camera.shape_hw:
-        raise InputError(
-            f"refinement: expected an image and a mask of the camera's {camera.width}x{camera.height} px, "
-            f"found shapes {image.shape} and {valid.shape}; give the undistorted frame of this camera"
-        )
-    if colours is not None and colours.shape != mesh.vertices.shape:
-        raise InputError(
-            f"refinement: expected one colour per vertex {mesh.vertices.shape}, found {colours.shape}; "
-            "leave the colours out or give those of this mesh"
-        )
 
 
 def _levels(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...transforms import inverse_rigid, transform_points
+from ...transforms import inverse_rigid
 from .verdict import Refinement
 
 KEPT_OF_START = ("method", "pairs", "rms_px")
@@ -44,15 +44,7 @@ def refinement_record(refinement: Refinement, start: Mapping[str, object], tool:
         **({} if refinement.accepted else {"refused": refinement.objection}),
         **start,
         **{key: float(value) for key, value in numbers.items() if np.isfinite(value)},
-        **(
-            {}
-            if uncertainty is None
-            else {
-                "standard_deviation_deg": uncertainty.rotation_deg.tolist(),
-                "standard_deviation_mm": uncertainty.translation_mm.tolist(),
-                "weakest": uncertainty.weakest,
-            }
-        ),
+        **({} if uncertainty is None else uncertainty.record()),
     }
 
 
@@ -85,18 +77,7 @@ def refinement_table(refinement: Refinement, mesh_from_model: np.ndarray, *, tak
         },
         "split_half_px": None if tests is None else _known(tests.split_half_px),
         "second_peak_ratio": None if tests is None else _known(tests.second_peak_ratio),
-        "uncertainty": None
-        if uncertainty is None
-        else {
-            "of": "twist in camera axes about the pivot: translation (mm), then rotation (radians)",
-            "pivot": transform_points(mesh_from_model, uncertainty.pivot_model).tolist(),
-            "covariance": uncertainty.covariance.tolist(),
-            "degrees_of_freedom": uncertainty.dof,
-            "standard_deviation_deg": uncertainty.rotation_deg.tolist(),
-            "standard_deviation_mm": uncertainty.translation_mm.tolist(),
-            "weakest": uncertainty.weakest,
-            "weakest_twist": uncertainty.weakest_twist.tolist(),
-        },
+        "uncertainty": None if uncertainty is None else uncertainty.table(mesh_from_model),
     }
 
 

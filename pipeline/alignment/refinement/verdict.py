@@ -1,7 +1,7 @@
 """The verdict on a refined pose: accepted, or refused with the reason.
 
 It is accepted if it explains the image better than the rough pose, has a low second peak ratio, agrees between two
-halves of the image (:mod:`.verification`), and has a small estimated error (:mod:`.jackknife`).
+halves of the image, and has a small estimated error (:mod:`.verification`).
 """
 
 from dataclasses import dataclass
@@ -13,9 +13,8 @@ from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
 from ..pose_uncertainty import PoseUncertainty
 from .image_pyramid import PyramidLevel
-from .jackknife import jackknife, root_mean_square_px
 from .local_search import score
-from .verification import ImageAgreement, Verification, mean_distance_px, verify
+from .verification import ImageAgreement, Verification, jackknife, mean_distance_px, root_mean_square_px, verify
 
 MIN_SCORE = 0.1
 """Squared correlation of the refined pose."""

@@ -4,10 +4,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...alignment.landmarks.align_landmarks import Alignment, align_landmarks, complete_landmarks
+from ...alignment.landmarks.align_landmarks import (
+    Alignment,
+    align_landmarks,
+    check_landmarks_belong,
+    complete_landmarks,
+    landmark_distances,
+    off_surface,
+)
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
-from ...alignment.landmarks.surface_distance import check_landmarks_belong, landmark_distances, off_surface
 from ...alignment.refinement.refine import refine_pose
 from ...alignment.refinement.report import refinement_record
 from ...alignment.refinement.verdict import Refinement

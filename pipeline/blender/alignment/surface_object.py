@@ -5,11 +5,15 @@ moved. Blender stores them in single precision, so the exact pose that was set i
 of the objects moves.
 """
 
+from collections.abc import Sequence
+
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
+from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
+from ...projection.visible_surface import VisibleSurface, cast_grid
 from ...surface.mesh import TriangleMesh, checked_mesh
 from ...transforms import CAM_FROM_OPENGL_CAM, checked_rigid, inverse_rigid, nearest_rotation, rigid
 from ..bridge.data_blocks import exact, new_mesh_object, set_exact
@@ -27,6 +31,9 @@ Single precision causes 1e-6; the smallest change that a user can type in Blende
 
 POSE_TOLERANCE = 2e-6
 """Largest difference between a matrix and the stored pose, relative to its size, that counts as rounding."""
+
+GRID = 12
+"""Number of rays along the longer side of the frame, by which the part of the surface that it sees is found."""
 
 
 def new_surface_object(mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from_model: np.ndarray) -> bpy.types.Object:
@@ -152,4 +159,31 @@ def _check_unscaled(world_from_object: np.ndarray, name: str) -> None:
     raise InputError(
         f"{name}: expected an object that is only moved and rotated, it is {kind} ({scales}); "
         "press Remove Scale, or undo"
+    )
+
+
+def first_hit(
+    surface: bpy.types.Object, origin: Sequence[float] | Vector, direction: Sequence[float] | Vector
+) -> tuple[Vector, Vector] | None:
+    """Point and normal where a ray (model frame) first meets the surface object, ``None`` if it misses.
+
+    Raises
+    ------
+    InputError
+        The object is not in the view layer, so Blender has no evaluated mesh.
+    """
+    try:
+        hit, point, normal, _ = surface.ray_cast(origin, direction)
+    except RuntimeError:  # Blender raises nothing more specific
+        raise InputError(
+            f"{surface.name}: expected a surface in the view layer, its collection is excluded or disabled; "
+            "enable the collection in the Outliner"
+        ) from None
+    return (point, normal) if hit else None
+
+
+def visible_surface(surface: bpy.types.Object, camera: PinholeCamera, cam_from_model: np.ndarray) -> VisibleSurface:
+    """Cast a grid of rays from the camera at the surface object (evaluated, in Object mode); see :func:`first_hit`."""
+    return cast_grid(
+        lambda origin, direction: first_hit(surface, origin, direction), camera, cam_from_model, along=GRID
     )

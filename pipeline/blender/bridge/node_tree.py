@@ -1,5 +1,8 @@
 """Short calls to build node trees; shaders and Geometry Nodes share most of their nodes."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import bpy
 
 
@@ -9,14 +12,27 @@ class Nodes:
     def __init__(self, tree: bpy.types.NodeTree) -> None:
         self._tree = tree
 
-    def add(self, kind: str, **settings: object) -> bpy.types.Node:
-        """Add a node; ``settings`` are default values of its inputs or, for other names, its properties."""
+    def add(self, kind: str, given: Mapping[Any, Any] | None = None, **settings: object) -> bpy.types.Node:
+        """Add a node.
+
+        Parameters
+        ----------
+        given
+            Numbers, colours or sockets for its inputs, by their names or numbers.
+        settings
+            Default values of its inputs or, for other names, its properties.
+        """
         node = self._tree.nodes.new(kind)
         for name, value in settings.items():
             if name in node.inputs:
                 node.inputs[name].default_value = value
             else:
                 setattr(node, name, value)
+        for key, value in (given or {}).items():
+            if isinstance(value, bpy.types.NodeSocket):
+                self.link(value, node.inputs[key])
+            else:
+                node.inputs[key].default_value = value
         return node
 
     def link(self, output: bpy.types.NodeSocket, to: bpy.types.NodeSocket) -> None:
@@ -25,50 +41,23 @@ class Nodes:
 
     def math(self, operation: str, *values: float | bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """The result of a math operation on numbers and sockets."""
-        node = self.add("ShaderNodeMath", operation=operation)
-        for socket, value in zip(node.inputs, values, strict=False):
-            if isinstance(value, int | float):
-                socket.default_value = value
-            else:
-                self.link(value, socket)
-        return node.outputs[0]
+        return self.add("ShaderNodeMath", dict(enumerate(values)), operation=operation).outputs[0]
 
     def dot(self, vector: bpy.types.NodeSocket, other: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """The scalar product of two vectors."""
-        node = self.add("ShaderNodeVectorMath", operation="DOT_PRODUCT")
-        self.link(vector, node.inputs[0])
-        self.link(other, node.inputs[1])
-        return node.outputs["Value"]
+        return self.add("ShaderNodeVectorMath", {0: vector, 1: other}, operation="DOT_PRODUCT").outputs["Value"]
 
     def added(self, *vectors: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """The sum of vectors or colours."""
         total, *others = vectors
         for other in others:
-            node = self.add("ShaderNodeVectorMath", operation="ADD")
-            self.link(total, node.inputs[0])
-            self.link(other, node.inputs[1])
-            total = node.outputs["Vector"]
+            total = self.add("ShaderNodeVectorMath", {0: total, 1: other}, operation="ADD").outputs["Vector"]
         return total
 
     def scaled(self, vector: bpy.types.NodeSocket, factor: float | bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """A vector times a number."""
-        node = self.add("ShaderNodeVectorMath", operation="SCALE")
-        self.link(vector, node.inputs[0])
-        if isinstance(factor, int | float):
-            node.inputs["Scale"].default_value = factor
-        else:
-            self.link(factor, node.inputs["Scale"])
-        return node.outputs["Vector"]
+        return self.add("ShaderNodeVectorMath", {0: vector, "Scale": factor}, operation="SCALE").outputs["Vector"]
 
-    def mixed(
-        self, factor: bpy.types.NodeSocket, zero: tuple | bpy.types.NodeSocket, one: bpy.types.NodeSocket
-    ) -> bpy.types.NodeSocket:
+    def mixed(self, factor: bpy.types.NodeSocket, zero: Any, one: Any) -> bpy.types.NodeSocket:
         """The colour ``zero`` (RGBA or a socket) where the factor is 0, and ``one`` where it is 1."""
-        node = self.add("ShaderNodeMix", data_type="RGBA")
-        self.link(factor, node.inputs[0])
-        if isinstance(zero, tuple):
-            node.inputs[6].default_value = zero
-        else:
-            self.link(zero, node.inputs[6])
-        self.link(one, node.inputs[7])
-        return node.outputs[2]
+        return self.add("ShaderNodeMix", {0: factor, 6: zero, 7: one}, data_type="RGBA").outputs[2]

@@ -159,21 +159,20 @@ def _view_of(
     return ReferenceView(mesh, tuple(views), pivot_model, tuple(messages), raster)
 
 
-def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
-    """The surface's colour from the first frame in a mode (``projective``, ``texture``, ``vertex``), and messages.
+def colours_of(source: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
+    """The surface's colour from each frame in a mode (``projective``, ``texture``, ``vertex``), and messages.
 
-    In all modes the reference view tells which points it saw.
+    In all modes the frame's view tells which points it saw.
     """
     if mode == "projective":
-        return source.view, []
-    colour, messages = baked_colour_of(replace(source, views=source.views[:1]), mode)
-    return replace(colour, source=source.view), messages
-
-
-def colours_of(source: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
-    """The same from each of the frames."""
-    found = [colour_of(replace(source, views=(view,)), mode) for view in source.views]
-    return [colour for colour, _ in found], [message for _, messages in found for message in messages]
+        return list(source.views), []
+    colours: list[SurfaceColour] = []
+    said: list[str] = []
+    for view in source.views:
+        colour, messages = baked_colour_of(replace(source, views=(view,)), mode)
+        colours.append(replace(colour, source=view))
+        said += messages
+    return colours, said
 
 
 def baked_colour_of(

@@ -228,14 +228,12 @@ def _opened_renderer(
             )
             opened.enter_context(scene)
             scene.limit_threads(threads)
-            if len(colours) > 1 and not renders:
-                scene.add_face_pass()
             renders.append(
                 EdgeSampler(scene, view, pivot, colour, camera, options.samples).render
                 if at_edges
                 else partial(render_view, scene)
             )
-        yield best_of(mesh, source.views, renders), ViewProbe(scene, source, camera)
+        yield best_of(mesh, camera, source.views, renders), ViewProbe(scene, source, camera)
 
 
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:

@@ -27,7 +27,7 @@ from ...projection.rendered_view import RenderedView
 from ...surface.mesh import TriangleMesh
 from ..bridge.image import render_path
 from ..bridge.versions import set_multilayer_exr
-from .material import FACE_PASS, OBSERVED_PASS
+from .material import OBSERVED_PASS
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
@@ -47,8 +47,7 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     # with several samples the flag is the mean over the pixel
     flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
     rgb = combined[..., :3] if surface_scene.samples == 1 else _without_background(combined, depth)
-    face = passes[FACE_PASS][..., 0].astype(np.int32) - 1 if FACE_PASS in passes else None
-    return RenderedView(rgb, depth, flag > 0.5, flag > 1.5, face)
+    return RenderedView(rgb, depth, flag > 0.5, flag > 1.5)
 
 
 @contextmanager
@@ -73,13 +72,12 @@ def opened_engine(
         yield best_traced(mesh, camera, colours, unseen=unseen)
         return
     with ExitStack() as opened:
-        renders: list[Render] = []
-        for colour in colours or (None,):
-            scene = opened.enter_context(SurfaceScene(mesh, camera, colour, unseen=unseen, engine=engine))
-            if len(colours) > 1 and not renders:
-                scene.add_face_pass()
-            renders.append(partial(render_view, scene))
-        yield best_of(mesh, [view for colour in colours if (view := source_of(colour))], renders)
+        scenes = [
+            opened.enter_context(SurfaceScene(mesh, camera, colour, unseen=unseen, engine=engine))
+            for colour in colours or (None,)
+        ]
+        views = [source_of(colour) for colour in colours]
+        yield best_of(mesh, camera, views, [partial(render_view, scene) for scene in scenes])
 
 
 def _without_background(combined: np.ndarray, depth: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from ..bridge.image import new_float_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
 
-OBSERVED_PASS, FACE_PASS = "observed", "face"
+OBSERVED_PASS = "observed"
 COLOUR_ATTRIBUTE = "frame_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
@@ -88,15 +88,6 @@ def assign_colour(
     material.cycles.emission_sampling = "NONE"
     mesh_object.data.materials.clear()
     mesh_object.data.materials.append(material)
-
-
-def emit_faces(mesh_object: bpy.types.Object) -> None:
-    """Add the pass :data:`FACE_PASS` to the object's material: the number of the face, from 1, exact up to 2^24."""
-    numbers = mesh_object.data.attributes.new(FACE_PASS, "FLOAT", "FACE")
-    numbers.data.foreach_set("value", np.arange(1, len(numbers.data) + 1, dtype=np.float32))
-    nodes = Nodes(mesh_object.data.materials[0].node_tree)
-    number = nodes.add("ShaderNodeAttribute", attribute_name=FACE_PASS).outputs["Fac"]
-    nodes.link(number, nodes.add("ShaderNodeOutputAOV", aov_name=FACE_PASS).inputs["Value"])
 
 
 def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: VertexColours) -> tuple:

@@ -14,7 +14,7 @@ from ...surface.mesh import TriangleMesh
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
 from ..bridge.versions import ENGINE_IDS
-from .material import FACE_PASS, OBSERVED_PASS, assign_colour, emit_faces
+from .material import OBSERVED_PASS, assign_colour
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
@@ -114,22 +114,6 @@ class SurfaceScene:
         if threads:
             self.scene.render.threads_mode, self.scene.render.threads = "FIXED", threads
 
-    def add_face_pass(self) -> None:
-        """Give views the faces that they show, :attr:`.RenderedView.face`.
-
-        Raises
-        ------
-        InputError
-            The engine is Eevee, whose passes are in half precision.
-        """
-        if self.engine != "cycles":
-            raise InputError(
-                f"--engine {self.engine}: expected one frame, found several; use --engine cycles or raster, or leave "
-                "[[frames]] out of the case"
-            )
-        emit_faces(self.surface_object)
-        _add_pass(self.scene, FACE_PASS)
-
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""
         place_camera(self.camera_object, cam_from_model)
@@ -157,12 +141,8 @@ def _set_exact_colour(scene: bpy.types.Scene) -> None:
 def _set_passes(scene: bpy.types.Scene) -> None:
     layer = scene.view_layers[0]
     layer.use_pass_combined = layer.use_pass_z = True
-    _add_pass(scene, OBSERVED_PASS)
-
-
-def _add_pass(scene: bpy.types.Scene, name: str) -> None:
-    added = scene.view_layers[0].aovs.add()
-    added.name, added.type = name, "VALUE"
+    observed = layer.aovs.add()
+    observed.name, observed.type = OBSERVED_PASS, "VALUE"
 
 
 def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:

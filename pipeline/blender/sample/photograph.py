@@ -25,6 +25,7 @@ from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from ..bridge.image import read_image
+from ..bridge.node_tree import Nodes
 from ..bridge.versions import IS_5, new_node_material
 
 
@@ -223,24 +224,7 @@ def _linear(srgb: tuple[int, int, int]) -> np.ndarray:
 Socket = bpy.types.NodeSocket
 
 
-class _Nodes:
-    """Short calls to build a shader graph from numbers and sockets."""
-
-    def __init__(self, tree: bpy.types.NodeTree) -> None:
-        self.tree = tree
-
-    def add(self, kind: str, inputs: dict, **settings: object) -> bpy.types.Node:
-        node = self.tree.nodes.new(kind)
-        for name, value in settings.items():
-            setattr(node, name, value)
-        for name, value in inputs.items():
-            socket = node.inputs[name]
-            if isinstance(value, bpy.types.NodeSocket):
-                self.tree.links.new(value, socket)
-            else:
-                socket.default_value = value
-        return node
-
+class _Nodes(Nodes):
     def noise(
         self, per_mm: float, detail: float, lacunarity: float, position: bpy.types.NodeSocket
     ) -> bpy.types.NodeOutputs:
@@ -254,42 +238,35 @@ class _Nodes:
         inputs = {"Value": value, "From Min": zero, "From Max": one, "To Min": low, "To Max": high}
         return self.add("ShaderNodeMapRange", inputs, clamp=True).outputs["Result"]
 
-    def maths(self, operation: str, *operands: object) -> Socket:
-        return self.add("ShaderNodeMath", dict(enumerate(operands)), operation=operation).outputs["Value"]
-
-    def mix(self, weight: object, a: object, b: object) -> Socket:
-        inputs = {0: weight, 6: a, 7: b}
-        return self.add("ShaderNodeMix", inputs, data_type="RGBA").outputs[2]
-
 
 def _tissue_material() -> bpy.types.Material:
     material = new_node_material("wet bone")
     make = _Nodes(material.node_tree)
 
     def stored(name: str) -> bpy.types.NodeOutputs:
-        return make.add("ShaderNodeAttribute", {}, attribute_name=name).outputs
+        return make.add("ShaderNodeAttribute", attribute_name=name).outputs
 
-    position = make.add("ShaderNodeTexCoord", {}).outputs["Object"]
-    normal = make.add("ShaderNodeNewGeometry", {}).outputs["Normal"]
+    position = make.add("ShaderNodeTexCoord").outputs["Object"]
+    normal = make.add("ShaderNodeNewGeometry").outputs["Normal"]
     blotch = make.noise(0.22, 3.0, 2.2, position)["Fac"]
     fine = make.noise(1.7, 2.0, 2.6, position)
     grain = fine["Fac"]
 
-    colour = make.mix(make.ramp(grain, 0.30, 0.52), stored("color_low")["Color"], stored("color_high")["Color"])
+    colour = make.mixed(make.ramp(grain, 0.30, 0.52), stored("color_low")["Color"], stored("color_high")["Color"])
     # the coarse noise places a thin film of blood, and the fine noise breaks up its edge
-    edge = make.maths("MULTIPLY_ADD", grain, 0.3, blotch)
-    colour = make.mix(make.ramp(edge, 0.70, 0.86, 0.0, 0.55), colour, _linear(BLOOD_FILM))
-    muscle = make.mix(make.ramp(blotch, 0.35, 0.6), *map(_linear, MUSCLE))
-    ragged = make.maths("MULTIPLY_ADD", edge, 2.0, stored("soft_tissue")["Fac"])
-    colour = make.mix(make.ramp(ragged, 1.75, 1.92), colour, muscle)
-    pool = make.ramp(make.maths("MULTIPLY_ADD", edge, 1.5, stored("pool")["Fac"]), 1.5, 1.7, 0.0, 0.93)
-    colour = make.mix(pool, colour, _linear(BLOOD_POOL))
+    edge = make.math("MULTIPLY_ADD", grain, 0.3, blotch)
+    colour = make.mixed(make.ramp(edge, 0.70, 0.86, 0.0, 0.55), colour, _linear(BLOOD_FILM))
+    muscle = make.mixed(make.ramp(blotch, 0.35, 0.6), *map(_linear, MUSCLE))
+    ragged = make.math("MULTIPLY_ADD", edge, 2.0, stored("soft_tissue")["Fac"])
+    colour = make.mixed(make.ramp(ragged, 1.75, 1.92), colour, muscle)
+    pool = make.ramp(make.math("MULTIPLY_ADD", edge, 1.5, stored("pool")["Fac"]), 1.5, 1.7, 0.0, 0.93)
+    colour = make.mixed(pool, colour, _linear(BLOOD_POOL))
 
-    wet = make.ramp(make.maths("MULTIPLY_ADD", stored("wet")["Fac"], 0.25, blotch), 0.40, 0.62, 0.2, 1.0)
+    wet = make.ramp(make.math("MULTIPLY_ADD", stored("wet")["Fac"], 0.25, blotch), 0.40, 0.62, 0.2, 1.0)
     # three channels of one noise tilt the normal, at a fraction of the cost of a Bump node; fluid is smooth
     tilt = make.vector("SUBTRACT", fine["Color"], (0.5, 0.5, 0.5))
-    rough = make.maths("MULTIPLY", stored("rough")["Fac"], make.ramp(pool, 0.0, 1.0, 1.0, 0.3))
-    film = make.maths("MULTIPLY", rough, 0.4)
+    rough = make.math("MULTIPLY", stored("rough")["Fac"], make.ramp(pool, 0.0, 1.0, 1.0, 0.3))
+    film = make.math("MULTIPLY", rough, 0.4)
     principled = make.add(
         "ShaderNodeBsdfPrincipled",
         {

@@ -4,26 +4,31 @@ Script and window both call :func:`bone_surface`, so that they give the same sur
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ...errors import InputError
-from ...surface.ball import Ball
-from ...surface.mesh import MOST_FACES
+from ...surface.mesh import MOST_FACES, Ball
 from ...transforms import transform_points
-from ..volume import Sampler, Volume, VoxelGrid
+from ..volume import Volume, VoxelGrid, box_around
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
 from .rim import with_sharp_rim
 from .simplification import simplified, tolerance_near
-from .smoothing import STEPS, smoothed
 
 Report = Callable[[str, float], None]
 """Called with the name of a stage and its finished share, 0..1; what it raises ends the work."""
 
 STAGES = ("extracted", "smoothed", "simplified")
+
+STEPS = 10
+SHRINKING = 0.5
+"""Share of the way to the mean of its neighbours that a vertex goes (lambda)."""
+PASS_BAND = 0.03
+"""Spatial frequency that is kept, of 0 (constant) to 2 (neighbours on opposite sides). A ball of 5 voxels' radius keeps
+its volume within 0.2 % in 20 steps; with the customary 0.1 it gains 1.8 %."""
 
 FINER = 4
 """How many times smaller the tolerance is in the part that matters."""
@@ -38,7 +43,7 @@ class Finish:
     crumb_mm3
         Parts below this volume that the drill has cut off are dropped.
     smoothing_steps
-        Steps of :func:`oneframe.volume.bone.smoothing.smoothed`; what the drill made is not smoothed.
+        Steps of :func:`smoothed`; what the drill made is not smoothed.
     tolerance_mm
         How far the simplified surface may lie from the smoothed one; 0 keeps all faces.
     focus
@@ -134,18 +139,14 @@ def removed_ball(grid: VoxelGrid, solid: np.ndarray, removed: RemovedField) -> B
     taken = taken_bone(solid, removed)
     if not taken.any():
         return None
-    ends = []
-    for axis in (2, 1, 0):
-        planes = np.flatnonzero(taken.any(axis=tuple(other for other in range(3) if other != axis)))
-        ends.append((planes[0], planes[-1]))
-    lower, upper = (transform_points(grid.mesh_from_index, (removed.first + end)[None])[0] for end in np.array(ends).T)
+    first, stop = box_around(taken)
+    lower, upper = transform_points(grid.mesh_from_index, removed.first + np.stack([first, stop - 1]))
     return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)
 
 
 def taken_bone(solid: np.ndarray, removed: RemovedField) -> np.ndarray:
     """``(z, y, x)`` bool: the voxels of bone that were removed, in the box of the field."""
-    box = tuple(slice(at, at + count) for at, count in zip(removed.first[::-1], removed.distance_mm.shape, strict=True))
-    return solid[box] & (removed.distance_mm <= 0)
+    return solid[removed.slices] & (removed.distance_mm <= 0)
 
 
 def _simplified(
@@ -167,8 +168,47 @@ def _simplified(
     drilled = np.zeros(len(mesh.vertices), np.bool_)
     if removed is not None:
         # the vertices have moved: those that lie on what was removed, as far as the tolerance tells
-        depth, height, width = removed.distance_mm.shape
-        box = Sampler(grid.shifted(removed.first, (width, height, depth)), mesh.vertices)
-        distance = box.values(removed.distance_mm, outside=np.inf)
-        drilled = distance < moved_mm(grid, finish.tolerance_mm)
+        drilled = removed.sampled(grid, mesh.vertices, outside=np.inf) < moved_mm(grid, finish.tolerance_mm)
     return Isosurface(mesh, drilled)
+
+
+def smoothed(surface: Isosurface, steps: int = STEPS, *, progress: Callable[[float], None] | None = None) -> Isosurface:
+    """Smooth a closed surface by Taubin's filter; vertices that the drill made stay where they are.
+
+    Each step moves every vertex towards the mean of its neighbours, and then, by the factor mu = 1 / (pass band -
+    1 / lambda), away from it, which undoes the shrinking (Taubin, "A signal processing approach to fair surface
+    design", SIGGRAPH 1995).
+
+    Parameters
+    ----------
+    steps
+        Pairs of movements; 0 leaves the surface as it is.
+    progress
+        Called with the finished share, 0..1, after each step; what it raises ends the work.
+    """
+    mesh = surface.mesh
+    count = len(mesh.vertices)
+    if steps == 0 or count == 0:
+        return surface
+    # every edge of a closed surface runs once in each direction: one of its ends is the other's neighbour once
+    # as indices of the machine's own size, which are not converted in each step
+    vertex = mesh.faces.astype(np.intp).ravel()
+    neighbour = np.roll(mesh.faces, -1, axis=1).astype(np.intp).ravel()
+    gathered = np.empty(len(vertex))
+    neighbours = np.bincount(vertex, minlength=count)
+    weight = np.where(surface.drilled, 0.0, 1.0) / neighbours
+    middle = mesh.bounds.mean(axis=0)
+    # axis by axis: numpy is slow at rows of three
+    columns = [np.ascontiguousarray(column) for column in (mesh.vertices - middle).T]
+    for step in range(steps):
+        for factor in (SHRINKING, 1 / (PASS_BAND - 1 / SHRINKING)):
+            for column in columns:
+                # "clip" is quicker than a check of every index
+                np.take(column, neighbour, out=gathered, mode="clip")
+                total = np.bincount(vertex, gathered, minlength=count)
+                column += factor * weight * (total - neighbours * column)
+        if progress is not None:
+            progress((step + 1) / steps)
+    vertices = np.stack(columns, axis=1) + middle
+    vertices[surface.drilled] = mesh.vertices[surface.drilled]
+    return replace(surface, mesh=replace(mesh, vertices=vertices))

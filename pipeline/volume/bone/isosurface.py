@@ -9,11 +9,12 @@ exact as the drill's distances, whatever the grey values.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ...surface.mesh import TriangleMesh
-from ..volume import VoxelGrid
+from ..volume import Sampler, VoxelGrid, box_slices
 from .cell_table import EDGES, cell_table
 
 NEAREST_TO_VOXEL = 1 / 1024
@@ -43,6 +44,22 @@ class RemovedField:
 
     first: np.ndarray
     distance_mm: np.ndarray
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """The box in an array of the volume."""
+        return box_slices(self.first, self.first + self.distance_mm.shape[::-1])
+
+    def sampled(
+        self, grid: VoxelGrid, points: np.ndarray, *, outside: float, farthest_mm: float = np.inf
+    ) -> np.ndarray:
+        """``(N,)`` float32 distances at points ``(N, 3)``, LPS mm, and another number ``outside`` the box.
+
+        ``grid`` is that of the volume; distances beyond ``farthest_mm`` count as that.
+        """
+        depth, height, width = self.distance_mm.shape
+        box = Sampler(grid.shifted(self.first, (width, height, depth)), points)
+        return box.values(self.distance_mm, outside=outside, of=partial(np.clip, a_min=-farthest_mm, a_max=farthest_mm))
 
 
 @dataclass(frozen=True)

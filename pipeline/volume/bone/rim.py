@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..volume import Sampler, VoxelGrid
+from ..volume import VoxelGrid
 from .isosurface import Isosurface, RemovedField
 
 _FLAT = 0.97
@@ -146,9 +146,7 @@ def _crease(
 
 def _rest(points: np.ndarray, removed: RemovedField, grid: VoxelGrid) -> np.ndarray:
     """``(N,)`` mm from what was drilled, as far as the field tells; 0 outside its box."""
-    depth, height, width = removed.distance_mm.shape
-    box = grid.shifted(removed.first, (width, height, depth))
-    return Sampler(box, points).values(removed.distance_mm, outside=0.0).astype(np.float64)
+    return removed.sampled(grid, points, outside=0.0).astype(np.float64)
 
 
 def _one_sided_normals(surface: Isosurface) -> np.ndarray:

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import InputError
 from ...surface.mesh import TriangleMesh
-from ..volume import LabelMap
+from ..volume import LabelMap, box_around, box_slices
+from .bone_surface import smoothed
 from .isosurface import isosurface
-from .smoothing import STEPS, smoothed
 
 BLUR_VOXELS = 0.7
 """Standard deviation of the Gaussian that turns the steps of a mask into a slope."""
@@ -86,48 +85,21 @@ def without_bone(labels: LabelMap) -> LabelMap:
     return replace(labels, names={value: name for value, name in labels.names.items() if not is_bone(name)})
 
 
-def structure_meshes(
-    labels: LabelMap,
-    only: Collection[str] | None = None,
-    *,
-    blur_voxels: float = BLUR_VOXELS,
-    smoothing_steps: int = STEPS,
-    progress: Callable[[float], None] | None = None,
-) -> dict[str, TriangleMesh]:
-    """One closed mesh per label that occurs, LPS mm, by the name of the structure.
+def structure_meshes(labels: LabelMap, *, progress: Callable[[float], None] | None = None) -> dict[str, TriangleMesh]:
+    """One closed mesh per label that occurs and has a name, LPS mm, by the name of the structure.
 
     A mask is blurred, and its surface taken at the level 0.5. Of small structures it is taken at the level at which it
     encloses the volume of the mask: the blur would make thin ones, such as the chorda tympani, thinner or vanish.
 
-    Parameters
-    ----------
-    only
-        Names (:func:`structure_name`) of the structures wanted; all if ``None``.
-    blur_voxels
-        Standard deviation of the blur.
-    smoothing_steps
-        Steps of :func:`oneframe.volume.bone.smoothing.smoothed`.
-    progress
-        Called with the finished share, 0..1, after each structure; what it raises ends the work.
-
-    Raises
-    ------
-    InputError
-        A wanted structure is not in the map.
+    ``progress`` is called with the finished share, 0..1, after each structure; what it raises ends the work.
     """
     names = structure_names(labels)
-    missing = sorted(set(only or ()) - set(names.values()))
-    if missing:
-        raise InputError(
-            f"structures: expected names of the label map ({', '.join(names.values())}), found {', '.join(missing)}"
-        )
-    wanted = {label: name for label, name in names.items() if only is None or name in only}
-    layers = _layers(labels.values, wanted)
+    layers = _layers(labels.values, names)
     # a cropped map keeps the names of labels that are gone
-    wanted = {label: name for label, name in wanted.items() if label in layers}
+    wanted = {label: name for label, name in names.items() if label in layers}
     meshes = {}
     for count, (label, name) in enumerate(wanted.items()):
-        meshes[name] = _mesh(labels, label, layers[label], blur_voxels, smoothing_steps)
+        meshes[name] = _mesh(labels, label, layers[label])
         if progress is not None:
             progress((count + 1) / len(wanted))
     return meshes
@@ -152,26 +124,23 @@ def _layers(values: np.ndarray, wanted: Collection[int]) -> dict[int, tuple[int,
     return layers
 
 
-def _mesh(
-    labels: LabelMap, label: int, layers: tuple[int, int], blur_voxels: float, smoothing_steps: int
-) -> TriangleMesh:
+def _mesh(labels: LabelMap, label: int, layers: tuple[int, int]) -> TriangleMesh:
     mask = labels.values[layers[0] : layers[1]] == label
-    rows, columns = (np.flatnonzero(mask.any(axis=axes)) for axes in ((0, 2), (0, 1)))
-    mask = mask[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    kernel = _gaussian(blur_voxels)
+    first, stop = box_around(mask)
+    mask = mask[box_slices(first, stop)]
+    kernel = _gaussian(BLUR_VOXELS)
     margin = len(kernel)
     # around it, also beyond the volume's border, is air
     field = np.pad(mask.astype(np.float32), margin)
     for axis in range(3):
         field = _blurred(field, kernel, axis)
-    first = np.array([columns[0], rows[0], layers[0]]) - margin
     depth, height, width = field.shape
-    grid = labels.grid.shifted(first, (width, height, depth))
+    grid = labels.grid.shifted(first - margin + np.array([0, 0, layers[0]]), (width, height, depth))
     voxels = int(np.count_nonzero(mask))
     lowest, highest = _LOWEST_LEVEL, 0.999 * float(field.max())
     level = min(0.5, highest)
     for _ in range(_MOST_TRIALS):
-        mesh = smoothed(isosurface(field, level, grid), smoothing_steps).mesh
+        mesh = smoothed(isosurface(field, level, grid)).mesh
         ratio = _volume_mm3(mesh) / (voxels * grid.voxel_mm3)
         if voxels > _SMALL_VOXELS or abs(ratio - 1) < _SAME_VOLUME:
             break
@@ -188,8 +157,6 @@ def _volume_mm3(mesh: TriangleMesh) -> float:
 
 def _gaussian(sigma: float) -> np.ndarray:
     """``(N,)`` weights of the middle and of one side; they sum to one over both sides."""
-    if sigma == 0:
-        return np.ones(1)
     weights = np.exp(-0.5 * (np.arange(int(np.ceil(3 * sigma)) + 1) / sigma) ** 2)
     return weights / (weights[0] + 2 * weights[1:].sum())
 

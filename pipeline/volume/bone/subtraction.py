@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import InputError
-from ...transforms import transform_points
-from ..volume import LabelMap, Sampler, Volume, VoxelGrid
+from ..simple_itk import components, grown, resampled
+from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_slices
 from .bone import CRUMB_MM3
-from .components import components
 from .isosurface import RemovedField
 
 FAR_MM = 1e3
@@ -23,7 +22,6 @@ _SLOPE = 0.5
 _HU_PER_VOXEL = 1000.0
 """Slope of grey values at the surface of bone; it only weighs this field against others."""
 
-_LAYERS = 16
 _MARGIN = 3
 
 
@@ -38,21 +36,18 @@ def removed_by_labels(labels: LabelMap, grid: VoxelGrid) -> RemovedField:
         They lie outside the volume.
     """
     mask = labels.values > 0
-    planes = [np.flatnonzero(mask.any(axis=tuple(other for other in range(3) if other != axis))) for axis in (2, 1, 0)]
-    low, high = (np.array([plane[end] for plane in planes]) for end in (0, -1))
-    inner = mask[low[2] : high[2] + 1, low[1] : high[1] + 1, low[0] : high[0] + 1]
-    share = np.pad(inner.astype(np.float32), _MARGIN)
+    low, high = box_around(mask)
+    share = np.pad(mask[box_slices(low, high)].astype(np.float32), _MARGIN)
     for axis in range(3):
         share = np.moveaxis(share, axis, 0)
         share[1:-1] = share[:-2] / 4 + share[1:-1] / 2 + share[2:] / 4
         share = np.moveaxis(share, 0, axis)
     depth, height, width = share.shape
     own = labels.grid.shifted(low - _MARGIN, (width, height, depth))
-    first, stop = _box_of(own, grid)
-    spacing = float(labels.grid.spacing_mm.mean())
-    distance = _on_box(share, own, grid, first, stop, outside=0.0)
-    distance = (np.float32(0.5) - distance) * np.float32(spacing / _SLOPE)
-    return RemovedField(first, distance)
+    first, stop = grid.box_of(own.corners_mm, "removed part")
+    part = grid.shifted(first, tuple(int(count) for count in stop - first))  # type: ignore[arg-type]
+    inside = resampled(share, own, part, outside=0.0)
+    return RemovedField(first, (np.float32(0.5) - inside) * np.float32(labels.grid.spacing_mm.mean() / _SLOPE))
 
 
 def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: np.ndarray) -> RemovedField:
@@ -72,19 +67,11 @@ def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: 
     InputError
         Nothing is removed.
     """
-    shape = before.values.shape
-    lost = np.zeros(shape, np.bool_)
-    hu = np.empty(shape, np.int16)
-    for z in range(0, shape[0], _LAYERS):
-        layers = slice(z, min(z + _LAYERS, shape[0]))
-        found = _on_box(
-            after.values, after.grid, before.grid, np.array([0, 0, z]), np.array([*shape[:0:-1], layers.stop]),
-            outside=np.nan,
-        )  # fmt: skip
-        # where the later scan shows nothing, nothing is known to be removed
-        hu[layers] = np.where(np.isnan(found), 32767, np.rint(found)).astype(np.int16)
-        lost[layers] = solid[layers] & (hu[layers] <= level_hu)
-    region = _grown(_grown(lost, -1), 2)
+    found = resampled(after.values, after.grid, before.grid, outside=np.nan)
+    # where the later scan shows nothing, nothing is known to be removed
+    hu = np.where(np.isnan(found), 32767, np.rint(found)).astype(np.int16)
+    lost = solid & (hu <= level_hu)
+    region = grown(grown(lost, -1), 2)
     parts = components(region & lost)
     large = parts.voxels * before.grid.voxel_mm3 >= CRUMB_MM3
     if not large.any():
@@ -92,12 +79,9 @@ def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: 
             "operation: expected a CT with less bone than before, found no part of 10 mm³ or more that is missing; "
             "register it to the volume first"
         )
-    removed = np.zeros(shape, np.bool_)
-    parts.paint(removed, large, True)
-    near = _grown(removed, 2)
-    planes = [np.flatnonzero(near.any(axis=tuple(other for other in range(3) if other != axis))) for axis in (2, 1, 0)]
-    first = np.array([plane[0] for plane in planes])
-    box = tuple(slice(plane[0], plane[-1] + 1) for plane in planes[::-1])
+    near = grown(parts.chosen(large), 2)
+    first, stop = box_around(near)
+    box = box_slices(first, stop)
     per_hu = float(before.grid.spacing_mm.mean()) / _HU_PER_VOXEL
     distance = (hu[box].astype(np.float32) - np.float32(level_hu)) * np.float32(per_hu)
     return RemovedField(first, np.where(near[box], distance, np.float32(FAR_MM)))
@@ -112,44 +96,6 @@ def united(fields: Sequence[RemovedField]) -> RemovedField | None:
     distance = np.full((stop - first)[::-1], FAR_MM, np.float32)
     for field in fields:
         at = field.first - first
-        part = tuple(slice(a, a + n) for a, n in zip(at[::-1], field.distance_mm.shape, strict=True))
-        np.minimum(distance[part], field.distance_mm, out=distance[part])
+        part = distance[box_slices(at, at + field.distance_mm.shape[::-1])]
+        np.minimum(part, field.distance_mm, out=part)
     return RemovedField(first, distance)
-
-
-def _box_of(part: VoxelGrid, grid: VoxelGrid) -> tuple[np.ndarray, np.ndarray]:
-    """First voxel (x, y, z) of ``grid`` and one past the last around another grid."""
-    ends = np.array(np.meshgrid(*[(0, count - 1) for count in part.size])).reshape(3, -1).T.astype(np.float64)
-    place = transform_points(grid.index_from_mesh @ part.mesh_from_index, ends)
-    first = np.maximum(np.floor(place.min(axis=0)), 0).astype(int)
-    stop = np.minimum(np.ceil(place.max(axis=0)) + 1, grid.size).astype(int)
-    if (stop <= first).any():
-        raise InputError("removed part: expected labels in the volume, found all of them outside it")
-    return first, stop
-
-
-def _on_box(
-    values: np.ndarray, own: VoxelGrid, grid: VoxelGrid, first: np.ndarray, stop: np.ndarray, *, outside: float
-) -> np.ndarray:
-    """``(z, y, x)`` float32 values at the voxels of a box of another grid, trilinearly."""
-    found = np.empty((stop - first)[::-1], np.float32)
-    x, y = (np.arange(first[axis], stop[axis], dtype=np.float64) for axis in (0, 1))
-    layer = np.stack([*map(np.ravel, np.meshgrid(x, y)), np.zeros(len(x) * len(y))], axis=1)
-    for z in range(first[2], stop[2]):
-        layer[:, 2] = z
-        points = transform_points(grid.mesh_from_index, layer)
-        found[z - first[2]] = Sampler(own, points).values(values, outside=outside).reshape(len(y), len(x))
-    return found
-
-
-def _grown(mask: np.ndarray, steps: int) -> np.ndarray:
-    """A mask with the neighbours of its voxels added ``steps`` times, or its border taken away."""
-    found = mask if steps > 0 else ~mask
-    for _ in range(abs(steps)):
-        grown = found.copy()
-        for axis in range(3):
-            ahead, behind = np.moveaxis(grown, axis, 0), np.moveaxis(found, axis, 0)
-            ahead[1:] |= behind[:-1]
-            ahead[:-1] |= behind[1:]
-        found = grown
-    return found if steps > 0 else ~found

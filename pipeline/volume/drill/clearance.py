@@ -8,7 +8,7 @@ import numpy as np
 from ...surface.deviation import SurfaceTree
 from ...surface.mesh import TriangleMesh
 from ..bone.isosurface import Isosurface, RemovedField
-from ..volume import Sampler, VoxelGrid
+from ..volume import VoxelGrid
 
 _FEW = 100
 _ROUNDING_MM = 1e-3
@@ -66,8 +66,6 @@ def clearances(
     corners = mesh.vertices[mesh.faces[drilled[mesh.faces].all(axis=1)]]
     middles = (corners + np.roll(corners, 1, axis=1)) / 2
     made = np.concatenate([mesh.vertices[drilled], middles.reshape(-1, 3), corners.mean(axis=1)])
-    depth, height, width = removed.distance_mm.shape
-    box = grid.shifted(removed.first, (width, height, depth))
     found = []
     for name, structure in structures.items():
         tree = SurfaceTree(structure)
@@ -75,7 +73,7 @@ def clearances(
         distance = tree.distances(made, float(tree.distances(made[:: max(len(made) // _FEW, 1)]).min()))
         nearest = int(np.argmin(distance))
         smallest, at = float(distance[nearest]), made[nearest]
-        left = Sampler(box, structure.vertices).values(removed.distance_mm, outside=np.inf)
+        left = removed.sampled(grid, structure.vertices, outside=np.inf)
         deepest = int(np.argmin(left))
         if left[deepest] < 0:
             smallest, at = float(left[deepest]), structure.vertices[deepest]

@@ -9,21 +9,12 @@ from ...errors import InputError
 from ...surface.deviation import SurfaceTree
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
-from ..volume import VoxelGrid
+from ..volume import VoxelGrid, box_slices
 from .filled import filled
 
 BLOCK = 16
 """Voxels along an axis of the blocks whose distances are computed, once and when they are asked for. They are always
 the same blocks, so that the numbers do not depend on what was asked before."""
-
-FREE_MM = np.float32(-1e3)
-"""How deep a voxel lies within a margin, where it lies far outside."""
-
-KEPT_MM = np.float32(1e3)
-"""How deep a voxel lies within a margin, where it lies far inside."""
-
-_CELLS = (4, 2, 1)
-"""Voxels along the side of the cells, ever smaller, whose distances are computed."""
 
 _EXACT_VOXELS = 1.01
 """Depths are exact so near to where a margin ends: both ends of an edge of the grid that it crosses are."""
@@ -110,26 +101,9 @@ class DrillGuard:
         middle = self._placed((first + (size - 1) / 2)[None])
         if float(structure.tree.distances(middle, far)[0]) > far and not inside.any():
             return None
-        sign = np.where(inside, -1.0, 1.0)
-        distance = np.full(inside.shape, np.inf)
-        near = np.ones(inside.shape, np.bool_)
-        for side in _CELLS:
-            # within a cell, the distance differs from that of its middle by no more than the way to its corners
-            slack = float(np.linalg.norm(spacing)) * (side - 1) / 2
-            cells = near
-            for axis in range(3):
-                cells = np.logical_or.reduceat(cells, np.arange(0, cells.shape[axis], side), axis=axis)
-            cell = np.nonzero(cells)
-            found = np.full(cells.shape, np.inf)
-            middles = np.stack(cell[::-1], axis=1) * side + (side - 1) / 2 + first
-            found[cell] = structure.tree.distances(self._placed(middles), margin + band + 2 * slack)
-            for axis in range(3):
-                found = np.repeat(found, side, axis=axis)
-            distance[near] = found[box_slices(np.zeros(3, int), size)][near]
-            near &= np.abs(sign * distance - margin) <= band + slack
-        depth = np.where(sign * distance < margin, KEPT_MM, FREE_MM)
-        depth[near] = (margin - (sign * distance)[near]).astype(np.float32)
-        return depth
+        places = np.moveaxis(np.indices(inside.shape)[::-1], 0, -1).reshape(-1, 3) + first
+        distance = structure.tree.distances(self._placed(places), margin + band).reshape(inside.shape)
+        return (margin - np.where(inside, -distance, distance)).astype(np.float32)
 
     def _placed(self, index: np.ndarray) -> np.ndarray:
         """``(N, 3)`` points of index space in the frame of the mesh."""
@@ -151,11 +125,6 @@ def check_margins(margins_mm: Collection[str], structures: Collection[str]) -> N
             f"found {', '.join(missing)}; give labels that have them, with their names in labels.json, dataset.json or "
             "ITK-SNAP's label descriptions (.txt) beside them, or remove their margins"
         )
-
-
-def box_slices(first: np.ndarray, stop: np.ndarray) -> tuple[slice, ...]:
-    """Slices of a ``(z, y, x)`` array from voxel ``first`` (x, y, z) to before ``stop``."""
-    return tuple(slice(int(a), int(b)) for a, b in zip(first[::-1], stop[::-1], strict=True))
 
 
 def _part_of(structure: _Structure, first: np.ndarray, size: np.ndarray) -> np.ndarray:

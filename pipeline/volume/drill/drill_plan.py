@@ -22,6 +22,7 @@ import numpy as np
 from ...errors import InputError
 from ...files.content import LARGEST_TEXT, read_content, write_bytes_atomically
 from ...files.keys import check_keys
+from ...files.numbers import is_number
 from ...files.outputs import check_outputs, writing
 from ...files.tables import parsed_toml
 from ..volume import VoxelGrid
@@ -176,7 +177,8 @@ def _stroke(entry: Any, where: str) -> Stroke:
     points = entry["points_mm"]
     rows = points if isinstance(points, list) else []
     for row in rows:
-        if not (isinstance(row, list) and len(row) == 3 and all(_is_coordinate(value) for value in row)):
+        numbers: list[Any] = row if isinstance(row, list) and len(row) == 3 else [None]
+        if not all(is_number(value) and abs(value) <= MOST_MM for value in numbers):
             raise InputError(f"{where}: points_mm: expected points [x, y, z] in mm, found {_shown(row)}")
     if not rows:
         raise InputError(f"{where}: points_mm: expected a list of points [x, y, z] in mm, found {_shown(points)}")
@@ -186,15 +188,10 @@ def _stroke(entry: Any, where: str) -> Stroke:
 
 
 def _length(value: Any, where: str, most: float, *, or_zero: bool = False) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not ((value >= 0 if or_zero else value > 0) and value <= most):
+    if not is_number(value) or not ((value >= 0 if or_zero else value > 0) and value <= most):
         least = "from 0" if or_zero else "above 0"
         raise InputError(f"{where}: expected a length {least} to {most:g} mm, found {_shown(value)}")
     return float(value)
-
-
-def _is_coordinate(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MOST_MM
 
 
 def _key(name: str) -> str:

@@ -13,8 +13,8 @@ import numpy as np
 
 from ...surface.mesh import TriangleMesh
 from ..bone.isosurface import RemovedField
-from ..volume import VoxelGrid
-from .drill_guard import BLOCK, DrillGuard, box_slices
+from ..volume import VoxelGrid, box_slices
+from .drill_guard import BLOCK, DrillGuard
 from .drill_plan import DrillPlan, Stroke
 from .filled import index_points
 

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
+from ..simple_itk import simple_itk
 from ..volume import VoxelGrid
-from .header_checks import check_axes, check_memory, simple_itk
+from .header_checks import check_axes, check_memory
 from .slice_geometry import FEWEST_SLICES, SlicePlace, stack_of
 from .voxel_values import ValueSurvey
 
@@ -161,15 +162,15 @@ def chosen_series(series: Sequence[Series], number: int | None, where: str) -> S
     return chosen
 
 
-def series_voxels(chosen: Series, box_mm: np.ndarray | None, folder: str) -> tuple[np.ndarray, VoxelGrid]:
+def series_voxels(chosen: Series, corners_mm: np.ndarray | None, folder: str) -> tuple[np.ndarray, VoxelGrid]:
     """The voxels of a series in HU, read-only ``(Z, Y, X)`` int16, and where they lie.
 
     Parameters
     ----------
     chosen
         The series.
-    box_mm
-        ``(2, 3)`` corners of a box in LPS, mm, to keep.
+    corners_mm
+        ``(8, 3)`` of a box in LPS to keep; ``None`` keeps all.
     folder
         Begins messages.
 
@@ -198,9 +199,7 @@ def series_voxels(chosen: Series, box_mm: np.ndarray | None, folder: str) -> tup
             f"are without (the first: slice {stored[0]}, counted along the series), so their HU are unknown; copy or "
             "export the series again"
         )
-    first, stop = (
-        grid.box_of(box_mm[0], box_mm[1], f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
-    )
+    first, stop = grid.box_of(corners_mm, f"{where}: crop")
     columns, rows, slices = (int(count) for count in np.subtract(stop, first))
     # of a slice, GDCM holds several copies, also in double precision
     check_memory(2 * columns * rows * slices + 32 * grid.size[0] * grid.size[1], grid.size, where)
@@ -261,7 +260,7 @@ def _dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
 
 
 def _file_meta_information(path: Path) -> dict[int, str] | None:
-    """Identifiers in group 0002 by element (DICOM PS3.10, 7.1); ``None`` if the file is not DICOM with a preamble.
+    """Identifiers in group 0002 by element below 256; ``None`` if the file is not DICOM with a preamble.
 
     This group is never compressed, so a transfer syntax that cannot be read is named.
     """
@@ -269,16 +268,8 @@ def _file_meta_information(path: Path) -> dict[int, str] | None:
         head = file.read(4096)
     if head[128:132] != b"DICM":
         return None
-    elements, at = {}, 132
-    while head[at : at + 2] == b"\x02\x00" and at + 12 <= len(head):
-        element, kind = int.from_bytes(head[at + 2 : at + 4], "little"), head[at + 4 : at + 6]
-        long = kind in (b"OB", b"OW", b"UN", b"UT", b"SQ")
-        start = at + (12 if long else 8)
-        length = int.from_bytes(head[at + 8 : start] if long else head[at + 6 : start], "little")
-        if kind == b"UI":
-            elements[element] = head[start : start + length].decode("latin-1").strip("\0 ")
-        at = start + length
-    return elements
+    found = re.findall(rb"\x02\x00(.)\x00UI..([0-9.]*)", head[132:], re.DOTALL)
+    return {element[0]: value.decode() for element, value in found}
 
 
 def _reader(path: Path) -> Any:

@@ -1,39 +1,19 @@
 """What the header of every volume must fulfil before memory is taken: axes, size, and that it fits."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
 from ...files.machine import available_bytes
 from ...transforms import transform_points
+from ..volume import box_corners
 
 SMALLEST_SPACING_MM, LARGEST_SPACING_MM = 0.005, 20.0
 """Of voxels; others mean another unit than mm."""
 
 _SAME_PLACE_VOXELS, _SAME_TURN = 0.1, 1e-3
 """Of two transforms of a header; near half turns, a quaternion in single precision is off by up to 8e-4 radians."""
-
-
-def simple_itk() -> Any:
-    """The library, silent: its warnings quote lines of headers, which may name the patient.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
-    try:
-        # a session without a CT need not load it
-        import SimpleITK as sitk
-    except ImportError:
-        raise InputError(
-            "volumes: expected the package SimpleITK, which reads CT, this Python has none; install it with "
-            'pip install "SimpleITK>=2.5", or use a Blender in which the OneFrame extension is enabled'
-        ) from None
-    sitk.ProcessObject.SetGlobalWarningDisplay(False)
-    return sitk
 
 
 def check_axes(mesh_from_index: np.ndarray, where: str) -> None:
@@ -67,7 +47,7 @@ def check_axes(mesh_from_index: np.ndarray, where: str) -> None:
 
 def apart_mm(one: np.ndarray, other: np.ndarray, size: tuple[int, int, int]) -> float:
     """How far apart two ``(4, 4)`` transforms place a corner voxel; 0 if no farther than headers round."""
-    ends = np.array(np.meshgrid(*[(0.0, count - 1.0) for count in size])).reshape(3, -1).T
+    ends = box_corners(np.zeros(3), np.array(size) - 1.0)
     places = transform_points(one, ends)
     distance = np.linalg.norm(transform_points(other, ends) - places, axis=1)
     rounding = _SAME_PLACE_VOXELS * np.linalg.norm(one[:3, :3], axis=0).min()

@@ -16,7 +16,8 @@ from ...files.content import LARGEST_TEXT, read_content
 from ...files.tables import parsed_json
 from ...transforms import transform_points
 from ..bone.structures import anatomical_name, is_bone
-from ..volume import LabelMap, Volume, VoxelGrid
+from ..simple_itk import resampled
+from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_corners
 from .volume_header import read_header, volume_suffix
 from .volume_reader import file_voxels
 
@@ -89,13 +90,7 @@ def on_grid(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: str) 
             f"{where}: expected labels with the place of the volume, found {' x '.join(map(str, grid.size))} voxels as "
             "in the volume, but 1 mm apart from (0, 0, 0): the header was lost; save them with the volume's affine"
         )
-    index_from_wanted = grid.index_from_mesh @ wanted.mesh_from_index
-    moved = np.zeros(wanted.size[::-1], values.dtype)
-    turned = np.abs(index_from_wanted[:3, :3]) > 1e-6
-    if (turned.sum(axis=0) == 1).all() and (turned.sum(axis=1) == 1).all():
-        _fill_along_axes(moved, values, index_from_wanted, turned)
-    else:
-        _fill(moved, values, index_from_wanted)
+    moved = resampled(values, grid, wanted)
     if not moved.any():
         found, expected = (np.round(bounds, 1).tolist() for bounds in (_label_bounds(values, grid), wanted.bounds_mm))
         raise InputError(
@@ -166,8 +161,7 @@ def _voxels_apart(grid: VoxelGrid, wanted: VoxelGrid) -> float:
     """Largest distance of corresponding corner voxels in voxels; infinite if the sizes differ."""
     if grid.size != wanted.size:
         return np.inf
-    ends = np.array(np.meshgrid(*[(0.0, count - 1.0) for count in grid.size])).reshape(3, -1).T
-    return float(np.abs(transform_points(grid.index_from_mesh @ wanted.mesh_from_index, ends) - ends).max())
+    return float(np.abs((wanted.corners_mm - grid.corners_mm) @ grid.index_from_mesh[:3, :3].T).max())
 
 
 def _is_default(grid: VoxelGrid) -> bool:
@@ -175,38 +169,8 @@ def _is_default(grid: VoxelGrid) -> bool:
     return bool(np.allclose(np.abs(grid.mesh_from_index), np.eye(4), atol=1e-6))
 
 
-def _fill_along_axes(moved: np.ndarray, values: np.ndarray, index_from_wanted: np.ndarray, turned: np.ndarray) -> None:
-    """Fill by rows and columns where the axes of both grids are parallel."""
-    places, inside = [], []
-    for wanted_axis in range(3):
-        axis = int(np.flatnonzero(turned[:, wanted_axis])[0])
-        steps = np.arange(moved.shape[2 - wanted_axis])
-        nearest = np.rint(index_from_wanted[axis, wanted_axis] * steps + index_from_wanted[axis, 3]).astype(int)
-        inside.append(np.flatnonzero((nearest >= 0) & (nearest < values.shape[2 - axis])))
-        places.append((axis, nearest[inside[-1]]))
-    order = [2 - axis for axis, _ in places[::-1]]
-    parallel = values.transpose(order)
-    moved[np.ix_(*inside[::-1])] = parallel[np.ix_(*[place for _, place in places[::-1]])]
-
-
-def _fill(moved: np.ndarray, values: np.ndarray, index_from_wanted: np.ndarray) -> None:
-    """Fill slice by slice where the axes are at an angle."""
-    x, y = np.arange(moved.shape[2]), np.arange(moved.shape[1])[:, None]
-    for z in range(len(moved)):
-        nearest, inside = [], np.ones(moved.shape[1:], bool)
-        for axis in range(3):
-            row = index_from_wanted[axis]
-            place = np.rint(row[0] * x + row[1] * y + (row[2] * z + row[3])).astype(np.int32)
-            inside &= (place >= 0) & (place < values.shape[2 - axis])
-            nearest.append(place)
-        moved[z][inside] = values[nearest[2][inside], nearest[1][inside], nearest[0][inside]]
-
-
 def _label_bounds(values: np.ndarray, grid: VoxelGrid) -> np.ndarray:
     """``(2, 3)`` LPS box of the voxels with a label."""
-    spans = []
-    for axis in (2, 1, 0):
-        used = np.flatnonzero(values.any(axis=tuple(other for other in range(3) if other != axis)))
-        spans.append((used[0], used[-1]))
-    points = transform_points(grid.mesh_from_index, np.array(np.meshgrid(*spans)).reshape(3, -1).T.astype(np.float64))
+    first, stop = box_around(values)
+    points = transform_points(grid.mesh_from_index, box_corners(first, stop - 1.0))
     return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -8,20 +8,23 @@ Formats: NIfTI-1 (https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h), NR
 (https://teem.sourceforge.net/nrrd/format.html) and MetaImage (https://itk.org/Wiki/MetaIO/Documentation).
 """
 
+import gzip
 import re
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
 from ...files.content import LARGEST_TEXT, read_beginning, reading
 from ...transforms import rotation_from_vector
-from .header_checks import apart_mm, check_axes, simple_itk, three_dimensions
+from ..simple_itk import simple_itk
+from ..volume import VoxelGrid
+from .header_checks import apart_mm, check_axes, three_dimensions
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 
@@ -33,31 +36,33 @@ _NIFTI_FLOATS = {16: "f4", 64: "f8"}
 _SPACES = ("left-posterior-superior", "lps", "right-anterior-superior", "ras", "left-anterior-superior", "las")
 """Of NRRD, those that ITK takes to LPS."""
 
-_GZIP, _CHUNK = b"\x1f\x8b", 1 << 20
+_SKIPS = ("lineskip", "byteskip", "headersize")
+
+_CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
 class StoredVoxels:
-    """Where a file holds its voxels.
+    """What of a file's voxels ITK does not check.
 
     Attributes
     ----------
     path
         The file.
     start
-        First byte of the voxels, or of their compressed stream; of a compressed NIfTI after decompression.
+        First byte of the voxels of a NIfTI file, after decompression; of others, of a compressed stream.
     size
-        Bytes that they should take, not compressed.
+        Bytes that the voxels of a NIfTI file take; ``None`` for others, whose length ITK checks.
     compressed
-        ``"no"``, ``"voxels"``, or ``"file"``.
+        Whether they are.
     floats
         Type of voxels that may be NaN where ITK makes 0 of it; empty elsewhere.
     """
 
     path: Path
     start: int
-    size: int
-    compressed: str
+    size: int | None
+    compressed: bool
     floats: str = ""
 
 
@@ -67,18 +72,18 @@ class VolumeHeader:
 
     Attributes
     ----------
-    size
-        Voxels along x, y and z.
-    mesh_from_index
-        ``(4, 4)``, LPS mm.
+    grid
+        Where the voxels lie.
+    voxel_bytes
+        That each takes.
     stored
         Where the voxels are.
     segments
         Names of segments by label, as 3D Slicer writes them.
     """
 
-    size: tuple[int, int, int]
-    mesh_from_index: np.ndarray
+    grid: VoxelGrid
+    voxel_bytes: int
     stored: StoredVoxels
     segments: Mapping[int, str]
 
@@ -106,8 +111,7 @@ def read_header(path: Path) -> VolumeHeader:
     head = read_beginning(path, "a volume", LARGEST_TEXT)
     if not head:
         raise InputError(f"{path}: expected a volume, found an empty file; copy or export it again")
-    if suffix.startswith(".nii"):
-        stored = _checked_nifti(path, head)
+    stored = (_checked_nifti if suffix.startswith(".nii") else _checked_text)(path, head)
     reader = simple_itk().ImageFileReader()
     reader.SetFileName(str(path))
     try:
@@ -121,20 +125,12 @@ def read_header(path: Path) -> VolumeHeader:
             f"{path.name}: expected one number per voxel, found several or another kind (colour, vector, overlapping "
             "segments); save one component; in 3D Slicer, export overlapping segments as a label map"
         )
-    matrix = matrix_of(reader)
+    ranks, matrix = len(reader.GetSize()), np.eye(4)
+    matrix[:3, :3] = np.reshape(reader.GetDirection(), (ranks, ranks))[:3, :3] * reader.GetSpacing()[:3]
+    matrix[:3, 3] = reader.GetOrigin()[:3]
     check_axes(matrix, path.name)
-    if not suffix.startswith(".nii"):
-        voxel_bytes = int(re.match(r"\d+", pixel)[0]) // 8  # type: ignore[index]
-        stored = _checked_text(path, head, int(np.prod(size, dtype=object)) * voxel_bytes)
-    return VolumeHeader(size, matrix, stored, _segments(reader))
-
-
-def matrix_of(image: Any) -> np.ndarray:
-    """``(4, 4)`` from the index (x, y, z) to LPS mm, of an image of ITK or its header."""
-    ranks, matrix = len(image.GetSize()), np.eye(4)
-    matrix[:3, :3] = np.reshape(image.GetDirection(), (ranks, ranks))[:3, :3] * image.GetSpacing()[:3]
-    matrix[:3, 3] = image.GetOrigin()[:3]
-    return matrix
+    voxel_bytes = int(re.match(r"\d+", pixel)[0]) // 8  # type: ignore[index]
+    return VolumeHeader(VoxelGrid(size, matrix), voxel_bytes, stored, _segments(reader))
 
 
 def unreadable(where: str) -> InputError:
@@ -145,61 +141,57 @@ def unreadable(where: str) -> InputError:
     )
 
 
-def checked_chunks(stored: StoredVoxels, where: str) -> Iterator[bytes]:
-    """The stored bytes of all voxels, in parts of whole voxels; in the end an error if some are missing.
+def check_stored(stored: StoredVoxels, where: str) -> int:
+    """Check the stored bytes for what ITK forgives; return the number of voxels that are no number where it makes 0.
 
     Raises
     ------
     InputError
-        The file is shorter than its header claims, or damaged: a compressed one has a checksum.
+        A NIfTI file is shorter than its header claims, or a compressed stream is damaged: it has a checksum.
     """
-    found, waiting = 0, b""
     with reading(stored.path, "the voxels of a volume", None if stored.path.name == where else where):
-        for chunk in _inflated(stored, where):
-            found += len(chunk)
-            waiting += chunk
-            whole = len(waiting) & -8
-            yield waiting[:whole]
-            waiting = waiting[whole:]
-    if found < stored.size:
-        raise InputError(
-            f"{where}: expected {stored.size:,} bytes of voxels as the header says, found {found:,} "
-            f"({100 * found / stored.size:.0f} %); the file was cut off: copy or export it again"
-        )
+        try:
+            return _check_stream(stored) if stored.size is None else _check_nifti_voxels(stored, stored.size, where)
+        except (zlib.error, gzip.BadGzipFile):
+            raise InputError(
+                f"{where}: expected compressed voxels, found damaged ones; copy or export it again"
+            ) from None
 
 
-def _inflated(stored: StoredVoxels, where: str) -> Iterator[bytes]:
-    """The bytes of the voxels, decompressed; no more than there should be."""
-    skipped, left = (stored.start, stored.size) if stored.compressed == "file" else (0, stored.size)
-    with open(stored.path, "rb") as file:
-        file.seek(stored.start - skipped)
-        for chunk in iter(lambda: file.read(_CHUNK), b"") if stored.compressed == "no" else _unzipped(file, where):
-            part = chunk[skipped : skipped + left]
-            skipped, left = max(skipped - len(chunk), 0), left - len(part)
-            yield part
-            # one chunk more than is needed: behind the last voxel stands the checksum
-            if not left and len(chunk) > len(part):
-                return
-
-
-def _unzipped(file: BinaryIO, where: str) -> Iterator[bytes]:
-    """What is compressed by gzip or zlib; several streams may follow one another."""
+def _check_stream(stored: StoredVoxels) -> int:
     stream = zlib.decompressobj(47)
-    try:
-        while packed := stream.unconsumed_tail or stream.unused_data or file.read(_CHUNK):
-            if stream.eof:
-                if not packed.startswith(_GZIP):
-                    return
-                stream = zlib.decompressobj(47)
-            yield stream.decompress(packed, _CHUNK)
-        yield stream.flush()
-    except zlib.error:
-        raise InputError(f"{where}: expected compressed voxels, found damaged ones; copy or export it again") from None
+    with open(stored.path, "rb") as file:
+        file.seek(stored.start)
+        while stored.compressed and not stream.eof and (packed := file.read(_CHUNK)):
+            stream.decompress(packed)
+    return 0
+
+
+def _check_nifti_voxels(stored: StoredVoxels, size: int, where: str) -> int:
+    found = not_finite = 0
+    with (gzip.open if stored.compressed else open)(stored.path, "rb") as file:
+        try:
+            file.seek(stored.start)
+            # to the end of a compressed file, where its checksum stands
+            while chunk := file.read(_CHUNK if stored.compressed else min(_CHUNK, size - found)):
+                part = chunk[: size - found]
+                found += len(part)
+                if stored.floats:
+                    values = np.frombuffer(part, stored.floats, len(part) // np.dtype(stored.floats).itemsize)
+                    not_finite += int(np.count_nonzero(~np.isfinite(values)))
+        except EOFError:
+            found = min(found, size - 1)
+    if found < size:
+        raise InputError(
+            f"{where}: expected {size:,} bytes of voxels as the header says, found {found:,} "
+            f"({100 * found / size:.0f} %); the file was cut off: copy or export it again"
+        )
+    return not_finite
 
 
 def _checked_nifti(path: Path, head: bytes) -> StoredVoxels:
     """Orientation, units and place of the voxels, from the 348 bytes of the header."""
-    where, compressed = path.name, head[:2] == _GZIP
+    where, compressed = path.name, head[:2] == b"\x1f\x8b"
     if compressed:
         try:
             head = zlib.decompressobj(31).decompress(head, 352)
@@ -229,7 +221,7 @@ def _checked_nifti(path: Path, head: bytes) -> StoredVoxels:
         raise unreadable(where)
     stored = int(np.prod(size, dtype=object)) * bits // 8
     floats = order + _NIFTI_FLOATS[datatype] if datatype in _NIFTI_FLOATS else ""
-    return StoredVoxels(path, int(start), stored, "file" if compressed else "no", floats)
+    return StoredVoxels(path, int(start), stored, compressed, floats)
 
 
 def _qform(head: bytes, order: str) -> np.ndarray:
@@ -252,37 +244,30 @@ def _check_agreement(qform: np.ndarray, sform: np.ndarray, size: tuple[int, int,
         )
 
 
-def _checked_text(path: Path, head: bytes, size: int) -> StoredVoxels:
+def _checked_text(path: Path, head: bytes) -> StoredVoxels:
     """Orientation, units and place of the voxels, from the lines of NRRD or MetaImage."""
     where, is_nrrd = path.name, head.startswith(b"NRRD")
     fields, start = _fields(head, is_nrrd)
     if is_nrrd:
         oriented = fields.get("space", "").lower() in _SPACES and "spacedirections" in fields
         units = set(re.findall(r'"([^"]*)"', fields.get("spaceunits", "")))
-        packed = fields.get("encoding", "").lower() in ("gzip", "gz")
-        name, local = fields.get("datafile", ""), "datafile" not in fields
-        elsewhere = any(fields.get(skip, "0") != "0" for skip in ("lineskip", "byteskip"))
-        is_binary = packed or fields.get("encoding", "").lower() == "raw"
+        packed, name = fields.get("encoding", "").lower() in ("gzip", "gz"), fields.get("datafile", "")
     else:
         turned, spaced = {"transformmatrix", "rotation", "orientation"}, {"elementspacing", "elementsize"}
         oriented = not turned.isdisjoint(fields) and not spaced.isdisjoint(fields)
         units = {fields.get("distanceunits", "mm").lower()} - {"?"}
         packed = fields.get("compresseddata", "false").lower() == "true"
-        name = fields.get("elementdatafile", "")
-        local, elsewhere = name.upper() == "LOCAL", fields.get("headersize", "0") != "0"
-        is_binary = fields.get("binarydata", "true").lower() == "true"
+        name = re.sub("^local$", "", fields.get("elementdatafile", ""), flags=re.IGNORECASE)
     if not oriented:
         raise _unoriented(where)
     if units - {"", "mm"}:
         raise InputError(f"{where}: expected lengths in mm, found another unit; convert it to mm")
-    if not is_binary or elsewhere:
-        raise InputError(
-            f"{where}: expected binary voxels, raw or gzip, without a header of their own, found others; save it as "
-            "one .nrrd or .mha file"
-        )
-    if local:
-        return StoredVoxels(path, start, size, "voxels" if packed else "no")
-    return StoredVoxels(_data_file(path, name), 0, size, "voxels" if packed else "no")
+    # a list of files, or a pattern of their names, or a header of their own: what ITK makes of them is not checked
+    plain = not re.search(r" |%|^LIST", name) and all(fields.get(skip, "0") == "0" for skip in _SKIPS)
+    data = path.parent / name if name and plain else path
+    if not data.is_file():
+        raise InputError(f"{where}: expected the file of its voxels, as the header says; it is missing: copy it, too")
+    return StoredVoxels(data, 0 if name else start, None, packed and plain)
 
 
 def _fields(head: bytes, is_nrrd: bool) -> tuple[dict[str, str], int]:
@@ -299,22 +284,6 @@ def _fields(head: bytes, is_nrrd: bool) -> tuple[dict[str, str], int]:
         if not is_nrrd and "elementdatafile" in fields:
             break
     return fields, start
-
-
-def _data_file(path: Path, name: str) -> Path:
-    """The file of the voxels that a header names; only one in the header's own folder."""
-    name = name.removeprefix("./")
-    if re.search(r"[/\\:%]|^\.*$|^LIST\b|\s\d+\s+\d+\s+\d+", name):
-        raise InputError(
-            f"{path.name}: expected the voxels in one file in the same folder, found another place; save it as one "
-            "file (.nrrd or .mha)"
-        )
-    data = path.with_name(name)
-    if not data.is_file():
-        raise InputError(
-            f"{path.name}: expected the file of its voxels beside it, as the header says; it is missing: copy it, too"
-        )
-    return data
 
 
 def _segments(reader: Any) -> dict[int, str]:

@@ -9,10 +9,11 @@ import numpy as np
 
 from ...errors import InputError
 from ...files.content import read_beginning
-from ..volume import Volume, VoxelGrid
+from ..simple_itk import simple_itk
+from ..volume import Volume, VoxelGrid, box_corners, box_slices
 from .dicom_series import SeriesInfo, chosen_series, find_series, series_voxels
-from .header_checks import check_memory, simple_itk
-from .volume_header import VolumeHeader, checked_chunks, matrix_of, read_header, unreadable, volume_suffix
+from .header_checks import check_memory
+from .volume_header import VolumeHeader, check_stored, read_header, unreadable, volume_suffix
 from .voxel_values import ValueSurvey
 
 _COPIES = 2
@@ -52,7 +53,7 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
         crop = np.sort(np.asarray(crop_mm, np.float64), axis=0)
         if crop.shape != (2, 3) or not np.isfinite(crop).all():
             raise InputError(f"crop: expected two corners of 3 finite numbers in mm, found an array of {crop.shape}")
-        box = crop
+        box = box_corners(*crop)
     if _is_folder(path):
         values, grid = series_voxels(chosen_series(find_series(path), series, str(path)), box, str(path))
     else:
@@ -88,7 +89,7 @@ def is_dicom(path: Path) -> bool:
 
 
 def file_voxels(
-    path: Path, header: VolumeHeader, wanted: str, box_mm: np.ndarray | None = None
+    path: Path, header: VolumeHeader, wanted: str, corners_mm: np.ndarray | None = None
 ) -> tuple[np.ndarray, VoxelGrid]:
     """The voxels of a file, read-only and ``(Z, Y, X)``, and where they lie.
 
@@ -98,22 +99,18 @@ def file_voxels(
         The file, and its header.
     wanted
         ``"HU"`` for int16, or ``"labels"`` for uint8 or uint16.
-    box_mm
-        ``(2, 3)`` corners of a box in LPS, mm, to keep.
+    corners_mm
+        ``(8, 3)`` of a box in LPS to keep; ``None`` keeps all.
 
     Raises
     ------
     InputError
         As for :func:`read_volume`.
     """
-    where, stored = path.name, header.stored
-    check_memory(_COPIES * stored.size + 2 * int(np.prod(header.size, dtype=object)), header.size, where)
-    survey = ValueSurvey()
-    for chunk in checked_chunks(stored, where):
-        if stored.floats:
-            # ITK makes 0 of what is no number
-            values = np.frombuffer(chunk, stored.floats)
-            survey.add(values[~np.isfinite(values)])
+    where, grid = path.name, header.grid
+    needed = (_COPIES * header.voxel_bytes + 2) * int(np.prod(grid.size, dtype=object))
+    check_memory(needed, grid.size, where)
+    survey = ValueSurvey(not_finite=check_stored(header.stored, where))
     sitk = simple_itk()
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
@@ -121,11 +118,10 @@ def file_voxels(
         reader.ReadImageInformation()
         ranks = len(reader.GetSize())
         if ranks > 3:
-            reader.SetExtractSize([*header.size, *[0] * (ranks - 3)])
+            reader.SetExtractSize([*grid.size, *[0] * (ranks - 3)])
         image = reader.Execute()
     except (RuntimeError, MemoryError):
         raise unreadable(where) from None
-    grid = VoxelGrid(image.GetSize(), matrix_of(image))
     voxels: np.ndarray = sitk.GetArrayViewFromImage(image)
     for at in range(0, len(voxels), _SLAB):
         survey.add(voxels[at : at + _SLAB])
@@ -133,10 +129,8 @@ def file_voxels(
         survey.check_hounsfield(where)
     else:
         survey.check_labels(where)
-    first, stop = (
-        grid.box_of(box_mm[0], box_mm[1], f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
-    )
-    part = voxels[first[2] : stop[2], first[1] : stop[1], first[0] : stop[0]]
+    first, stop = grid.box_of(corners_mm, f"{where}: crop")
+    part = voxels[box_slices(first, stop)]
     kept = np.empty(part.shape, np.int16 if wanted == "HU" else survey.label_type)
     for at in range(0, len(part), _SLAB):
         slab = part[at : at + _SLAB]

@@ -17,10 +17,11 @@ _LEAST_SPAN_HU = 100.0
 class ValueSurvey:
     """Range and variety of voxels, added part by part. Mutable: it grows with each part."""
 
-    def __init__(self) -> None:
+    def __init__(self, not_finite: int = 0) -> None:
+        """Begin with so many voxels that are no number."""
         self._lowest, self._highest = np.inf, -np.inf
         self._fractional: float | None = None
-        self._not_finite = 0
+        self._not_finite = not_finite
         self._present = np.zeros(1 << 16, bool)
 
     def add(self, values: np.ndarray) -> None:

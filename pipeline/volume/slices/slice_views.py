@@ -87,12 +87,9 @@ def _slice_view(
     counts = None if drawn.solid is None else plane_of(voxels.values(drawn.solid, outside=0)) > 0
     tinted, contours = None, [Contour(bone, BONE_COLOUR, counts)]
     if (removed := drawn.removed) is not None:
-        first, size = removed.first, removed.distance_mm.shape[::-1]
-        box = volume.grid.shifted(first, (size[0], size[1], size[2]))
         # distances are known near the surface only; where they end, they would jump
         far = float(np.linalg.norm(volume.grid.spacing_mm))
-        near = Sampler(box, points).values(removed.distance_mm, outside=far, of=lambda mm: np.clip(mm, -far, far))
-        kept = plane_of(near)
+        kept = plane_of(removed.sampled(volume.grid, points, outside=far, farthest_mm=far))
         was_bone = bone > 0 if counts is None else (bone > 0) & counts
         tinted = was_bone & (kept <= 0)
         contours.append(Contour(kept, DRILL_COLOUR, was_bone))

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from oneframe.blender.bridge.image import read_image
-from oneframe.blender.colour.reference_view import colour_of, vertex_colours_of
+from oneframe.blender.colour.reference_view import colours_of, vertex_colours_of
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.dataset.layout import ViewPaths
@@ -80,7 +80,7 @@ def converged_reference(scene: RenderScene, along: int, advance: Callable[[], No
     RunError
         No photograph of the scene shows enough of what the frame saw.
     """
-    colour, _ = colour_of(scene.source, "projective")
+    (colour,), _ = colours_of(scene.source, "projective")
     judged = range(min(JUDGED_VIEWS, scene.planned))
     candidates = [*judged, *range(scene.planned, len(scene.poses))]
     with SurfaceScene(scene.source.mesh, scene.camera, colour) as exact:

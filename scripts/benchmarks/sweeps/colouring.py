@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
+from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
@@ -98,7 +98,7 @@ def view_outcome(
 
     The value is the fraction of the surface that is left grey. ``doubt`` is what a run says besides.
     """
-    colour, messages = colour_of(source, mode)
+    (colour,), messages = colours_of(source, mode)
     with SurfaceScene(source.mesh, camera, colour) as scene:
         rendered = render_view(scene, pose)
     painted = rendered.observed

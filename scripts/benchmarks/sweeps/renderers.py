@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from oneframe.blender.colour.reference_view import colour_of
+from oneframe.blender.colour.reference_view import colours_of
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.blender.dataset.view_renderer import ViewRenderer
 from oneframe.blender.render.engines import keep_freed_memory, render_view
@@ -93,7 +93,7 @@ def measure_samples(folder: Path, distance: float, *, quick: bool) -> list[Cell]
     cells, samples = [], SAMPLES[::3] if quick else SAMPLES
     with _renderer(folder, COARSE_TRIANGLES) as renderer:
         pose, source, camera = _pose(renderer, distance=distance), renderer.source, renderer.camera
-    colour, _ = colour_of(source, "projective")
+    (colour,), _ = colours_of(source, "projective")
 
     def every_pixel(count: int) -> RenderedView:
         with SurfaceScene(source.mesh, camera, colour, samples=count) as scene:

@@ -13,7 +13,7 @@ from oneframe.camera.distortion import Distortion, undistort
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Structure
 from oneframe.errors import InputError
-from oneframe.surface.tube import tube
+from oneframe.sample.distance_field import tube
 from oneframe.transforms import rigid
 from oneframe.video.film_reader import Film
 from tests.blender.dataset.test_job import as_tagged

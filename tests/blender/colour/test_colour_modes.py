@@ -6,7 +6,7 @@ import trimesh
 
 from oneframe.blender.colour.reference_view import (
     ReferenceView,
-    colour_of,
+    colours_of,
     limited_to_incidence,
     reference_view_of,
     unseen_colours_of,
@@ -34,7 +34,7 @@ def plane_mesh(edge: np.ndarray) -> TriangleMesh:
 def rendered_in(
     mode: str, source: ReferenceView, cam_from_model: np.ndarray, *, unseen: str = "neutral"
 ) -> RenderedView:
-    colour, _ = colour_of(source, mode)
+    (colour,), _ = colours_of(source, mode)
     with SurfaceScene(source.mesh, CAMERA, colour, unseen=unseen_colours_of(source, unseen)) as scene:
         return render_view(scene, cam_from_model)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
-from oneframe.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of, unseen_colours_of
+from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of, unseen_colours_of
 from oneframe.blender.render.anti_aliasing import EdgeSampler
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_rays import SurfaceRays
@@ -49,7 +49,7 @@ def source_from(loaded_case):
 
 
 def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0):
-    colour, _ = colour_of(source, mode)
+    (colour,), _ = colours_of(source, mode)
     with SurfaceScene(source.mesh, camera, colour, filtered=True) as scene:
         scene.limit_threads(threads)
         sampler = EdgeSampler(scene, source.view, source.pivot_model, colour, camera, rays)
@@ -57,13 +57,13 @@ def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0):
 
 
 def exact_view(source, mode, pose, camera=VIEW):
-    colour, _ = colour_of(source, mode)
+    (colour,), _ = colours_of(source, mode)
     with SurfaceScene(source.mesh, camera, colour) as scene:
         return render_view(scene, pose)
 
 
 def converged(source, mode, pose, camera=VIEW, *, constant=True):
-    colour, _ = colour_of(source, mode)
+    (colour,), _ = colours_of(source, mode)
     return converged_view(source.mesh, colour, camera, pose, along=11, constant=constant)
 
 
@@ -154,7 +154,7 @@ def test_nothing_mixes_with_what_the_masks_exclude(stepped_mesh, frontal_pose, o
 def test_rays_see_what_the_renderer_sees(stepped_mesh, frontal_pose, oblique_pose, photograph, source_from, mode):
     """Geometry Nodes and Cycles shade the same points alike, front, back and background."""
     source = source_from(stepped_mesh, photograph, frontal_pose)
-    colour, _ = colour_of(source, mode)
+    (colour,), _ = colours_of(source, mode)
     for pose in (oblique_pose, oblique_pose @ rigid(np.diag([1.0, -1.0, -1.0]))):
         with SurfaceScene(source.mesh, VIEW, colour) as scene:
             rendered = render_view(scene, pose)
@@ -207,7 +207,7 @@ def test_filled_views_change_where_the_frame_saw_nothing(stepped_mesh, frontal_p
     dark = np.full((*FRAME.shape_hw, 3), 0.125, np.float32)
     source = source_from(stepped_mesh, dark, frontal_pose)
     (neutral,) = views_of(source, mode, [oblique_pose])
-    colour, _ = colour_of(source, mode)
+    (colour,), _ = colours_of(source, mode)
     unseen = unseen_colours_of(source, "fill")
     with SurfaceScene(source.mesh, VIEW, colour, unseen=unseen, filtered=True) as scene:
         filled = EdgeSampler(scene, source.view, source.pivot_model, colour, VIEW, 8).render(oblique_pose)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.blender.colour.reference_view import colour_of, reference_view_of, unseen_colours_of
+from oneframe.blender.colour.reference_view import colours_of, reference_view_of, unseen_colours_of
 from oneframe.blender.render.anti_aliasing import EdgeSampler
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
@@ -44,7 +44,7 @@ def test_views_are_those_of_cycles(
 ):
     mesh = request.getfixturevalue(shape)
     source = reference_view_of(loaded_case(mesh, sharp_image(FRAME), frontal_pose, FRAME))
-    colour, _ = colour_of(source, mode)
+    (colour,), _ = colours_of(source, mode)
     colours, pivot = unseen_colours_of(source, unseen), source.pivot_model
     nearer = rigid(translation=[4.0, -2.0, -100.0]) @ oblique_pose
     from_behind = oblique_pose @ rigid(rotation_from_vector(np.array([0.0, 2.6, 0.0])))
@@ -63,7 +63,7 @@ def test_the_frames_own_pose_gives_the_frame_back(mode, bumpy_mesh, oblique_pose
     source = reference_view_of(loaded_case(bumpy_mesh, image, oblique_pose, FRAME), "raster")
     for samples in (1, 4):
         tracer = RayTracer(
-            source.mesh, FRAME, colour_of(source, mode)[0], samples=samples, pivot_model=source.pivot_model
+            source.mesh, FRAME, colours_of(source, mode)[0][0], samples=samples, pivot_model=source.pivot_model
         )
         view = tracer.render(oblique_pose)
         assert view.observed.sum() > 0.85 * view.mask.sum()

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.surface.deviation import deviation
+from oneframe.volume.bone.bone_surface import smoothed
 from oneframe.volume.bone.isosurface import Isosurface, RemovedField, isosurface
 from oneframe.volume.bone.rim import with_sharp_rim
-from oneframe.volume.bone.smoothing import smoothed
 from oneframe.volume.volume import VoxelGrid
 from tests.volume.solids import is_closed, oblique_grid, voxel_centres
 

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from oneframe.volume.bone.bone_surface import smoothed
 from oneframe.volume.bone.isosurface import Isosurface, isosurface
-from oneframe.volume.bone.smoothing import smoothed
 from oneframe.volume.volume import VoxelGrid
 from tests.volume.solids import enclosed_mm3
 

@@ -14,6 +14,7 @@ from oneframe.transforms import rotation_from_vector, transform_points
 from oneframe.volume.reading.volume_header import read_header
 from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.volume import Volume
+from tests.volume.solids import check_crop
 
 sitk = pytest.importorskip("SimpleITK")
 nib = pytest.importorskip("nibabel")
@@ -100,7 +101,7 @@ def test_qform_and_sform_of_one_affine_agree(tmp_path_factory, axis, half_turn_b
     path = tmp_path_factory.mktemp("volume") / "ct.nii"
     nib.save(image, path)
     patched(path, 40, "4h", 3, 512, 512, 400)
-    np.testing.assert_allclose(read_header(path).mesh_from_index, LPS_FROM_RAS @ affine, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(read_header(path).grid.mesh_from_index, LPS_FROM_RAS @ affine, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("unit", [1, 0.001])
@@ -127,10 +128,8 @@ def test_a_crop_keeps_every_voxel_in_its_place(tmp_path, suffix):
     whole = read_volume(tmp_path / f"ct{suffix}")
     middle = whole.grid.bounds_mm.mean(axis=0)
     part = read_volume(tmp_path / f"ct{suffix}", crop_mm=np.stack([middle - 0.8, middle + 0.6]))
-    expected = whole.cropped(middle - 0.8, middle + 0.6)
+    check_crop(whole, part)
     assert 0 < part.values.size < values.size
-    np.testing.assert_array_equal(part.values, expected.values)
-    np.testing.assert_allclose(part.grid.mesh_from_index, expected.grid.mesh_from_index, atol=1e-9)
     with pytest.raises(InputError, match="expected a box in the volume"):
         read_volume(tmp_path / f"ct{suffix}", crop_mm=np.array([[900.0] * 3, [910.0] * 3]))
 
@@ -213,7 +212,6 @@ BAD = {
     "damaged NRRD": ("a.nrrd", damaged, "damaged"),
     "larger than memory": ("a.nii", lambda p: patched(nifti(p), 40, "4h", 3, 32000, 32000, 32000), "fits into memory"),
     "no voxels beside the header": ("a.mhd", without_voxels, "it is missing"),
-    "another folder's voxels": ("a.mhd", lambda p: text(p, b"a.raw", b"/etc/passwd"), "in the same folder"),
     "empty": ("a.nrrd", empty, "empty file"),
     "missing": ("a.nrrd", lambda p: p, "does not exist"),
 }

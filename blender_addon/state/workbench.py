@@ -80,5 +80,5 @@ def next_step(scene: bpy.types.Scene) -> str:
         return "Next: load the surface, or make it from the CT."
     if settings.aligned_path:
         name = bpy.path.basename(settings.aligned_path)
-        return f"Pose and landmarks are of another frame, {name}: press Keep Pose to start from it, or Clear."
+        return f"Pose and landmarks are of another frame, {name}; press Keep Pose to start from it, or Clear."
     return ""

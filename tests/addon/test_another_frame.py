@@ -64,7 +64,7 @@ def test_a_frame_that_nobody_aligned_gets_neither_pixels_nor_figures(aligned, ot
         lambda: bpy.ops.oneframe.landmark_pin(index=0, pixel=(3, 4)),
         lambda: bpy.ops.oneframe.solve_landmarks(),
     ):
-        with pytest.raises(RuntimeError, match=r"are of another frame, frame\.png: press Keep Pose"):
+        with pytest.raises(RuntimeError, match=r"are of another frame, frame\.png; press Keep Pose"):
             pick()
     # the pose of the file, saved before over the same file, is not taken for this frame's either
     bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))

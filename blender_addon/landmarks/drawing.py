@@ -122,6 +122,9 @@ def _draw_view() -> None:
         return
     if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
         return
+    if scene.oneframe.aligned_path:
+        # they are of another frame
+        return
     try:
         landmark_strokes(context).draw()
     except InputError:
@@ -138,15 +141,16 @@ def _draw_next_step(context: bpy.types.Context) -> None:
 
 
 def _draw_pointer(xy: tuple[int, int]) -> None:
-    """Draw the instruction next to the pointer while the tool is active and picking is unfinished."""
+    """Draw next to the pointer what a press has missed, or the instruction while picking is unfinished."""
     context = bpy.context
     if context.space_data is None or not tool.is_waiting(context) or not from_scene.is_set_up(context.scene):
         return
-    landmarks = from_scene.landmarks_model(context.scene)
-    if gestures.running() is not None or not is_unfinished(landmarks):
-        return
+    text, region = gestures.missed_at(xy), frame_view.window_region(context.area)
+    if not text:
+        if gestures.running() is not None or not is_unfinished(from_scene.landmarks_model(context.scene)):
+            return
+        text = tool.instruction(context)
     strokes = Strokes()
-    text, region = tool.instruction(context), frame_view.window_region(context.area)
     low, high = free_rectangle(context.area)
     if xy[1] - region.y < low[1]:
         # the strip of a video has the pointer

@@ -5,7 +5,13 @@ import numpy as np
 
 from ..pipeline.alignment.manual.picking import Half, landmark_for, new_name
 from ..pipeline.errors import InputError
-from ..state import events, from_scene
+from ..state import events, from_scene, workbench
+
+
+def check_frame(scene: bpy.types.Scene) -> None:
+    """Raise :class:`InputError` while the landmarks are those of another frame: the user decides first."""
+    if scene.oneframe.aligned_path:
+        raise InputError(workbench.next_step(scene))
 
 
 def checked_index(scene: bpy.types.Scene, index: int) -> int:
@@ -69,6 +75,6 @@ def check_pixel(scene: bpy.types.Scene, pixel: np.ndarray) -> np.ndarray:
     if not camera.contains(pixel):
         raise InputError(
             f"expected an image point in the frame of {camera.width} x {camera.height} px, "
-            f"found ({pixel[0]:.1f}, {pixel[1]:.1f}); click inside the frame"
+            f"found ({pixel[0]:.1f}, {pixel[1]:.1f}); stay inside the frame"
         )
     return pixel

@@ -84,6 +84,23 @@ class _Snapshot:
 
 
 _running: Gesture | None = None
+_missed: tuple[str, np.ndarray] | None = None
+"""What the latest press should have hit, and where it was (window px)."""
+
+MISS_PX = 60.0
+"""How far from such a press the pointer goes, at interface scale 1, before it is forgotten."""
+
+
+def missed_at(xy: tuple[int, int]) -> str:
+    """What a press should have hit that has missed, while the pointer (window px) stays near; else empty."""
+    global _missed
+    if _missed is None:
+        return ""
+    words, at = _missed
+    if np.linalg.norm(at - xy) > MISS_PX * bpy.context.preferences.system.ui_scale:
+        _missed = None
+        return ""
+    return words
 
 
 def running() -> Gesture | None:
@@ -118,9 +135,10 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         return is_alignment_view(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        global _running
-        scene = context.scene
+        global _running, _missed
+        scene, _missed = context.scene, None
         try:
+            edit.check_frame(scene)
             self._before = _Snapshot.of(scene)
             view = LandmarkView.of(context)
             gesture = self._begin(scene, view, pointer_of(event))
@@ -128,8 +146,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
             _running = gesture
             scene.oneframe.landmark_index = gesture.index
         except InputError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self._say_missed(error, event)
         context.workspace.status_text_set("Shift: 10 Times Finer      Esc or Right Click: Cancel")
         context.window_manager.modal_handler_add(self)
         redraw()
@@ -141,16 +158,20 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
             return self._end(context, restore=True)
         if event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS":
             return self._end(context, restore=True)
-        if event.type == "LEFTMOUSE" and event.value == "RELEASE":
-            return self._end(context, restore=False)
-        if event.type == "MOUSEMOVE":
-            gesture.follow(pointer_of(event), shift=event.shift)
-            try:
+        try:
+            if event.type == "LEFTMOUSE" and event.value == "RELEASE":
+                view = LandmarkView.of(context)
+                if gesture.moves != "point" and view.frame is not None:
+                    # while it moves, a mark stops at the frame's edge, where nobody has seen its point
+                    edit.check_pixel(context.scene, view.frame.px_from_region(gesture.at))
+                return self._end(context, restore=False)
+            if event.type == "MOUSEMOVE":
+                gesture.follow(pointer_of(event), shift=event.shift)
                 _apply(context.scene, LandmarkView.of(context), gesture, self._before)
-            except InputError as error:
-                self.report({"ERROR"}, str(error))
-                return self._end(context, restore=True)
-            redraw()
+                redraw()
+        except InputError as error:
+            self._end(context, restore=True)
+            return self._say_missed(error, event)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -158,6 +179,15 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         global _running
         _running = None
         context.workspace.status_text_set(None)
+
+    def _say_missed(self, error: InputError, event: bpy.types.Event) -> OperatorResult:
+        """Say what is wrong, and at the pointer what to do: an ERROR would open a popup, which takes the next keys."""
+        global _missed
+        self.report({"WARNING"}, str(error))
+        advice = str(error).rpartition("; ")[2]
+        _missed = advice[:1].upper() + advice[1:], np.array([event.mouse_x, event.mouse_y])
+        redraw()
+        return {"CANCELLED"}
 
     def _begin(self, scene: bpy.types.Scene, view: LandmarkView, pointer: np.ndarray) -> Gesture:
         marks = marks_of(scene, view)

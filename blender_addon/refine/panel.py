@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import bpy
 
 from ..class_registration import class_registration
-from ..pipeline.case.alignment_record import INITIAL_GUESS
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record
@@ -21,6 +21,7 @@ KINDS = {
     "refined": ("Refined against the image", "SNAP_ON"),
     "manual": ("By hand", "VIEW_PAN"),
     INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
+    OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
 }
 """Method of a record -> its description and icon."""
 

@@ -1,6 +1,7 @@
 """Operators that open a case, or the sample; first they ask, if the present case has what its file lacks."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -15,7 +16,7 @@ from ..pipeline.case.case_update import differing_fields
 from ..pipeline.errors import InputError
 from ..state import from_scene, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
-from ..state.initial_pose import has_initial_pose
+from ..state.initial_pose import has_initial_pose, set_initial_pose
 from ..ui.operator import Asking, Messages, OperatorResult, ReportingFile, call
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
@@ -45,11 +46,13 @@ def unsaved_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
         return _aligned_parts(scene)
     path = from_scene.absolute_path(scene.oneframe.case_path)
     try:
-        saved = read_case(path)
+        saved = read_case(path, posed=False)
     except InputError:
         return ("all of it",)
     try:
         current = from_scene.case(scene, Path(path))
+        if not saved.posed and has_initial_pose(scene):
+            saved = replace(saved, cam_from_mesh=current.cam_from_mesh)
     except InputError:
         # a surface that is scaled, or a frame of another size
         return ("pose",)
@@ -99,9 +102,12 @@ class ONEFRAME_OT_open_case(ReportingFile, ImportHelper):
         return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
-        loaded = load_case(read_case(self.chosen_file()), aligned=False)
+        case = read_case(self.chosen_file(), posed=False)
+        loaded = load_case(case, aligned=False)
         scene = workbench.enter(context)
         to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
+        if not case.posed:
+            set_initial_pose(scene, from_scene.surface_of(scene))
         # holds while the surface keeps that pose
         pose_evidence.remember(scene, loaded.case.alignment, loaded.frame.cam_from_model)
         show_shape(context)

@@ -225,6 +225,8 @@ def _fill() -> None:
             space, number = area.spaces.active, _numbers.get(area.as_pointer())
             if number is not None and space.type == SLICE_SPACE and space.image is None:
                 space.image = empty_image(number, window.scene)
+                # without an image, the area has lost its zoom
+                start_timer(_fit, DRAWN_S)
 
 
 def show_slices_soon() -> None:

@@ -1,22 +1,19 @@
-"""Where workers come from: a running scheduler, processes on this machine, or jobs of Slurm."""
+"""Where workers come from: a running scheduler, or processes on this machine."""
 
 import logging
 import re
-import shutil
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from ipaddress import ip_address
-from pathlib import Path
 
 from distributed import Client
 from distributed.security import Security
 
 from ..errors import InputError, RunError
 from .own_workers import own_workers
-from .slurm_settings import SlurmSettings, checked_slurm_settings, read_slurm_settings
 
 CONNECT_SECONDS = 10.0
 
@@ -45,30 +42,22 @@ class WorkerSource:
 
 
 @contextmanager
-def open_source(
-    where: str, settings: Path | Mapping[str, object] | None = None, *, insecure: bool = False
-) -> Iterator[WorkerSource]:
+def open_source(where: str, *, insecure: bool = False) -> Iterator[WorkerSource]:
     """Workers from the value of ``--cluster``; those that were started for it end with the context.
 
-    ``settings`` of jobs of Slurm are those of a file, or a table ``[cluster]``; ``insecure`` takes a scheduler of
-    another machine that admits anyone.
+    ``insecure`` takes a scheduler of another machine that admits anyone.
 
     Raises
     ------
     InputError
-        The value is no address, ``local:N`` or ``slurm``; it is not secure; or this machine does not submit to Slurm.
+        The value is no address and not ``local:N``, or it is not secure.
     RunError
         There is no scheduler at the address, or none can be started.
     """
-    slurm = SlurmSettings()
-    if isinstance(settings, Path):
-        slurm = read_slurm_settings(settings)
-    elif where == "slurm":
-        slurm = checked_slurm_settings(settings or {}, "[cluster]")
     # whatever matters to the user is said in OneFrame's words
     logging.disable(logging.CRITICAL)
     try:
-        with warnings.catch_warnings(), _source(where, slurm, insecure=insecure) as source:
+        with warnings.catch_warnings(), _source(where, insecure=insecure) as source:
             warnings.filterwarnings("ignore", module=r"distributed\b.*")
             yield source
     finally:
@@ -76,24 +65,14 @@ def open_source(
 
 
 @contextmanager
-def _source(where: str, slurm: SlurmSettings, *, insecure: bool) -> Iterator[WorkerSource]:
+def _source(where: str, *, insecure: bool) -> Iterator[WorkerSource]:
     kind, _, number = where.partition(":")
     if kind == "local":
         if not number.isdecimal() or not 1 <= int(number) <= 1024:
             raise InputError(f"--cluster: expected local:N with N from 1 to 1024, found {where}")
-        with own_workers({"local": int(number)}, "--cluster") as started, _connected(*started) as client:
+        with own_workers(int(number)) as started, _connected(*started) as client:
             about, again = f"{number} workers on this machine", "they are started again by themselves"
             yield WorkerSource(client, started[0], about, again, on_this_machine=True)
-    elif where == "slurm":
-        if shutil.which("sbatch") is None:
-            raise InputError(
-                "--cluster slurm: expected a machine that submits to Slurm, found no sbatch; call this on a login "
-                "node, or use --cluster ADDRESS"
-            )
-        with own_workers(asdict(slurm), "--cluster slurm") as started, _connected(*started) as client:
-            about = f"at most {slurm.jobs} jobs of Slurm, {slurm.cores} workers in each; scheduler {started[0]}"
-            why = "squeue --name oneframe-workers shows why its jobs wait, whose nodes must see your home folder"
-            yield WorkerSource(client, started[0], about, why)
     else:
         _check_address(where, insecure=insecure)
         with _connected(where) as client:
@@ -104,7 +83,7 @@ def _source(where: str, slurm: SlurmSettings, *, insecure: bool) -> Iterator[Wor
 def _check_address(address: str, *, insecure: bool) -> None:
     if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/]+):[0-9]+/?", address):
         raise InputError(
-            f"--cluster: expected the address of a Dask scheduler, such as tls://host:8786, local:N or slurm, "
+            f"--cluster: expected the address of a Dask scheduler, such as tls://host:8786, or local:N, "
             f"found {address!r}"
         )
     scheme, _, place = address.rpartition("://")

@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of threads (default: one per core)",
     )
     # its workers see both folders
-    add_cluster_arguments(work, "pack", "those of OneFrame")
+    add_cluster_arguments(work, "pack")
     work.add_argument(
         "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
     )
@@ -133,7 +133,6 @@ def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[
     with explained_imports():
         from ..cluster.pack_on_workers import packed_by_cluster
         from ..cluster.sources import open_source
-    settings = arguments.cluster_settings or {}
-    with open_source(arguments.cluster, settings, insecure=arguments.insecure) as source:
+    with open_source(arguments.cluster, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
         yield partial(packed_by_cluster, source=source)

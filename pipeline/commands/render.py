@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
         "with their sizes; what has changed is rendered again"
     )  # fmt: skip
-    add_cluster_arguments(machines, "render", "the table [cluster] of the case file")
+    add_cluster_arguments(machines, "render")
     machines.add_argument(
         "--blender-on-workers", metavar="PROGRAM", help="with --cluster ADDRESS: the Blender program that renders on "
         "the workers' machines (default: the bpy module in the workers' Python)"
@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
-    with _elsewhere(arguments, case.cluster, output) as elsewhere:
+    with _elsewhere(arguments, output) as elsewhere:
         render(
             job,
             workers=arguments.workers,
@@ -132,17 +132,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _elsewhere(
-    arguments: argparse.Namespace, table: Mapping[str, object], output: TextIO
-) -> "Iterator[Elsewhere | None]":
-    """The workers of a cluster, if one is asked for; ``table`` is ``[cluster]`` of the case file."""
+def _elsewhere(arguments: argparse.Namespace, output: TextIO) -> "Iterator[Elsewhere | None]":
+    """The workers of a cluster, if one is asked for."""
     if arguments.cluster is None:
         yield None
         return
     with explained_imports():
         from ..cluster.render_on_workers import RenderPool
         from ..cluster.sources import open_source
-    settings = arguments.cluster_settings or table
-    with open_source(arguments.cluster, settings, insecure=arguments.insecure) as source:
+    with open_source(arguments.cluster, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
         yield RenderPool(source, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)

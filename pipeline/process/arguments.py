@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 from ..errors import InputError, RunError
@@ -19,7 +18,7 @@ PACKAGES = {
     "skimage": "scikit-image",
 }
 """Modules that pip installs -> their names in messages."""
-DASK = "distributed dask-jobqueue cryptography"
+DASK = "distributed cryptography"
 """What --cluster needs, for pip."""
 
 
@@ -119,7 +118,7 @@ def explained_imports() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        if error.name in ("dask", "distributed", "dask_jobqueue"):
+        if error.name in ("dask", "distributed"):
             raise RunError(
                 f"--cluster: expected Dask, this Python ({sys.executable}) has none; install it: pip install {DASK}"
             ) from None
@@ -145,28 +144,20 @@ def resumable() -> Iterator[None]:
         raise KeyboardInterrupt("stopped; run the same command again to continue") from None
 
 
-def add_cluster_arguments(group: argparse._ArgumentGroup, verb: str, default: str) -> None:
-    """Add the options of a command that gives its work to a Dask cluster; ``default`` says what settings jobs have."""
+def add_cluster_arguments(group: argparse._ArgumentGroup, verb: str) -> None:
+    """Add the options of a command that gives its work to a Dask cluster."""
     group.add_argument(
-        "--cluster", metavar="ADDRESS|local:N|slurm", help=f"{verb} on the workers of a Dask cluster: the address "
-        "of its scheduler, such as tls://host:8786, N workers on this machine, or jobs of Slurm"
+        "--cluster", metavar="ADDRESS|local:N", help=f"{verb} on the workers of a Dask cluster: the address "
+        "of its scheduler, such as tls://host:8786, or N workers on this machine"
     )  # fmt: skip
     group.add_argument(
         "--insecure", action="store_true", help="with --cluster ADDRESS: take a scheduler on another machine without "
         "TLS, though everybody in its network can run programs as you"
     )  # fmt: skip
-    group.add_argument(
-        "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
-        f"memory, cores and number of jobs (default: {default})"
-    )  # fmt: skip
 
 
 def check_cluster_arguments(arguments: argparse.Namespace, *others: str) -> None:
     """Raise InputError for options of a cluster without one; ``others`` are those of the command itself."""
-    if arguments.cluster_settings is not None and arguments.cluster != "slurm":
-        raise InputError(
-            "command line: --cluster-settings: expected with --cluster slurm only; add it, or leave out both"
-        )
     for name in ("insecure", *others):
         if getattr(arguments, name) and arguments.cluster is None:
             flag = "--" + name.replace("_", "-")

@@ -119,6 +119,7 @@ def cases(draw, folder: Path = Path("/case")) -> Case:
         dataset=draw(st.dictionaries(any_text, toml_values, max_size=3)),
         landmarks=draw(landmarks),
         alignment=draw(alignments),
+        video=draw(maybe(st.tuples(names, st.integers(0, 2**62)))),
     )
 
 
@@ -170,21 +171,20 @@ def test_saved_elsewhere_a_case_names_the_same_files(tmp_path):
     assert again.dataset == {"poses": "../../bone/poses.npy", "count": 3}
 
 
-def test_the_name_of_the_surface_and_the_jobs_of_a_cluster_are_kept(tmp_path):
+def test_the_name_of_the_surface_is_kept(tmp_path):
     path, plain = tmp_path / "case.toml", simple_case(tmp_path)
     assert object_name(replace(plain, mesh=tmp_path / "DOE_JOHN_1970.ply")) == "surface"
     write_case(path, plain)
     assert "name" not in path.read_text()
-    named = replace(plain, object_name='left "bone" 3', cluster={"queue": "cpu", "options": ["--qos=long"]})
+    named = replace(plain, object_name='left "bone" 3')
     update_case(path, named)
     again = read_case(path)
-    assert (again.object_name, again.cluster) == (named.object_name, named.cluster)
+    assert again.object_name == named.object_name
     assert object_name(again) == 'left "bone" 3'
     write_case(path, again)
-    assert (read_case(path).object_name, read_case(path).cluster) == (again.object_name, again.cluster)
+    assert read_case(path).object_name == again.object_name
     update_case(path, plain)
     assert "name" not in path.read_text()
-    assert "cluster" not in path.read_text()
     for bad in ('""', "3", '"two\\nlines"', f'"{"x" * 101}"'):
         path.write_text(path.read_text().replace("[surface]", f"[surface]\nname = {bad}"))
         with pytest.raises(InputError, match=r"\[surface\] name: expected a name"):

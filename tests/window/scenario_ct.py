@@ -67,10 +67,14 @@ def scenario(user):
     yield from user.picture("2_surface")
 
     # undo takes the pictures of the slices away, which show again
+    zooms = [area.spaces.active.zoom[0] for area in areas.slice_areas(user.window.screen)]
     for shift, made in ((False, False), (True, True)):
         yield from user.key("Z", user.middle(), ctrl=True, **({"shift": True} if shift else {}))
         yield from user.until(lambda made=made: bool(user.window.scene.oneframe.surface) == made, "undo or redo")
         yield from user.until(lambda: len(areas.slice_areas(user.window.screen)) == 3, "the slices again", 30)
+        yield 1.0
+        again = [area.spaces.active.zoom[0] for area in areas.slice_areas(user.window.screen)]
+        np.testing.assert_allclose(again, zooms, rtol=0.01)
     scene = user.window.scene
 
     # a stroke from the patient's left, undo and redo

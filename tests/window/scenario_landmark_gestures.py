@@ -29,11 +29,31 @@ def scenario(user):
         bpy.ops.oneframe.zoom_frame(factor=0.7)
         bpy.ops.ed.undo_push(message="rough pose")
     yield from user.redraw()
+    yield from miss(user)
     yield from pull(user, points)
     yield from drag(user)
     yield from use_and_delete(user)
     yield from pick_elsewhere(user)
     yield from disable_with_active_tool(user)
+
+
+def miss(user):
+    """A press beside surface and frame picks nothing, says so at the pointer, and leaves the keys their meaning."""
+    wireframes = [bpy.context.scene.oneframe_view.wireframe]
+    pixel = np.array([450.0, 735.0])
+    assert surface_point_at(bpy.context.scene, pixel) is None
+    outside = place(user, pixel)
+    # a pin that began on the surface and ends outside is none either
+    on_surface = place(user, FEATURES[2])
+    for modifier, start in (({}, outside), ({"ctrl": True}, outside), ({"ctrl": True}, on_surface)):
+        yield from user.drag(start, (outside[0] + 5, outside[1]), **modifier)
+        yield from user.key("TWO")
+        yield 0.3
+        wireframes.append(bpy.context.scene.oneframe_view.wireframe)
+        assert not entries(), modifier
+    assert wireframes == [False, True, False, True], wireframes
+    yield from user.picture("0_missed")
+    yield from user.key("TWO")
 
 
 def pull(user, points):

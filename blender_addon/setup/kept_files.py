@@ -1,5 +1,6 @@
 """The files that Save Case puts into the case's folder: what was made in this session, and on request all others."""
 
+import json
 from collections.abc import Callable
 from itertools import chain, count
 from pathlib import Path
@@ -14,9 +15,10 @@ from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
 from ..state import from_scene, to_scene
 from ..state.scene_files import input_files, is_temporary
 from ..volume import drill_strokes
-from ..volume.surface import is_from_ct
+from ..volume.surface import is_from_ct, made_by
 
-DRILL = "drill.toml"
+DRILL, MADE_BY = "drill.toml", "surface_made_by.json"
+"""The plan of the drill, and how the surface was made from its CT, without names of files: they may name the patient."""
 
 
 def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace: bool) -> list[Path]:
@@ -65,6 +67,8 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     if replace:
         kept = [(_numbered(file), relink) for file, relink in kept]
     files, plan = [file for file, _ in kept], drill_strokes.plan_of(scene)
+    if (record := made_by(scene)) is not None:
+        files.append(KeptFile(folder / MADE_BY, (json.dumps(record, indent=2) + "\n").encode()))
     # of this surface: the strokes stay when another case is opened
     plans = [KeptFile(folder / DRILL, plan_text(plan).encode())] if plan.strokes and is_from_ct(scene) else []
     check_outputs([each.path for each in plans], inputs)

@@ -21,7 +21,7 @@ from ..pipeline.volume.bone.bone import bone_voxels
 from ..pipeline.volume.bone.isosurface import RemovedField, block_surface
 from ..pipeline.volume.drill.burr import BurrRoom, first_bone
 from ..pipeline.volume.drill.drill_plan import DrillPlan, Stroke
-from ..pipeline.volume.drill.virtual_drill import DrilledVolume, VoxelBox
+from ..pipeline.volume.drill.virtual_drill import DrilledVolume, VoxelBox, drilled
 from ..state import from_scene
 from ..state.events import redraw
 from . import drill_strokes
@@ -238,6 +238,9 @@ def burr_at(
 _Kept = tuple[Key, float]
 _session: tuple[_Kept, DrillSession] | None = None
 
+_marks: dict[tuple[int, str], tuple[LoadedCT, RemovedField | None]] = {}
+"""What the slices show of strokes after drilling, by CT and strokes; the CT itself keeps its id."""
+
 
 def _what(scene: bpy.types.Scene) -> _Kept | None:
     key, settings = key_of(scene), scene.oneframe_ct
@@ -261,6 +264,17 @@ def keep(scene: bpy.types.Scene, session: DrillSession) -> None:
     _session = None if what is None else (what, session)
 
 
+def removed_in(scene: bpy.types.Scene, ct: LoadedCT) -> RemovedField | None:
+    """What the scene's strokes remove, margins apart: while the drill is in use, and after."""
+    session, key = of(scene), (id(ct), scene.oneframe_ct.strokes_text)
+    if session is not None:
+        return session.removed
+    if key not in _marks:
+        _marks.clear()
+        _marks[key] = ct, drilled(DrillPlan(drill_strokes.strokes_of(scene)), ct.volume.grid).removed
+    return _marks[key][1]
+
+
 def surface_hidden(scene: bpy.types.Scene, hidden: bool) -> None:
     """Hide the surface while its blocks are drawn instead, or show it again."""
     surface = from_scene.present_surface(scene)
@@ -272,6 +286,9 @@ def surface_hidden(scene: bpy.types.Scene, hidden: bool) -> None:
 def end(scene: bpy.types.Scene) -> None:
     """End the use of the drill; what was drilled stays."""
     global _session
+    if (session := of(scene)) is not None:
+        _marks.clear()
+        _marks[id(session.ct), scene.oneframe_ct.strokes_text] = session.ct, session.removed
     scene.oneframe_ct.drilling = False
     surface_hidden(scene, False)
     _session = None
@@ -297,7 +314,7 @@ def _after_load(*_: object) -> None:
 register, unregister = class_registration(
     __name__,
     # a file that is saved while drilling, and the scene without the add-on, show the surface
-    at_end(_after_load),
+    at_end(_after_load, _marks.clear),
     listening(bpy.app.handlers.undo_post, _after_undo),
     listening(bpy.app.handlers.redo_post, _after_undo),
     listening(bpy.app.handlers.load_post, _after_load),

@@ -8,6 +8,7 @@ from . import drill_session
 from .drill_strokes import strokes_of
 from .loaded import LoadedCT, ct_of, key_of
 from .slice_areas import slice_areas
+from .surface import made_by, strokes_text
 
 
 class ONEFRAME_PT_ct(SidebarPanel):
@@ -69,7 +70,10 @@ class ONEFRAME_PT_ct(SidebarPanel):
         row.operator("oneframe.save_plan", text="", icon="FILE_TICK")
         if settings.drilling and session is None:
             draw_text(layout, "The threshold has changed: press Drill again.", icon="INFO")
-        if strokes:
+        record = made_by(scene)
+        if record is not None and record["strokes"] and not record["newer_strokes"]:
+            draw_text(layout, f"{strokes_text(record)}. Red in the slices.")
+        elif strokes:
             count, them = ("1 stroke", "it") if len(strokes) == 1 else (f"{len(strokes)} strokes", "them")
             draw_text(layout, f"{count} drilled: Make Surface applies {them}, Save Case keeps {them} as drill.toml.")
 

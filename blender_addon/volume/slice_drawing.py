@@ -91,11 +91,12 @@ def _draw_picture(scene: bpy.types.Scene, view: SliceView) -> None:
 
 def _uploaded(view: SliceView) -> tuple[gpu.types.GPUTexture, gpu.types.GPUTexture]:
     session = drill_session.of(bpy.context.scene)
-    made_of = (id(view.ct), view.number, None if session is None else (id(session), session.revision))
+    strokes = bpy.context.scene.oneframe_ct.strokes_text
+    made_of = (id(view.ct), view.number, strokes if session is None else (id(session), session.revision))
     number = view.ct.planes.index(view.plane)
     found = _textures.get(number)
     if found is None or found[0] != made_of:
-        tints = _tints(view.ct, view.plane, view.number, None if session is None else session.removed)
+        tints = _tints(view.ct, view.plane, view.number, drill_session.removed_in(bpy.context.scene, view.ct))
         found = made_of, hu_texture(view.plane.slice_of(view.ct.volume.values, view.number)), tint_texture(tints)
         _textures[number] = found
     return found[1], found[2]

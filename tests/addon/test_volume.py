@@ -1,5 +1,7 @@
 """A CT in the add-on: the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
 
+import json
+
 import bpy
 import numpy as np
 import pytest
@@ -181,7 +183,7 @@ def test_margins_can_be_chosen_and_hold(scene, files):
     assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)
 
 
-def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):
+def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path, monkeypatch):
     with_labels(files)
     bpy.ops.oneframe.make_surface()
     bpy.ops.oneframe.drill()
@@ -197,6 +199,19 @@ def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):
         bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
         assert (tmp_path / "surface.ply").read_bytes() == made
         assert (tmp_path / "structures" / "facial_nerve.ply").exists()
+    # what is beside the case makes the same surface again
+    record = json.loads((tmp_path / "surface_made_by.json").read_text())
+    assert (record["strokes"], record["newer_strokes"]) == (1, False)
+    assert str(files) not in json.dumps(record), "no name of a file"
+    named = {"CT": "ct.nii.gz", "LABELS": "labels.nii.gz"}
+    words = [str(files / named[word]) if word in named else word for word in record["command"].split()]
+    monkeypatch.chdir(tmp_path)
+    dispatch(["surface", *words[2:-1], str(tmp_path / "again")])
+    assert (tmp_path / "again" / "surface.ply").read_bytes() == made
+    removed = json.loads((tmp_path / "again" / "surface.json").read_text())["removed"]
+    assert removed["volume_mm3"] == record["removed_mm3"] > 10
+    # the strokes stay visible in the slices
+    assert (drill_session.removed_in(scene, loaded.ct_of(scene)).distance_mm < 0).any()
     (stroke,) = read_drill_plan(tmp_path / "drill.toml").strokes
     assert np.array_equal(stroke.points, drill_strokes.rounded(np.array(STROKES[0][1])))
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))

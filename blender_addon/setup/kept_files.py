@@ -18,7 +18,7 @@ from ..volume import drill_strokes
 from ..volume.surface import is_from_ct, made_by
 
 DRILL, MADE_BY = "drill.toml", "surface_made_by.json"
-"""The plan of the drill, and how the surface was made from its CT, without names of files: they may name the patient."""
+"""The plan of the drill, and how the surface was made from its CT: without names of files, which may name a patient."""
 
 
 def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace: bool) -> list[Path]:

@@ -82,7 +82,7 @@ def test_the_window_and_the_command_make_the_same_case(addon, files, tmp_path, f
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
     line = ["case", "--surface", files / "surface", "--frame", files / frame, "--mask", files / "mask.png"]
     assert dispatch([*map(str, line), "--camera", str(files / "camera.json"), "--out", str(tmp_path / "command")]) == 0
-    assert_same_case(folder, tmp_path / "command", "drill.toml")
+    assert_same_case(folder, tmp_path / "command", "drill.toml", "surface_made_by.json")
     assert len(read_drill_plan(folder / "drill.toml").strokes) == 1
     # the scene has them too: nothing refers to what ends with the session
     before = hashes(folder)

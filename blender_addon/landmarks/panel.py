@@ -1,7 +1,5 @@
 """The panel Landmarks: the list, the solution and its uncertainty."""
 
-from itertools import zip_longest
-
 import bpy
 import numpy as np
 
@@ -142,15 +140,15 @@ def draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty | Non
     columns = box.row(align=True)
     kinds = zip(
         (("Pitch", "Yaw", "Roll"), ("Right", "Down", "Depth")),
-        ((), ()) if uncertainty is None else (uncertainty.rotation_deg, uncertainty.translation_mm),
+        np.full((2, 3), np.nan) if uncertainty is None else (uncertainty.rotation_deg, uncertainty.translation_mm),
         ("°", " mm"),
         strict=True,
     )
     for names, deviations, unit in kinds:
         column = columns.column(align=True)
         column.scale_y = 0.8
-        for name, deviation in zip_longest(names, deviations):
-            column.label(text=name if deviation is None else f"{name} ± {format_two_digits(deviation)}{unit}")
+        for name, deviation in zip(names, deviations, strict=True):
+            column.label(text=name if np.isnan(deviation) else f"{name} ± {format_two_digits(deviation)}{unit}")
     draw_text(box, "" if uncertainty is None else f"Least certain: {uncertainty.weakest}", lines=2)
 
 

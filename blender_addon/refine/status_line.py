@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end, class_registration, drawing
+from ..dataset import background_job
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.alignment_record import INITIAL_GUESS
@@ -84,6 +85,10 @@ def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, 
 
 def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     """What the user does next."""
+    job = background_job.current()
+    if job is not None and job.running:
+        # Blender's own question before it quits cannot say so
+        return "A dataset renders: quitting stops it, Render Dataset continues it next time"
     found, record = operator.outcome(scene), pose_record(scene)
     if operator.is_previewed(scene):
         return "Esc: go back" if found is not None and found.can_be_taken else "Enter: keep it, Esc: go back"

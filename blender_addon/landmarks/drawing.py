@@ -122,6 +122,9 @@ def _draw_view() -> None:
         return
     if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
         return
+    if scene.oneframe.aligned_path:
+        # they are of another frame
+        return
     try:
         landmark_strokes(context).draw()
     except InputError:

@@ -5,7 +5,13 @@ import numpy as np
 
 from ..pipeline.alignment.manual.picking import Half, landmark_for, new_name
 from ..pipeline.errors import InputError
-from ..state import events, from_scene
+from ..state import events, from_scene, workbench
+
+
+def check_frame(scene: bpy.types.Scene) -> None:
+    """Raise :class:`InputError` while the landmarks are those of another frame: the user decides first."""
+    if scene.oneframe.aligned_path:
+        raise InputError(workbench.next_step(scene))
 
 
 def checked_index(scene: bpy.types.Scene, index: int) -> int:

@@ -138,6 +138,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         global _running, _missed
         scene, _missed = context.scene, None
         try:
+            edit.check_frame(scene)
             self._before = _Snapshot.of(scene)
             view = LandmarkView.of(context)
             gesture = self._begin(scene, view, pointer_of(event))

@@ -86,6 +86,7 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
+        edit.check_frame(scene)
         point, pixel = self.given_point(), self.given_pixel(scene)
         if self.index >= 0:
             index = edit.checked_index(scene, self.index)
@@ -114,6 +115,7 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
+        edit.check_frame(scene)
         point, pixel = self.given_point(), self.given_pixel(scene)
         pose = from_scene.cam_from_model(scene)
         if pixel is None:
@@ -265,6 +267,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
+        edit.check_frame(scene)
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
         existing = from_scene.landmarks_mesh(scene) if self.keep else ()

@@ -24,7 +24,7 @@ from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
-from ..state import events, from_scene, pose_evidence
+from ..state import events, from_scene, pose_evidence, workbench
 from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
@@ -91,11 +91,15 @@ class Departure:
 def solution(scene: bpy.types.Scene) -> Solution:
     """Solve for the pose from the scene's landmarks, or return the cached solution if they have not changed.
 
+    Landmarks of another frame give none.
+
     Raises
     ------
     InputError
         There is no camera.
     """
+    if scene.oneframe.aligned_path:
+        return Solution(None, workbench.next_step(scene))
     # six digits: a property holds 0.2 as 0.20000000298
     solved = _solved(
         from_scene.landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)

@@ -15,13 +15,13 @@ from ..class_registration import at_end, class_registration, drawing
 from ..dataset import background_job
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
-from ..pipeline.case.alignment_record import INITIAL_GUESS
-from ..pipeline.case.case_file import Case, read_case
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.case.case_file import Case
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
-from ..setup.open_case import unsaved_parts
-from ..state import from_scene, pose_evidence
+from ..setup.open_case import saved_case, unsaved_parts
+from ..state import from_scene, pose_evidence, workbench
 from ..state.events import areas
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.strokes import Colour, Strokes
@@ -38,6 +38,7 @@ KINDS = {
     "refined": ("Refined against the image", "SNAP_ON"),
     "manual": ("By hand", "VIEW_PAN"),
     INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
+    OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
 }
 """Method of a record -> its description and icon."""
 
@@ -89,6 +90,8 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if job is not None and job.running:
         # Blender's own question before it quits cannot say so
         return "A dataset renders: quitting stops it, Render Dataset continues it next time"
+    if missing := workbench.next_step(scene):
+        return missing
     found, record = operator.outcome(scene), pose_record(scene)
     if operator.is_previewed(scene):
         return "Esc: go back" if found is not None and found.can_be_taken else "Enter: keep it, Esc: go back"
@@ -96,7 +99,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return f"Refused: {found.objection}; bring the surface nearer" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
         return "O: the other pose"
-    if record.get("method") == INITIAL_GUESS or "doubt" in record:
+    if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:
         return "Next: drag pins, or pick landmarks"
     if record.get("method") != "refined":
         return "Next: F refines it against the image"
@@ -109,7 +112,7 @@ def _saved_case(path: Path) -> Case:
 
 @lru_cache(maxsize=1)
 def _read(path: Path, _stamp: Stamp) -> Case:
-    return read_case(path)
+    return saved_case(path)
 
 
 def _draw() -> None:

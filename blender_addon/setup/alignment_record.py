@@ -11,7 +11,7 @@ from ..pipeline import __version__
 from ..pipeline.alignment.landmarks.report import alignment_record
 from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.case.alignment_record import INITIAL_GUESS
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from ..pipeline.case.case_file import Case
 from ..state import from_scene, pose_evidence
 from ..state.initial_pose import has_initial_pose
@@ -51,6 +51,8 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
     found = [] if size is None else [f"In doubt: {size.message}."]
     if record.get("method") == INITIAL_GUESS:
         found.append("The pose is an initial guess: nobody has aligned it with the frame.")
+    if record.get("method") == OTHER_FRAME:
+        found.append("The pose is of another frame: nobody has aligned it with this one.")
     if "doubt" in record:
         found.append(f"The pose is in doubt: {record['doubt']}.")
     return tuple(found)

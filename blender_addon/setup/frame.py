@@ -10,9 +10,10 @@ from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import keep_files
 from ..pipeline.errors import InputError
-from ..state import from_scene, to_scene
+from ..state import another_frame, from_scene, to_scene
+from ..state.initial_pose import set_initial_pose
 from ..state.scene_files import session_folder
-from ..ui.operator import Messages, OpensFile, available
+from ..ui.operator import Messages, OpensFile, Reporting, available
 from ..video.operators import VIDEOS
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
@@ -29,8 +30,7 @@ class ONEFRAME_OT_load_frame(OpensFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
-        image, _ = read_image(path, path.name)
-        return to_scene.set_frame(context, path, image.shape[1], image.shape[0])
+        return to_scene.set_frame(context, path, read_image(path, path.name))
 
 
 class ONEFRAME_OT_load_video_frame(OpensFile):
@@ -49,8 +49,7 @@ class ONEFRAME_OT_load_video_frame(OpensFile):
         if "*" + video.suffix.lower() in IMAGES.split(";"):
             raise InputError(f"{video.name}: expected a video, found an image; open it with Load Frame")
         path = write_video_frame(video, self.frame_index)
-        image, _ = read_image(path, path.name)
-        messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
+        messages = to_scene.set_frame(context, path, read_image(path, path.name), (video.name, self.frame_index))
         return (f"frame {self.frame_index} saved as {path}", *messages)
 
 
@@ -72,6 +71,35 @@ class ONEFRAME_OT_load_mask(OpensFile):
         keep_files([kept], {})
         to_scene.relink_frame(context.scene, kept.path)
         return (f"{frame.masked:.1%} of the frame masked; Load Frame again takes the mask off",)
+
+
+class _OfAnotherFrame(Reporting):
+    """Mixin: available while pose and image points are those of another frame."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return available(cls, bool(context.scene.oneframe.aligned_path), "The pose is of this frame")
+
+
+class ONEFRAME_OT_keep_pose(_OfAnotherFrame):
+    """Start from the pose of the other frame, recorded as such; landmarks keep their surface points only"""
+
+    bl_label = "Keep Pose"
+
+    def run(self, context: bpy.types.Context) -> None:
+        another_frame.keep_pose(context.scene)
+
+
+class ONEFRAME_OT_clear_pose(_OfAnotherFrame):
+    """Start from an initial guess, without landmarks"""
+
+    bl_label = "Clear"
+
+    def run(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        set_initial_pose(scene, from_scene.surface_of(scene))
+        to_scene.replace_landmarks(scene, ())
+        scene.oneframe.aligned_path = ""
 
 
 register, unregister = class_registration(__name__)

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -15,7 +16,7 @@ from ..pipeline.case.case_update import differing_fields
 from ..pipeline.errors import InputError
 from ..state import from_scene, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
-from ..state.initial_pose import has_initial_pose
+from ..state.initial_pose import has_initial_pose, set_initial_pose
 from ..ui.operator import Asking, Messages, OpensFile, OperatorResult, call
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
@@ -37,7 +38,12 @@ _WORDS = {
 """Field of a case -> its name in the window; the record of the pose changes with the pose only."""
 
 
-def unsaved_parts(scene: bpy.types.Scene, saved_case: Callable[[Path], Case] = read_case) -> tuple[str, ...]:
+def saved_case(path: Path) -> Case:
+    """The case as its file has it; it may have no pose."""
+    return read_case(path, posed=False)
+
+
+def unsaved_parts(scene: bpy.types.Scene, read: Callable[[Path], Case] = saved_case) -> tuple[str, ...]:
     """The parts of the scene's case that its file lacks, in words; of a case without a file, all that was aligned."""
     if not from_scene.is_set_up(scene):
         return ()
@@ -45,11 +51,13 @@ def unsaved_parts(scene: bpy.types.Scene, saved_case: Callable[[Path], Case] = r
         return _aligned_parts(scene)
     path = from_scene.absolute_path(scene.oneframe.case_path)
     try:
-        saved = saved_case(path)
+        saved = read(path)
     except InputError:
         return ("all of it",)
     try:
         current = from_scene.case(scene, Path(path))
+        if not saved.posed and has_initial_pose(scene):
+            saved = replace(saved, cam_from_mesh=current.cam_from_mesh)
     except InputError:
         # a surface that is scaled, or a frame of another size
         return ("pose",)
@@ -98,9 +106,12 @@ class ONEFRAME_OT_open_case(OpensFile):
         return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
-        loaded = load_case(read_case(self.chosen_file()), aligned=False)
+        case = read_case(self.chosen_file(), posed=False)
+        loaded = load_case(case, aligned=False)
         scene = workbench.enter(context)
         to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
+        if not case.posed:
+            set_initial_pose(scene, from_scene.surface_of(scene))
         # holds while the surface keeps that pose
         pose_evidence.remember(scene, loaded.case.alignment, loaded.frame.cam_from_model)
         show_shape(context)

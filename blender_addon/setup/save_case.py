@@ -10,6 +10,7 @@ import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import class_registration, prop
+from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import other_inputs, update_case
 from ..pipeline.case.case_writer import case_output
@@ -163,7 +164,7 @@ def _with_kept_record(case: Case) -> Case:
         saved = read_case(case.path)
     except InputError:
         return case
-    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh)
+    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh) and case.alignment.get("method") != OTHER_FRAME
     return replace(case, alignment=saved.alignment) if is_same else case
 
 

@@ -211,6 +211,10 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         )
     if not surface.oneframe.mesh_path:
         raise InputError(f"{surface.name}: expected a surface that was loaded from a file; load it with Load Surface")
+    landmarks = landmarks_mesh(scene)
+    if settings.aligned_path:
+        # of another frame: its pixels mean nothing in this one
+        landmarks = tuple(replace(landmark, pixel=None) for landmark in landmarks)
     structures = tuple(
         Structure(child.name, absolute_path(child.oneframe.mesh_path), _of_codes(child.color))
         for child in sorted(surface.children, key=lambda child: child.name)
@@ -227,7 +231,8 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         cam_from_mesh=cam_from_mesh(scene),
         structures=structures,
         dataset=dataset_table(scene),
-        landmarks=landmarks_mesh(scene),
+        landmarks=landmarks,
+        video=tuple(json.loads(settings.video_text)) if settings.video_text else None,
         **(json.loads(settings.case_kept_text) if settings.case_kept_text else {}),
     )
 

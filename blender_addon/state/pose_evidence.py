@@ -14,12 +14,14 @@ import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
-from ..pipeline.case.alignment_record import scaled_record
+from ..pipeline.case.alignment_record import OTHER_FRAME, scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene
 
 EVIDENCE, POSE = "oneframe_evidence", "oneframe_evidence_pose"
 """Custom properties of the surface: the record and the uncertainty as JSON, and the exact pose."""
+LEFT_POSE = "oneframe_left_pose"
+"""Custom property of the surface: the pose that it had when another frame came."""
 
 
 def remember(
@@ -49,6 +51,9 @@ def rescale(surface: bpy.types.Object, factor: float) -> None:
 
 def reframe(surface: bpy.types.Object, old_from_new: np.ndarray) -> None:
     """Follow a change of the frame ``model``; ``old_from_new`` is ``(4, 4)``, mm."""
+    left = exact(surface, LEFT_POSE)
+    if left is not None:
+        set_exact(surface, LEFT_POSE, left @ old_from_new)
     stored, pose = _read(surface)
     if stored is None or pose is None:
         return
@@ -67,6 +72,9 @@ def remembered(scene: bpy.types.Scene) -> dict[str, object] | None:
     InputError
         There is no pose.
     """
+    if _is_left(scene):
+        name = bpy.path.basename(scene.oneframe.aligned_path)
+        return {"method": OTHER_FRAME, "doubt": f"found in another frame ({name})"}
     stored = _stored(scene)
     return None if stored is None else stored["record"]
 
@@ -79,7 +87,7 @@ def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
     InputError
         There is no pose.
     """
-    stored = _stored(scene)
+    stored = None if _is_left(scene) else _stored(scene)
     return None if stored is None else _uncertainty(stored)
 
 
@@ -93,6 +101,12 @@ def is_refined(scene: bpy.types.Scene) -> bool:
     """
     record = remembered(scene)
     return record is not None and record.get("method") == "refined"
+
+
+def _is_left(scene: bpy.types.Scene) -> bool:
+    """Whether the present pose is that of another frame, and nobody has moved the surface in this one."""
+    left = exact(from_scene.surface_of(scene), LEFT_POSE)
+    return bool(scene.oneframe.aligned_path) and np.array_equal(left, from_scene.cam_from_model(scene))
 
 
 def _stored(scene: bpy.types.Scene) -> dict[str, Any] | None:

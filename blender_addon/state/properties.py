@@ -155,6 +155,15 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     )
     frame_path: str = prop(StringProperty, "Frame", "The frame's image file", subtype="FILE_PATH")
     frame_size: Sequence[int] = prop(IntVectorProperty, "Frame Size", "Width and height of the frame in pixels", size=2)
+    video_text: str = prop(
+        StringProperty, description="Film of the frame, and its number there (JSON)", options={"HIDDEN"}
+    )
+    aligned_path: str = prop(
+        StringProperty,
+        description="The frame in which pose and image points were found, if it is another one than the present",
+        subtype="FILE_PATH",
+        options={"HIDDEN"},
+    )
     units: str = prop(EnumProperty, "Units", "Unit of the mesh files", items=UNITS, default="mm")
     camera: ONEFRAME_PG_camera = prop(PointerProperty, type=ONEFRAME_PG_camera)
     distortion_text: str = prop(StringProperty, description="Distortion in use (JSON), exact", options={"HIDDEN"})

@@ -22,6 +22,7 @@ from ..pipeline.images.image_check import may_have_alpha
 from ..pipeline.surface.mesh import Ball, TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene, pose_evidence, workbench
+from .another_frame import leave_frame
 from .camera_view import look_through_camera, show_shape
 from .initial_pose import FOCUS, INITIAL_POSE, is_initial, set_focus, set_initial_pose
 from .pose import PIVOT
@@ -39,6 +40,8 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     settings.frame_path = str(case.image.resolve())
     settings.frame_size = case.camera.size_wh
     settings.units = next(unit for unit, factor in MM_PER_UNIT.items() if factor == case.mm_per_unit)
+    settings.property_unset("aligned_path")
+    settings.video_text = json.dumps(case.video) if case.video else ""
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
     objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
@@ -103,10 +106,29 @@ def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
     return (width, height) if width and height else None
 
 
-def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
-    """Use an image file as the frame; returns warnings if K does not fit it."""
+def set_frame(
+    context: bpy.types.Context, path: Path, picture: tuple[np.ndarray, np.ndarray], video: tuple[str, int] | None = None
+) -> tuple[str, ...]:
+    """Use an image file as the frame.
+
+    Parameters
+    ----------
+    context, path
+        Its workbench gets the frame; the image file.
+    picture
+        What :func:`.read_image` has read from it.
+    video
+        Name of the film that the frame was taken from, and the frame's number in it.
+
+    Returns
+    -------
+    Warnings if K does not fit it.
+    """
     scene = workbench.enter(context)
     settings = scene.oneframe
+    height, width = picture[1].shape
+    if not leave_frame(scene, *picture) or video:
+        settings.video_text = json.dumps(video) if video else ""
     if settings.frame_path != str(path.resolve()):
         _part_from_case(scene)
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
@@ -217,6 +239,7 @@ def set_surface(
     surface = alignment_scene.put_surface(scene, given.moved(-centre), rigid(translation=centre), np.eye(4))
     surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(path.resolve())
     settings.surface, settings.units = surface, units
+    settings.property_unset("aligned_path")
     set_focus(surface, focus)
     set_initial_pose(scene, surface)
     replace_landmarks(scene, ())
@@ -241,7 +264,7 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     focus = exact(surface, FOCUS)
     if focus is not None:
         set_exact(surface, FOCUS, focus * factor)
-    for name in (surface_object.OFFSET, INITIAL_POSE, from_scene.READ_POSE):
+    for name in (surface_object.OFFSET, INITIAL_POSE, from_scene.READ_POSE, pose_evidence.LEFT_POSE):
         matrices = exact(surface, name)
         if matrices is not None and matrices.shape[-2:] == (4, 4):
             matrices[..., :3, 3] *= factor

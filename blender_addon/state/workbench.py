@@ -66,7 +66,7 @@ def _copy_typed(source: bpy.types.PropertyGroup, target: bpy.types.PropertyGroup
 
 
 def next_step(scene: bpy.types.Scene) -> str:
-    """What the user does next, in one sentence; empty once frame, camera and surface are there."""
+    """What the user does next, in one sentence; empty once all is there, and of this frame."""
     settings = scene.oneframe
     has_camera = from_scene.present_camera(scene) is not None
     has_surface = from_scene.present_surface(scene) is not None
@@ -78,4 +78,7 @@ def next_step(scene: bpy.types.Scene) -> str:
         return "Next: load K from a file, or type it under Camera K and press Set Camera."
     if not has_surface:
         return "Next: load the surface, or make it from the CT."
+    if settings.aligned_path:
+        name = bpy.path.basename(settings.aligned_path)
+        return f"Pose and landmarks are of another frame, {name}; press Keep Pose to start from it, or Clear."
     return ""

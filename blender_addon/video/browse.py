@@ -3,6 +3,8 @@
 The keys work where the pointer is over the strip; elsewhere they are those of the tool.
 """
 
+from bisect import bisect_left, bisect_right
+
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
@@ -54,7 +56,7 @@ class ONEFRAME_OT_video_step(OverStrip):
 
 
 class ONEFRAME_OT_video_best(OverStrip):
-    """Show the next or the previous one of the best frames of the video, by rank"""
+    """Show the next or the previous one of the best frames of the video, in time"""
 
     bl_label = "Next Best"
     bl_options = {"INTERNAL"}
@@ -66,10 +68,12 @@ class ONEFRAME_OT_video_best(OverStrip):
         if not film.best:
             self.report({"INFO"}, "No frame of this video shows anything sharply")
             return {"CANCELLED"}
-        rank = film.rank(film.shown)
-        # from any other frame to the best one
-        at = film.best[(rank - 1 + self.step) % len(film.best)] if rank else film.best[0]
-        _show(context, at)
+        in_time = sorted(film.best)
+        if self.step > 0:
+            number = bisect_right(in_time, film.shown) + self.step - 1
+        else:
+            number = bisect_left(in_time, film.shown) + self.step
+        _show(context, in_time[number % len(in_time)])
         return {"FINISHED"}
 
 

@@ -141,6 +141,7 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
     def work(self, context: bpy.types.Context) -> Work:
         film, masked = session.scored(context.scene), self.masked
         self._film, score = film, film.score
+        self._taken = film.path.name, score.index
         folder = film.path.parent if os.access(film.path.parent, os.W_OK) else session_folder()
         return lambda _progress: write_frame(film.path, folder, film.scores, score, masked=masked)
 
@@ -148,8 +149,7 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
         path: Path = result
         if session.of(context.scene) is not self._film:
             raise InputError("the video has changed meanwhile, nothing was taken")
-        image, _ = read_image(path, path.name)
-        messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
+        messages = to_scene.set_frame(context, path, read_image(path, path.name), self._taken)
         scene = context.scene
         scene.oneframe_video.taken_path = scene.oneframe.frame_path
         return f"the frame of the case is {path}", *messages

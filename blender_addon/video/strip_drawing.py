@@ -50,7 +50,7 @@ def draw_strip() -> None:
     if hovered is not None:
         _line_at(film, layout, strokes, hovered, HOVERED, 1.0)
     _line_at(film, layout, strokes, film.shown, SHOWN, 2.0)
-    _draw_texts(context.scene, film, layout, strokes, hovered)
+    _draw_texts(context.scene, film, layout, strokes, over=hovered is not None)
     strokes.draw()
 
 
@@ -169,19 +169,19 @@ def _line_at(film: FilmSession, layout: StripLayout, strokes: Strokes, at: int, 
 
 
 def _draw_texts(
-    scene: bpy.types.Scene, film: FilmSession, layout: StripLayout, strokes: Strokes, hovered: int | None
+    scene: bpy.types.Scene, film: FilmSession, layout: StripLayout, strokes: Strokes, *, over: bool
 ) -> None:
-    """Figures of the frame under the pointer, or of the one in view, and what the view shows."""
+    """Figures of the frame in view, also while the pointer is over the strip, and what the view shows."""
     unit = layout.unit
     y = layout.thumbnails[1] + 5 * unit
-    state = _state(scene, film, over=hovered is not None)
+    state = _state(scene, film, over=over)
     room = layout.high[0] - layout.low[0] - 12 * unit - strokes.width_of(state)
     if room < strokes.width_of(figures(film, film.shown)[0]):
         state, room = "", layout.high[0] - layout.low[0] - 6 * unit
-    parts = figures(film, film.shown if hovered is None else hovered)
+    parts = figures(film, film.shown)
     while len(parts) > 1 and strokes.width_of("   ".join(parts)) > room - 12 * unit:
         parts.pop()
-    strokes.text(np.array([layout.low[0] + 5 * unit, y]), "   ".join(parts), INK if hovered is None else BEST)
+    strokes.text(np.array([layout.low[0] + 5 * unit, y]), "   ".join(parts), INK)
     if state:
         strokes.text(np.array([layout.high[0] - 5 * unit - strokes.width_of(state), y]), state, FAINT)
 

@@ -39,11 +39,12 @@ KEYS = (
 """In the order in which they are written.
 
 ``method``
-    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`INITIAL_GUESS`.
+    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`INITIAL_GUESS`,
+    :data:`OTHER_FRAME`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
 ``doubt``
-    Why the pose may be wrong altogether: several fit the landmarks, or none does.
+    Why the pose may be wrong altogether: several fit the landmarks, none does, or it was found in another frame.
 ``refused``
     Why the refinement was refused, whose result the user took all the same.
 ``start_method``, ``start_pairs``, ``start_rms_px``
@@ -69,6 +70,9 @@ KEYS = (
 
 INITIAL_GUESS = "initial guess"
 """Method of a pose that was computed without the frame: nobody has aligned it."""
+
+OTHER_FRAME = "another frame"
+"""Method of a pose that was found in another frame: a start for this one."""
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 

@@ -4,6 +4,7 @@ This module reads paths and numbers; :mod:`oneframe.blender.case.load_case` open
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from .landmarks import Landmark, landmarks_from_tables
 from .posed_frame import UnreadFrame
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "frame": (("image",), ()),
+    "frame": (("image",), ("video", "video_frame")),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
     "surface": (("mesh",), ("name",)),
     "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
@@ -61,8 +62,8 @@ class Case:
         Intrinsics with the pixel origin at the centre of the top-left pixel; OpenCV distortion or ``None``.
     mesh
         The surface's file.
-    cam_from_mesh
-        4x4, mm: the pose in the file, from the frame of the mesh file.
+    cam_from_mesh, posed
+        4x4, mm: the pose in the file, from the frame of the mesh file, or the identity; whether it has one.
     frames
         Further frames of the surface, which colour what they show best.
     structures
@@ -77,6 +78,8 @@ class Case:
         Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
         Origin of the pose: see :mod:`oneframe.case.alignment_record`.
+    video
+        Origin of the frame: the name of the film that it was taken from, and its number there, from 0.
     """
 
     path: Path
@@ -93,6 +96,8 @@ class Case:
     messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     alignment: dict[str, object] = field(default_factory=dict)
+    video: tuple[str, int] | None = None
+    posed: bool = True
 
     @property
     def every_frame(self) -> tuple[UnreadFrame, ...]:
@@ -106,15 +111,27 @@ class Case:
         return files | {f"structure {structure.name}": structure.mesh for structure in self.structures}
 
 
-def read_case(path: Path) -> Case:
+def read_case(path: Path, *, posed: bool = True) -> Case:
     """Read and check a case file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    posed
+        Whether it must have a pose: not before the alignment.
 
     Raises
     ------
     InputError
         The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
-    return case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
+    case = case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
+    if posed and not case.posed:
+        raise InputError(
+            f"{path.name}: expected a pose, found no [pose]; align the frame first, in Blender or by align"
+        )
+    return case
 
 
 def case_from_text(text: str | bytes, path: Path) -> Case:
@@ -128,16 +145,20 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     name = path.name
     table = parsed_toml(text, name)
     check_keys(
-        table, ("units", "frame", "camera", "surface", "pose"),
-        ("frames", "structures", "landmarks", "alignment", "dataset"), f"{name}: ",
+        table, ("units", "frame", "camera", "surface"),
+        ("pose", "frames", "structures", "landmarks", "alignment", "dataset"), f"{name}: ",
     )  # fmt: skip
     if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
         raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
     mm_per_unit = MM_PER_UNIT[table["units"]]
-    frame, camera, surface, pose = (_table(table, key, name) for key in ("frame", "camera", "surface", "pose"))
+    frame, camera, surface = (_table(table, key, name) for key in ("frame", "camera", "surface"))
     intrinsics, distortion = checked_camera(camera, f"{name}: [camera]")
-    key = pose_key(pose, f"{name}: [pose] ")
-    cam_from_mesh, messages = _pose(pose[key], mm_per_unit, f"{name}: [pose] {key}")
+    cam_from_mesh = np.eye(4)
+    messages: list[str] = []
+    if "pose" in table:
+        pose = _table(table, "pose", name)
+        key = pose_key(pose, f"{name}: [pose] ")
+        cam_from_mesh, messages = _pose(pose[key], mm_per_unit, f"{name}: [pose] {key}")
     frames = []
     for number, entry in enumerate(_tables(table.get("frames", []), "frames", name), start=1):
         where = f"{name}: [[frames]] number {number}: "
@@ -168,6 +189,8 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
             pixel_origin=camera.get("pixel_origin", "center"),
         ),
         alignment=checked_alignment_record(table.get("alignment", {}), f"{name}: [alignment]"),
+        video=_video(frame, f"{name}: [frame]"),
+        posed="pose" in table,
     )
 
 
@@ -237,6 +260,18 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     if len(set(names)) != len(names):
         raise InputError(f"{name}: expected a different name for each of the [[structures]], found {names}")
     return tuple(structures)
+
+
+def _video(frame: Mapping[str, object], where: str) -> tuple[str, int] | None:
+    video, number = frame.get("video"), frame.get("video_frame")
+    if video is None and number is None:
+        return None
+    if not isinstance(video, str) or isinstance(number, bool) or not isinstance(number, int) or number < 0:
+        raise InputError(
+            f"{where}: expected video, the name of a film, and video_frame, a number from 0, together, "
+            f"found {video!r} and {number!r}"
+        )
+    return str(video), int(number)
 
 
 def _raw_table(table: object, key: str, name: str) -> dict[str, object]:

@@ -86,15 +86,14 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     folder = path.parent
     blocks = [
         [*(f"# {line}" for line in comment.splitlines()), f'units = "{UNIT_OF[case.mm_per_unit]}"'],
-        ["[frame]", f"image = {_file(case.image, folder)}"],
+        ["[frame]", f"image = {_file(case.image, folder)}", *_pairs(_video_keys(case))],
         _camera_lines(case),
         ["[surface]", f"mesh = {_file(case.mesh, folder)}", *_pairs(_given(name=case.object_name))],
-        [
-            "[pose]",
-            "# OpenCV axes (x right, y down, z forward), frame of the mesh file",
-            f"{POSE_KEY} = {_rows(_pose_texts(case.cam_from_mesh, case.mm_per_unit))}",
-        ],
     ]
+    if case.posed:
+        rows = _rows(_pose_texts(case.cam_from_mesh, case.mm_per_unit))
+        axes = "# OpenCV axes (x right, y down, z forward), frame of the mesh file"
+        blocks.append(["[pose]", axes, f"{POSE_KEY} = {rows}"])
     blocks += [_frame_lines(frame, case, folder) for frame in case.frames]
     if case.alignment:
         alignment_record = checked_alignment_record(case.alignment, f"{path.name}: [alignment]")
@@ -104,6 +103,10 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     if case.dataset:
         blocks.append(["[dataset]", *_pairs(relocated_options(case.dataset, case.path.parent, folder))])
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
+
+
+def _video_keys(case: Case) -> dict[str, object]:
+    return {} if case.video is None else dict(zip(("video", "video_frame"), case.video, strict=True))
 
 
 def _given(**values: object) -> dict[str, object]:

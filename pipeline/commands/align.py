@@ -20,14 +20,14 @@ EPILOG = """examples:
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
 frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
-directions, the residual of every pair and the uncertainty. The pose in the case file may be rough: it only decides
-between poses that fit equally well. Exit code 2: the pairs do not determine a pose.
+directions, the residual of every pair and the uncertainty. The pose in the case file may be rough, or missing: it only
+decides between poses that fit equally well. Exit code 2: the pairs do not determine a pose.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and a rough pose")
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface, and a rough pose or none")
     method = parser.add_argument_group("method")
     method.add_argument(
         "--landmarks",
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.take_refused and not arguments.refine:
         raise InputError("command line: --take-refused: expected --refine with it")
     output = own_output()
-    case = read_case(arguments.case)
+    case = read_case(arguments.case, posed=False)
     inputs, outputs = case.input_files(), []
     if arguments.landmarks:
         inputs["file of the landmarks"] = arguments.landmarks

@@ -1,9 +1,12 @@
 """The first minutes: dropped files, the sample case, and the sentence that says what comes next."""
 
+import re
 import shutil
 
 import bpy
 import pytest
+
+from oneframe.case.case_file import read_case
 
 
 @pytest.fixture
@@ -18,6 +21,30 @@ def drop(folder, *names):
 
 def test_a_dropped_case_is_opened(addon, folder):
     assert drop(folder, "case.toml").case_path == str(folder / "case.toml")
+
+
+@pytest.mark.parametrize("way", ["open", "drop"])
+def test_a_case_without_a_pose_opens_at_an_initial_guess_and_gets_its_pose_when_it_is_saved(addon, folder, way):
+    from blender_addon.setup.alignment_record import pose_record
+    from blender_addon.setup.open_case import unsaved_parts
+
+    path = folder / "case.toml"
+    text = path.read_text().replace("[pose]", "[dataset]\n[pose]")
+    path.write_text(re.sub(r"\[pose\]\ncam_from_mesh = .*", "count = 7 # enough", text))
+    if way == "open":
+        bpy.ops.oneframe.open_case(filepath=str(path))
+    else:
+        drop(folder, "case.toml")
+    scene = bpy.context.scene
+    assert pose_record(scene) == {"method": "initial guess"}
+    assert unsaved_parts(scene) == ()
+    bpy.ops.oneframe.nudge(axis="x", step_px=3)
+    assert unsaved_parts(scene) == ("pose",)
+    assert pose_record(scene)["method"] == "manual"
+    bpy.ops.oneframe.save_case(filepath=str(path))
+    assert "count = 7 # enough" in path.read_text()
+    assert read_case(path).alignment["method"] == "manual"
+    assert unsaved_parts(scene) == ()
 
 
 def test_files_dropped_together_are_a_case(addon, folder):

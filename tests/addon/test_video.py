@@ -71,11 +71,18 @@ def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, vi
     assert film.is_full
     assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, film.score.index))
     assert scene.oneframe.frame_path.endswith("frame.png"), "the case's frame stays until another one is taken"
-    # from rank to rank and around; a step is a frame
-    bpy.ops.oneframe.video_best(step=1)
-    assert film.rank(film.shown) == 2
-    bpy.ops.oneframe.video_best(step=-2)
-    assert film.rank(film.shown) == len(film.best)
+    # from one best frame to the next in time and around, also from a frame between them; a step is a frame
+    for start in (0, film.best[0], 20, 39):
+        shown_frame.show(scene, start)
+        for step in (1, -1):
+            seen = [start]
+            for _ in film.best:
+                bpy.ops.oneframe.video_best(step=step)
+                seen.append(film.shown)
+            assert set(seen[1:]) == set(film.best)
+            turns = np.sign(np.diff(seen)) != step
+            assert turns.sum() <= 1, "only at the end of the film"
+            shown_frame.show(scene, start)
     bpy.ops.oneframe.video_step(step=1_000)
     assert film.score.index == 39
     bpy.ops.oneframe.video_step(step=-1)

@@ -122,6 +122,10 @@ def landmark(lines: str) -> dict[str, str]:
 BAD = {
     "units missing": ({"units": ""}, "expected a key 'units', it is missing"),
     "unknown key": ({"image": 'imaeg = "frame.png"'}, "\\[frame\\] unknown key 'imaeg'; did you mean 'image'\\?"),
+    "film without a number": (
+        {"image": PARTS["image"] + '\nvideo = "a.mkv"'},
+        "\\[frame\\]: expected video, .* together, found 'a.mkv' and None",
+    ),
     "size with half a pixel": ({"size": "size = [64.5, 48]"}, "whole pixels"),
     "skew": (intrinsics("[[320, 0.5, 31.5], [0, 330, 23.5], [0, 0, 1]]"), "K: expected no skew, found 0.5; .*rectify"),
     "K transposed": (intrinsics("[[320, 0, 0], [0, 330, 0], [31.5, 23.5, 1]]"), "K: expected \\[\\[fx, 0, cx\\]"),

@@ -86,14 +86,16 @@ def keys(case):
     """What a case file of a case has."""
     tables = {name: getattr(case, name) for name in ("alignment", "dataset")}
     names = {(name, key) for name, table in tables.items() for key in table}
-    names |= {name for name in ("distortion", "object_name") if getattr(case, name) is not None}
+    names |= {name for name in ("distortion", "object_name", "video") if getattr(case, name) is not None}
     names |= {(each.name, key) for each in case.landmarks for key in ("name", "point", "pixel") if getattr(each, key)}
     names |= {str(each) for each in case.frames}
     return names | {each.name for each in case.structures} | {each.name for each in case.landmarks if not each.enabled}
 
 
 def section_of(field):
-    return {"image": "frame", "mesh": "surface", "distortion": "camera", "cam_from_mesh": "pose"}.get(field, field)
+    return {"image": "frame", "video": "frame", "mesh": "surface", "distortion": "camera", "cam_from_mesh": "pose"}.get(
+        field, field
+    )
 
 
 def parts(text, sections):

@@ -119,6 +119,7 @@ def cases(draw, folder: Path = Path("/case")) -> Case:
         dataset=draw(st.dictionaries(any_text, toml_values, max_size=3)),
         landmarks=draw(landmarks),
         alignment=draw(alignments),
+        video=draw(maybe(st.tuples(names, st.integers(0, 2**62)))),
     )
 
 

@@ -156,6 +156,19 @@ def test_the_script_says_what_the_operator_says(case_path, tmp_path, align, addo
         assert other[key] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-5))
 
 
+def test_a_case_without_a_pose_gets_one_from_landmarks_alone(case_path, tmp_path, align, run_oneframe):
+    pairs, outs = tmp_path / "pairs.csv", (tmp_path / "of_rough.toml", tmp_path / "of_none.toml")
+    write_landmarks(pairs, clicked_landmarks(case_path))
+    for out in outs:
+        assert align(case_path, "--landmarks", pairs, FINE, "--out", out).returncode == 0
+        case_path.write_text(re.sub(r"\[pose\]\ncam_from_mesh = .*", "", case_path.read_text()))
+    assert np.allclose(*(read_case(out).cam_from_mesh for out in outs), atol=1e-6)
+    ended = align(case_path, "--refine")
+    assert (ended.returncode, ended.stderr.count("expected a pose or landmarks, found neither")) == (2, 1)
+    ended = run_oneframe("overlay", case_path, "--out", tmp_path / "overlay.png")
+    assert (ended.returncode, ended.stderr.count("expected a pose, found no [pose]; align the frame first")) == (2, 1)
+
+
 def test_metres_are_millimetres_inside(case_path, tmp_path, align):
     pairs, metres = tmp_path / "pairs.json", case_path.with_name("metres.toml")
     write_landmarks(pairs, clicked_landmarks(case_path), mm_per_unit=1000.0)

@@ -98,7 +98,7 @@ def scenario(user):
     yield from user.key("ESC")
     yield 0.3
     assert np.array_equal(pose(), start)
-    assert method() == "manual"
+    assert method() == "another frame"
     yield from call(user, bpy.ops.oneframe.take_refused)
     yield from user.until(lambda: np.array_equal(pose(), refused), "the refused pose once more")
     yield from user.key("RET", user.middle(), ctrl=True)

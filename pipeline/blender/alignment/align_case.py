@@ -83,11 +83,13 @@ def align_case(
         landmarks, the refinement is refused.
     """
     loaded = load_case(case, aligned=False)
+    if not (case.posed or complete_landmarks(case.landmarks)):
+        raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
     alignment, refinement = None, None
     messages: tuple[str, ...] = ()
     if complete_landmarks(case.landmarks) or not refine:
         alignment = align_landmarks(
-            case.landmarks, case.camera, click_sigma_px=click_sigma_px, start=case.cam_from_mesh
+            case.landmarks, case.camera, click_sigma_px=click_sigma_px, start=case.cam_from_mesh if case.posed else None
         )
         mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
         # before the check of the pose, which would report landmarks of another mesh as a wrong pose

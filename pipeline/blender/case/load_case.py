@@ -1,11 +1,14 @@
 """Load everything that a case file names into memory, checked, in the model frame."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from ...alignment.manual.initial_pose import initial_pose
 from ...camera.distortion import Distortion, undistort
 from ...camera.pinhole import PinholeCamera
+from ...case.alignment_record import INITIAL_GUESS
 from ...case.case_file import Case
 from ...case.case_writer import UNIT_OF
 from ...case.loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
@@ -14,6 +17,7 @@ from ...case.precision import precision_doubts
 from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
 from ...surface.mesh_reader import read_mesh
+from ...transforms import inverse_rigid
 from ..bridge.image import read_image
 
 
@@ -25,7 +29,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     case
         The case.
     aligned
-        False accepts any pose: use it before the alignment.
+        False accepts any pose, and puts an initial guess in the place of none: use it before the alignment.
 
     Raises
     ------
@@ -34,6 +38,10 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         behind the camera, outside the frame or at an implausible distance.
     """
     mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
+    if not case.posed and not aligned:
+        guess = initial_pose(mesh, case.camera) @ inverse_rigid(mesh_from_model)
+        case = replace(case, cam_from_mesh=guess, posed=True, alignment={"method": INITIAL_GUESS})
+        messages = [*messages, "the case has no pose: an initial guess is shown, not aligned"]
     frames = tuple(load_posed_frame(frame, mesh_from_model, name=case.path.name) for frame in case.every_frame)
     cam_from_model = case.cam_from_mesh @ mesh_from_model
     doubt = size_doubt(extents_of(mesh), UNIT_OF[case.mm_per_unit], case.camera, case.mesh.name)

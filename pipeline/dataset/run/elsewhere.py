@@ -82,7 +82,7 @@ class CaseParcel:
 def case_parcel(case: Case, options: DatasetOptions) -> CaseParcel:
     """The parcel of all that the views of a case depend on; with neutral names, as a file's may name the patient.
 
-    Landmarks, the record of the alignment and the table of options stay behind: no view depends on them.
+    Landmarks, the records of alignment and film, and the table of options stay behind: no view depends on them.
 
     Raises
     ------
@@ -114,6 +114,7 @@ def case_parcel(case: Case, options: DatasetOptions) -> CaseParcel:
         landmarks=(),
         alignment={},
         dataset={},
+        video=None,
     )
     text = encoded(case.path, case_text(moved.path, moved))
     return CaseParcel({CASE: text, **{name: _content(path) for name, path in files.items()}}, poses)

@@ -1,0 +1,81 @@
+"""Pose and image points belong to the frame in which they were found; what becomes of them when another one comes."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..pipeline.blender.bridge.data_blocks import absolute_path, set_exact
+from ..pipeline.blender.bridge.image import read_image
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.errors import InputError
+from . import events, from_scene, pose_evidence
+from .initial_pose import has_initial_pose
+
+
+def leave_frame(scene: bpy.types.Scene, image: np.ndarray, valid: np.ndarray) -> bool:
+    """Say whose pose and image points are, before a picture replaces the frame's.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    image, valid
+        ``(H, W, 3)`` and ``(H, W)`` of the new picture, as :func:`.read_image` returns them.
+
+    Returns
+    -------
+    Whether it is the same frame: the same picture, with or without a mask.
+    """
+    settings = scene.oneframe
+    is_same = _shows(settings.frame_path, image, valid)
+    if settings.aligned_path:
+        if not is_same and _shows(settings.aligned_path, image, valid):
+            settings.aligned_path = ""
+    elif settings.frame_path and not is_same and _is_aligned(scene):
+        settings.aligned_path = settings.frame_path
+        set_exact(from_scene.surface_of(scene), pose_evidence.LEFT_POSE, from_scene.cam_from_model(scene))
+    return is_same
+
+
+def keep_pose(scene: bpy.types.Scene) -> None:
+    """Start from the pose of the other frame, recorded as such; the landmarks keep their points of the surface.
+
+    Raises
+    ------
+    InputError
+        There is no pose.
+    """
+    record, pose = pose_evidence.remembered(scene), from_scene.cam_from_model(scene)
+    if record is not None and record.get("method") == OTHER_FRAME:
+        pose_evidence.remember(scene, record, pose)
+    scene.oneframe.aligned_path = ""
+    with events.muted():
+        for entry in scene.oneframe.landmarks:
+            entry.has_pixel = False
+
+
+def _shows(path: str, image: np.ndarray, valid: np.ndarray) -> bool:
+    """Whether an image file has this picture, where neither is masked; not if it cannot be read any more."""
+    if not path:
+        return False
+    try:
+        before, shown = read_image(absolute_path(path), Path(path).name)
+    except InputError:
+        return False
+    if before.shape != image.shape:
+        return False
+    both = shown & valid
+    return bool(both.any()) and np.array_equal(before[both], image[both])
+
+
+def _is_aligned(scene: bpy.types.Scene) -> bool:
+    """Whether somebody has aligned the present frame: there are image points, or a pose that is no guess."""
+    try:
+        pose_is_guess = has_initial_pose(scene)
+        record = pose_evidence.remembered(scene) or {}
+    except InputError:
+        # nothing is set up, or the panel Set up says what is wrong with the pose
+        return False
+    pose_is_guess |= record.get("method") in (INITIAL_GUESS, OTHER_FRAME)
+    return not pose_is_guess or any(entry.has_pixel for entry in scene.oneframe.landmarks)

@@ -1,0 +1,136 @@
+"""Pose and landmarks belong to the frame in which they were found, whatever is loaded after it."""
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from blender_addon.landmarks import solve
+from blender_addon.setup.alignment_record import pose_record
+from blender_addon.state import from_scene
+from oneframe.case.case_file import read_case
+from oneframe.images.png import encode_png
+
+POINTS = [[1.25, -7.5, 41.0], [10.25, -7.5, 41.0], [1.25, -17.5, 41.0], [15.25, -17.5, 38.0], [8.0, -12.0, 41.0]]
+
+
+@pytest.fixture
+def folder(write_tiny_case, tmp_path):
+    return write_tiny_case(tmp_path).parent
+
+
+@pytest.fixture
+def aligned(addon, folder):
+    """The small case, aligned by pins in its frame; the pose is exactly theirs."""
+    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
+    scene = bpy.context.scene
+    pose = from_scene.cam_from_model(scene)
+    for number, point in enumerate(np.array(POINTS) - np.mean(POINTS, axis=0)):
+        pixel = from_scene.camera(scene).project((pose[:3, :3] @ point + pose[:3, 3])[None])[0]
+        bpy.ops.oneframe.landmark_pin(point=point.tolist(), pixel=(pixel + 0.3 * number).tolist())
+    assert pose_record(scene)["method"] in ("pins", "landmarks")
+    return scene
+
+
+@pytest.fixture
+def other(folder):
+    path = folder / "other.png"
+    path.write_bytes(encode_png(np.ascontiguousarray(cv2.imread(str(folder / "frame.png"))[::-1])))
+    return path
+
+
+def state(scene):
+    record = {key: value for key, value in pose_record(scene).items() if key not in ("tool", "date")}
+    return record, from_scene.landmarks_mesh(scene), from_scene.cam_from_model(scene).tolist()
+
+
+def load(path):
+    assert bpy.ops.oneframe.load_frame(filepath=str(path)) == {"FINISHED"}
+
+
+def test_a_frame_that_nobody_aligned_gets_neither_pixels_nor_figures(aligned, other, folder):
+    before = state(aligned)
+    load(other)
+    settings = aligned.oneframe
+    assert settings.aligned_path.endswith("frame.png")
+    record = pose_record(aligned)
+    assert {key: record[key] for key in record if key not in ("tool", "date")} == {
+        "method": "another frame",
+        "doubt": "found in another frame (frame.png)",
+    }
+    assert solve.solution(aligned).alignment is None
+    for pick in (
+        lambda: bpy.ops.oneframe.landmark_set(pixel=(3, 4)),
+        lambda: bpy.ops.oneframe.landmark_pin(index=0, pixel=(3, 4)),
+        lambda: bpy.ops.oneframe.solve_landmarks(),
+    ):
+        with pytest.raises(RuntimeError, match=r"are of another frame, frame\.png; press Keep Pose"):
+            pick()
+    # the pose of the file, saved before over the same file, is not taken for this frame's either
+    bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
+    saved = read_case(folder / "new.toml")
+    assert saved.image == other
+    assert (saved.alignment["method"], "rms_px" in saved.alignment) == ("another frame", False)
+    assert all(landmark.pixel is None and landmark.point is not None for landmark in saved.landmarks)
+    # another frame comes and goes, and the first one comes back: all is as it was
+    load(folder / "frame.png")
+    assert state(aligned) == before
+    assert not settings.aligned_path
+
+
+def test_keep_pose_starts_from_it_and_says_so(aligned, other, folder):
+    _, landmarks, pose = state(aligned)
+    load(other)
+    bpy.ops.oneframe.keep_pose()
+    record, kept, same = state(aligned)
+    assert (record["method"], "frame.png" in record["doubt"], same) == ("another frame", True, pose)
+    assert [landmark.point for landmark in kept] == [landmark.point for landmark in landmarks]
+    assert not any(landmark.pixel for landmark in kept)
+    assert not bpy.ops.oneframe.keep_pose.poll()
+    bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), replace=True)
+    assert read_case(folder / "case.toml").alignment["doubt"] == record["doubt"]
+    # and whoever aligns in this frame is not in doubt
+    bpy.ops.oneframe.nudge(axis="x")
+    assert pose_record(aligned)["method"] == "manual"
+
+
+def test_clear_starts_from_the_initial_guess(aligned, other):
+    load(other)
+    bpy.ops.oneframe.clear_pose()
+    record, landmarks, _ = state(aligned)
+    assert (record, landmarks) == ({"method": "initial guess"}, ())
+    load(other.with_name("frame.png"))
+    assert not aligned.oneframe.aligned_path, "a guess is of no frame"
+
+
+@pytest.mark.parametrize("by", ["alpha", "load_mask", "copy"])
+def test_a_masked_version_of_the_frame_is_the_same_frame(aligned, folder, by):
+    before = state(aligned)
+    picture = cv2.imread(str(folder / "frame.png"))[..., ::-1]
+    mask = np.full(picture.shape[:2], 255, np.uint8)
+    mask[:9] = 0
+    file = folder / "version.png"
+    if by == "load_mask":
+        file.write_bytes(encode_png(mask))
+        bpy.ops.oneframe.load_mask(filepath=str(file))
+        load(folder / "frame.png")
+    else:
+        file.write_bytes(encode_png(np.dstack([picture, mask]) if by == "alpha" else np.ascontiguousarray(picture)))
+        load(file)
+    assert state(aligned) == before
+
+
+def test_the_case_names_the_film_of_its_frame(addon, folder):
+    writer = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
+    for level in (90, 120):
+        writer.write(np.full((48, 64, 3), level, np.uint8))
+    writer.release()
+    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
+    bpy.ops.oneframe.load_video_frame(filepath=str(folder / "film.avi"), frame_index=1)
+    for name in ("a.toml", "b.toml"):
+        bpy.ops.oneframe.save_case(filepath=str(folder / name), save_as=True)
+        assert read_case(folder / name).video == ("film.avi", 1)
+        bpy.ops.oneframe.open_case(filepath=str(folder / name))
+    load(folder / "frame.png")
+    bpy.ops.oneframe.save_case(filepath=str(folder / "c.toml"))
+    assert read_case(folder / "c.toml").video is None

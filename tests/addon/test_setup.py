@@ -39,8 +39,6 @@ enabled = false
 [dataset]
 count = 12
 cone_deg = 30.5
-[cluster]
-queue = "cpu"
 """
 
 

@@ -120,6 +120,7 @@ class InBackground(Reporting):
     _background: BackgroundWork
     _timer: bpy.types.Timer | None = None
     _began = _next_shown = 0.0
+    _pressed = False
 
     def work(self, context: bpy.types.Context) -> Work:
         """The function for the thread. Implementations raise InputError where it cannot begin."""
@@ -160,7 +161,9 @@ class InBackground(Reporting):
                 self._end(context)
                 self.report({"INFO"}, f"{self.doing}: stopped, nothing was changed")
                 return {"CANCELLED"}
-            if event.type == "TIMER":
+            if event.type == "LEFTMOUSE" and event.value == "PRESS":
+                self._pressed, self._next_shown = True, 0.0
+            if event.type in ("TIMER", "LEFTMOUSE"):
                 self._show(context)
             return {"PASS_THROUGH"} if event.type in NAVIGATION | {"TIMER"} else {"RUNNING_MODAL"}
         self._end(context)
@@ -184,7 +187,8 @@ class InBackground(Reporting):
         self._next_shown = now + SHOWN_SECONDS
         share = self._background.fraction
         done = f"{share:.0%}" if share else f"{time.monotonic() - self._began:.0f} s"
-        show_status(context, f"{self.doing}: {done}      Esc: Stop")
+        refused = "      Not ready yet: clicks and drags do nothing" if self._pressed else ""
+        show_status(context, f"{self.doing}: {done}      Esc: Stop{refused}")
 
     def _end(self, context: bpy.types.Context) -> None:
         if self._timer is not None:

@@ -1,20 +1,22 @@
 """The tool with which the mouse drills. A drag is one operator and one undo step; Esc takes it back."""
 
 from dataclasses import replace
+from itertools import groupby
 
 import bpy
 import numpy as np
 from bpy.props import FloatProperty
 
 from ..class_registration import class_registration, prop, tool
+from ..pipeline.volume.drill.burr import way_over_bone
 from ..state.events import redraw
 from ..ui.keymap import DRILL_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import OperatorResult
 from . import drill_session, drill_strokes
-from .drill_session import burr_at
+from .drill_session import Burr, burr_at
 
-LEAST_STEP = 0.12
-"""Between points of a stroke, in radii."""
+LEAST_STEP, MOST_STEP = 0.12, 0.5
+"""Between points of a stroke, in radii; however fast the pointer was, they follow the bone."""
 
 
 class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
@@ -34,7 +36,11 @@ class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
         removed = session.removed
         # the depth of a stroke counts from the bone before it
         self._before = None if removed is None else replace(removed, distance_mm=removed.distance_mm.copy())
+        self._strokes, self._taken_mm3 = session.strokes, session.taken_mm3
+        self._at: np.ndarray | None = None
         self._last: np.ndarray | None = None
+        self._burr: Burr | None = None
+        self._centres: dict[tuple[float, float], np.ndarray | None] = {}
         self._session = session
         self._drill(context, event)
         context.workspace.status_text_set("Esc or Right Click: Take Back the Stroke")
@@ -57,28 +63,53 @@ class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
         self._end(context, undo=True)
 
     def _drill(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
-        at = event.mouse_region_x + 0.5, event.mouse_region_y + 0.5
-        burr = burr_at(context, self._session, self._before, at)
-        if burr is None:
-            return
-        if self._last is None:
-            self._session.begin(burr.radius_mm, burr.centre)
-        elif np.linalg.norm(burr.centre - self._last) >= LEAST_STEP * burr.radius_mm:
-            self._session.extend(burr.centre)
-        else:
-            return
-        self._last = burr.centre
+        radius = drill_session.burr_radius_mm(context.scene)
+        at = np.array([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5])
+        start, self._at = at if self._at is None else self._at, at
+        way = way_over_bone(lambda place: self._centre_at(context, place), start, at, MOST_STEP * radius)
+        for _, group in groupby(way, lambda centre: centre is None):
+            run = [centre for centre in group if centre is not None]
+            if not run:
+                # lifted: where it comes down again, another stroke begins
+                self._last = None
+                continue
+            points: list[np.ndarray] = []
+            for centre in run:
+                if self._last is None:
+                    self._session.begin(radius, centre)
+                elif np.linalg.norm(centre - self._last) >= LEAST_STEP * radius:
+                    points.append(centre)
+                else:
+                    continue
+                self._last = centre
+            self._session.extend(points)
         redraw()
+
+    def _centre_at(self, context: bpy.types.Context, place: np.ndarray) -> np.ndarray | None:
+        at = float(place[0]), float(place[1])
+        if at not in self._centres:
+            self._burr = burr_at(context, self._session, self._before, at)
+            self._centres[at] = self._burr.centre if self._burr is not None and self._burr.has_room else None
+        return self._centres[at]
 
     def _end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
         context.workspace.status_text_set(None)
-        drilled, self._last = self._last is not None, None
-        if drilled and undo:
-            self._session.undo()
-        elif drilled:
-            drill_strokes.set_strokes(context.scene, self._session.strokes)
+        session, drilled_mm3 = self._session, round(self._session.taken_mm3 - self._taken_mm3, 3)
+        kept = drilled_mm3 > 0 and not undo
+        if kept:
+            drill_strokes.set_strokes(context.scene, session.strokes)
+        else:
+            session.follow(self._strokes)
+        if not undo:
+            session.said = f"drilled {drilled_mm3:.3g} mm³" if kept else f"drilled 0 mm³, not kept: {self._why_not()}"
+            self.report({"INFO"}, session.said)
         redraw()
-        return {"FINISHED"} if drilled and not undo else {"CANCELLED"}
+        return {"FINISHED"} if kept else {"CANCELLED"}
+
+    def _why_not(self) -> str:
+        if self._burr is None or self._burr.has_room:
+            return "no bone under the pointer"
+        return f"the margin of {self._burr.structure.replace('_', ' ')} stops the burr"
 
 
 class ONEFRAME_OT_burr_size(bpy.types.Operator):

@@ -7,6 +7,7 @@ redo the session follows them.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import bpy
 import numpy as np
@@ -32,8 +33,8 @@ BLOCK = 32
 DEPTH = 0.5
 """How deep a stroke goes, in radii of the burr."""
 
-APPROACH = 3.0
-"""From so many radii outside, the burr comes towards the bone."""
+APPROACH = 1.5
+"""So many radii before the bone, and nearer, the burr looks for room between margins."""
 
 BlockKey = tuple[int, int, int]
 
@@ -62,6 +63,7 @@ class DrillSession:
         self._drilled = DrilledVolume(ct.volume.grid)
         self.margins_mm = dict(margins_mm)
         self.room = BurrRoom(structures, margins_mm)
+        self.said = ""
 
     def spare(self, margins_mm: Mapping[str, float]) -> None:
         """Stop the burr at other margins from now on."""
@@ -83,9 +85,18 @@ class DrillSession:
         """Begin a stroke."""
         self._renew(self._drilled.add(Stroke(radius_mm, point[None])))
 
-    def extend(self, point: np.ndarray) -> None:
-        """Move the burr on to a point."""
-        self._renew(self._drilled.extend(point))
+    def extend(self, points: Sequence[np.ndarray]) -> None:
+        """Move the burr on to points."""
+        self._renew(*[self._drilled.extend(point) for point in points])
+
+    @property
+    def taken_mm3(self) -> float:
+        """Bone that was drilled so far, roughly: of voxels at the burr's surface a part."""
+        if self.removed is None:
+            return 0.0
+        grid = self.ct.volume.grid
+        share = np.clip(0.5 - self.removed.distance_mm / grid.spacing_mm.min(), 0, 1)
+        return float(share[self.solid[self.removed.slices]].sum(dtype=np.float64)) * grid.voxel_mm3
 
     def undo(self) -> None:
         """Take back the last stroke."""
@@ -115,17 +126,18 @@ class DrillSession:
         """Where a ray meets the bone that a field has left."""
         return first_bone(self.ct.volume, self.level_hu, self.solid, removed, origin_mm, direction)
 
-    def _renew(self, box: VoxelBox) -> None:
+    def _renew(self, *boxes: VoxelBox) -> None:
         """Make the blocks again that voxels belong to."""
-        if box.is_empty:
-            return
-        self.revision += 1
-        # cells begin at -1, and a voxel is a corner of the cell before it
-        low, high = box.first // BLOCK, box.stop // BLOCK
-        for z in range(low[2], high[2] + 1):
-            for y in range(low[1], high[1] + 1):
-                for x in range(low[0], high[0] + 1):
-                    self._make((int(x), int(y), int(z)))
+        keys: set[BlockKey] = set()
+        for box in boxes:
+            if not box.is_empty:
+                # cells begin at -1, and a voxel is a corner of the cell before it
+                low, high = box.first // BLOCK, box.stop // BLOCK
+                across, down, deep = (range(int(a), int(b) + 1) for a, b in zip(low, high, strict=True))
+                keys |= set(product(across, down, deep))
+        self.revision += bool(keys)
+        for key in keys:
+            self._make(key)
 
     def _make(self, key: BlockKey) -> None:
         volume = self.ct.volume
@@ -180,6 +192,8 @@ class Burr:
         Its radius.
     stopped
         Whether a margin holds it back.
+    has_room
+        Whether it drills; otherwise it only touches the bone, in a margin.
     structure, distance_mm
         The nearest structure, and its distance from the burr's surface; no name if there is none.
     """
@@ -187,8 +201,14 @@ class Burr:
     centre: np.ndarray
     radius_mm: float
     stopped: bool
+    has_room: bool
     structure: str
     distance_mm: float
+
+
+def burr_radius_mm(scene: bpy.types.Scene) -> float:
+    """The burr's radius, as strokes keep it."""
+    return float(drill_strokes.rounded(np.array(float(scene.oneframe_ct.burr_mm) / 2)))
 
 
 def burr_at(
@@ -205,15 +225,14 @@ def burr_at(
     hit = session.hit(removed, origin, toward)
     if hit is None:
         return None
-    radius = float(context.scene.oneframe_ct.burr_mm) / 2
-    radius = float(drill_strokes.rounded(np.array(radius)))
-    centre = hit - (1 - DEPTH) * radius * toward
-    reached = session.room.reached(centre - APPROACH * radius * toward, centre, radius)
-    stopped = bool(np.linalg.norm(reached - centre) > 1e-6)
-    centre = drill_strokes.rounded(reached)
+    radius = burr_radius_mm(context.scene)
+    wanted = hit - (1 - DEPTH) * radius * toward
+    reached = session.room.reached(hit - APPROACH * radius * toward, wanted, radius)
+    centre = drill_strokes.rounded(hit - radius * toward if reached is None else reached)
+    stopped = reached is None or bool(np.linalg.norm(reached - wanted) > 1e-6)
     near = session.room.nearest(centre)
     name, distance = ("", np.inf) if near is None else near
-    return Burr(centre, radius, stopped, name, distance - radius)
+    return Burr(centre, radius, stopped, reached is not None, name, distance - radius)
 
 
 _Kept = tuple[Key, float]

@@ -97,6 +97,7 @@ def keep(scene: bpy.types.Scene, ct: LoadedCT) -> None:
     _loaded.clear()
     if key is not None:
         _loaded[key] = ct
+        _failed.discard(key)
 
 
 def reader(key: Key) -> Callable[[Callable[[float], None]], LoadedCT]:

@@ -17,7 +17,7 @@ from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Messages, Reporting, available
 from . import loaded
 from .loaded import LoadedCT, ct_of, key_of, loaded_ct
-from .slice_areas import show_slices_soon
+from .slice_areas import fill_slices_soon, show_slices_soon
 
 VOLUMES = "*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd;*.dcm"
 
@@ -134,6 +134,7 @@ class ONEFRAME_OT_read_ct(InBackground):
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         loaded.keep(context.scene, result)
+        fill_slices_soon()
         return (ct_text(result),)
 
 

@@ -56,17 +56,18 @@ class ONEFRAME_PT_ct(SidebarPanel):
         settings, strokes = scene.oneframe_ct, strokes_of(scene)
         column = layout.column(align=True)
         row = column.row(align=True)
-        in_use = drill_session.of(scene) is not None
-        if in_use:
+        session = drill_session.of(scene)
+        if session is not None:
             row.operator("oneframe.stop_drill", icon="PANEL_CLOSE")
             row.operator("oneframe.undo_stroke", text="", icon="LOOP_BACK")
             column.prop(settings, "burr_mm")
+            draw_text(layout, session.said)
         else:
             row.operator("oneframe.drill", icon="MESH_UVSPHERE")
         row.operator("oneframe.margins", text="", icon="MOD_SOLIDIFY")
         row.operator("oneframe.open_plan", text="", icon="FILE_FOLDER")
         row.operator("oneframe.save_plan", text="", icon="FILE_TICK")
-        if settings.drilling and not in_use:
+        if settings.drilling and session is None:
             draw_text(layout, "The threshold has changed: press Drill again.", icon="INFO")
         if strokes:
             count, them = ("1 stroke", "it") if len(strokes) == 1 else (f"{len(strokes)} strokes", "them")

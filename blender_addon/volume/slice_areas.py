@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 
-from ..class_registration import at_end, class_registration, start_timer, timers
+from ..class_registration import at_end, class_registration, listening, start_timer, timers
 from ..pipeline.volume.slices.slice_planes import SlicePlane
 from ..ui.frame_view import window_region
 from ..ui.operator import Reporting, available
@@ -21,6 +22,9 @@ MARK = "oneframe_slice"
 
 SHARE = 0.25
 """Of the 3D view's width that the slices get."""
+
+_numbers: dict[int, int] = {}
+"""Planes by the addresses of their areas: undo takes the empty images away, and with them what tells the planes."""
 
 _LONGEST_PX = 1024
 DRAWN_S = 0.1
@@ -156,8 +160,9 @@ def _open_next(window: bpy.types.Window) -> bool:
         for area in new:
             _prepare(area, images[0])
         shown = slice_areas(screen)
-    for area, image in zip(sorted(shown, key=lambda area: -area.y), images, strict=False):
-        area.spaces.active.image = image
+    for number, area in enumerate(sorted(shown, key=lambda area: -area.y)):
+        area.spaces.active.image = images[number]
+        _numbers[area.as_pointer()] = number
     return len(shown) == 3
 
 
@@ -207,6 +212,23 @@ def _fit() -> float | None:
     return None
 
 
+@persistent
+def fill_slices_soon(*_: object) -> None:
+    """Show the slices again in areas that have lost them, by undo or while the CT was not in memory."""
+    if not bpy.app.background:
+        start_timer(_fill, DRAWN_S)
+
+
+def _fill() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas if ct_of(window.scene) is not None else ():
+            space, number = area.spaces.active, _numbers.get(area.as_pointer())
+            if number is not None and space.type == SLICE_SPACE and space.image is None:
+                space.image = empty_image(number, window.scene)
+                # without an image, the area has lost its zoom
+                start_timer(_fit, DRAWN_S)
+
+
 def show_slices_soon() -> None:
     """Show the slices once the window has arrived in the add-on's workspace."""
     if not bpy.app.background:
@@ -236,4 +258,10 @@ def _close() -> None:
     bpy.data.batch_remove([image for image in bpy.data.images if MARK in image])
 
 
-register, unregister = class_registration(__name__, at_end(_close), timers(_fit, _show))
+register, unregister = class_registration(
+    __name__,
+    listening(bpy.app.handlers.undo_post, fill_slices_soon),
+    listening(bpy.app.handlers.redo_post, fill_slices_soon),
+    at_end(_close, _numbers.clear),
+    timers(_fill, _fit, _show),
+)

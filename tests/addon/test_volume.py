@@ -62,8 +62,7 @@ def drilled(scene, *strokes):
     for radius, points in strokes:
         points = drill_strokes.rounded(np.array(points, float))
         session.begin(radius, points[0])
-        for point in points[1:]:
-            session.extend(point)
+        session.extend(points[1:])
     drill_strokes.set_strokes(scene, session.strokes)
     return session
 
@@ -253,3 +252,12 @@ def test_a_threshold_without_bone_changes_nothing(scene):
     bpy.ops.oneframe.make_surface()
     corners = transform_points(_mesh_from_model(scene.oneframe.surface), np.array(scene.oneframe.surface.bound_box))
     np.testing.assert_allclose(corners.mean(axis=0), CENTRE, atol=0.3)
+
+
+def test_what_a_stroke_takes_is_bone_alone(scene, files):
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    session = drilled(scene, (2.0, [near(0, 0, 10.5), near(3, 0, 10.5)]))
+    assert session.taken_mm3 == 0
+    drilled(scene, (2.0, [near(0, 0, 4)]))
+    assert session.taken_mm3 == pytest.approx(4 / 3 * np.pi * 8, rel=0.03)

@@ -9,6 +9,7 @@ from mathutils import Matrix, Vector
 
 PACKAGE = "bl_ext.user_default.oneframe"
 SIZE, SPACING = (49, 49, 45), 0.6
+MIDDLE = (np.array(SIZE) - 1) * SPACING / 2
 
 
 def part(name):
@@ -65,13 +66,24 @@ def scenario(user):
     yield from user.redraw()
     yield from user.picture("2_surface")
 
+    # undo takes the pictures of the slices away, which show again
+    zooms = [area.spaces.active.zoom[0] for area in areas.slice_areas(user.window.screen)]
+    for shift, made in ((False, False), (True, True)):
+        yield from user.key("Z", user.middle(), ctrl=True, **({"shift": True} if shift else {}))
+        yield from user.until(lambda made=made: bool(user.window.scene.oneframe.surface) == made, "undo or redo")
+        yield from user.until(lambda: len(areas.slice_areas(user.window.screen)) == 3, "the slices again", 30)
+        yield 1.0
+        again = [area.spaces.active.zoom[0] for area in areas.slice_areas(user.window.screen)]
+        np.testing.assert_allclose(again, zooms, rtol=0.01)
+    scene = user.window.scene
+
     # a stroke from the patient's left, undo and redo
     session = part("volume.drill_session")
     yield from user.press("oneframe.drill()")
     yield from user.until(lambda: session.of(scene) is not None, "the drill", 60)
     places = placed(user, scene)
     yield from user.redraw()
-    yield from user.drag(*places, steps=12)
+    yield from user.drag(*places[:2], steps=12)
     yield from user.until(lambda: strokes(user) == 1, "a stroke")
     yield from user.picture("3_drilled")
     drilled = blocks(user)
@@ -95,8 +107,32 @@ def scenario(user):
     assert strokes(user) == 1
     assert blocks(user) == drilled
 
+    # however fast the pointer is, the burr follows the bone; beside the bone it drills nothing, and says so
+    kept = part("volume.drill_strokes").strokes_of(user.window.scene)
+    for start, end in ((places[2], places[3]), (places[4], places[4])):
+        user.event("MOUSEMOVE", "NOTHING", start)
+        user.event("LEFTMOUSE", "PRESS", start)
+        user.event("MOUSEMOVE", "NOTHING", end)
+        user.event("LEFTMOUSE", "RELEASE", end)
+        yield from user.redraw()
+        yield 0.3
+    *before, fast = part("volume.drill_strokes").strokes_of(user.window.scene)
+    assert len(before) == len(kept) == 1
+    off_middle = np.linalg.norm(fast.points - MIDDLE, axis=1)
+    assert off_middle.min() > 9.5
+    assert off_middle.max() < 11.5
+    assert np.linalg.norm(np.diff(fast.points, axis=0), axis=1).max() < 2 * fast.radius_mm
+    assert np.ptp(fast.points[:, 2]) > 12
+    assert "0 mm³, not kept: no bone" in session.of(user.window.scene).said
+    yield from user.picture("3_fast")
+
     faces = len(user.window.scene.oneframe.surface.data.polygons)
-    yield from user.press("oneframe.make_surface")
+    with user.context():
+        bpy.ops.oneframe.make_surface("INVOKE_DEFAULT")
+    # what is pressed meanwhile does nothing, and the header says so
+    user.event("LEFTMOUSE", "PRESS", places[0])
+    user.event("LEFTMOUSE", "RELEASE", places[0])
+    yield from user.until(lambda: "Not ready" in str(part("ui.background_operator")._shown), "a refusal", 30)
     yield from user.until(lambda: not user.window.scene.oneframe_ct.drilling, "the drilled surface", 60)
     assert len(user.window.scene.oneframe.surface.data.polygons) != faces
     yield from user.picture("4_drilled_surface")
@@ -126,16 +162,15 @@ def scenario(user):
     loaded._loaded.clear()
     part("volume.loaded")._after_load()
     yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT read again", 60)
-    assert strokes(user) == 1
+    assert strokes(user) == 2
     yield from user.picture("6_read_again")
 
 
 def written_ct(path):
     """A ball of bone, 10 mm in radius, with a hollow in it: MetaImage, which needs no library."""
     index = np.stack(np.meshgrid(*[np.arange(count) for count in SIZE], indexing="ij")).T * SPACING
-    middle = (np.array(SIZE) - 1) * SPACING / 2
-    depth = 10 - np.linalg.norm(index - middle, axis=-1)
-    hollow = np.linalg.norm(index - middle - [5, 0, 0], axis=-1) - 2
+    depth = 10 - np.linalg.norm(index - MIDDLE, axis=-1)
+    hollow = np.linalg.norm(index - MIDDLE - [5, 0, 0], axis=-1) - 2
     hu = np.clip(300 + 900 * np.minimum(depth, hollow), -1000, 1400).astype("<i2")
     lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "BinaryDataByteOrderMSB = False"]
     lines += [
@@ -148,16 +183,16 @@ def written_ct(path):
 
 
 def placed(user, scene):
-    """Look from the patient's left; the start and the end of a stroke in the window."""
+    """Look from the patient's left; in the window, the ends of two strokes, and a place beside the ball."""
     world = part("volume.drill_session").world_from_mesh(scene)
     toward, up = (Vector(world[:3, :3] @ np.array(axis, float)) for axis in ((1, 0, 0), (0, 0, 1)))
     view = user.view
     view.view_rotation = Matrix((up.cross(toward), up, toward)).transposed().to_quaternion()
-    middle = (np.array(SIZE) - 1) * SPACING / 2
-    at = [Vector(world[:3, :3] @ (middle + offset) + world[:3, 3]) for offset in ([10, 0, 2], [10, 0, -2], [0, 0, 0])]
-    view.view_location, view.view_distance = at[2], 60
+    offsets = [0, 0, 0], [10, 0, 2], [10, 0, -2], [7, 0, 7], [7, 0, -7], [0, 0, 12]
+    middle, *at = (Vector(world[:3, :3] @ (MIDDLE + offset) + world[:3, 3]) for offset in offsets)
+    view.view_location, view.view_distance = middle, 60
     view.update()
-    return user.of_point(at[0]), user.of_point(at[1])
+    return [user.of_point(each) for each in at]
 
 
 def strokes(user):

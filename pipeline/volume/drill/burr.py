@@ -4,7 +4,7 @@ Many times a second, without a mesh of the bone, and by the vertices of structur
 What bone stays is decided by :mod:`oneframe.volume.drill.drill_guard`, exactly.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
@@ -16,6 +16,12 @@ from ..volume import Sampler, Volume
 STEP_VOXELS = 0.5
 _FINE = 12
 """Samples between the last step in air and the first in bone."""
+
+_MISSED_PX = 8.0
+"""Between two places beside the bone, narrower bone is passed by."""
+
+_EDGE_STEPS = 4.0
+"""Where the bone lies deeper than this within a pixel, an edge hides what is between: no burr goes straight there."""
 
 _SAMPLES = 24
 """On the way of a burr, in each of two passes."""
@@ -52,8 +58,11 @@ class BurrRoom:
         least = int(np.argmin(squared))
         return self.names[self._owner[least]], float(np.sqrt(squared[least]))
 
-    def reached(self, start: np.ndarray, end: np.ndarray, radius_mm: float) -> np.ndarray:
-        """The centre ``(3,)`` up to which a burr comes from ``start`` towards ``end``: where a margin begins."""
+    def reached(self, start: np.ndarray, end: np.ndarray, radius_mm: float) -> np.ndarray | None:
+        """The centre ``(3,)`` nearest to ``end``, on the way from ``start``, where a burr is in no margin, if any.
+
+        A margin before it on the way does not count: the pointer may show the bone behind a structure.
+        """
         middle, reach = (start + end) / 2, float(np.linalg.norm(end - start)) / 2 + radius_mm + self._widest
         close = _squared(self._points, (middle - self._middle).astype(np.float32)) < reach * reach
         points, margin = self._points[close] + self._middle, self._margin[close]
@@ -62,10 +71,10 @@ class BurrRoom:
         for _ in range(2):
             squared = (_squared(points, start + at * (end - start)) for at in shares)
             room = [np.min(np.sqrt(each) - margin, initial=np.inf) for each in squared]
-            blocked = np.flatnonzero(np.array(room) < radius_mm)
-            if not len(blocked):
-                return start + shares[-1] * (end - start)
-            shares = np.linspace(shares[max(blocked[0] - 1, 0)], shares[blocked[0]], _SAMPLES)
+            free = np.flatnonzero(np.array(room) >= radius_mm)
+            if not len(free):
+                return None
+            shares = np.linspace(shares[free[-1]], shares[min(free[-1] + 1, _SAMPLES - 1)], _SAMPLES)
         return start + shares[0] * (end - start)
 
 
@@ -124,3 +133,40 @@ def first_bone(
         bone &= removed.sampled(grid, points, outside=1.0) > 0
     bone[-1] = True
     return points[int(np.argmax(bone))]
+
+
+def way_over_bone(
+    centre_at: Callable[[np.ndarray], np.ndarray | None], start_px: np.ndarray, end_px: np.ndarray, step_mm: float
+) -> Iterator[np.ndarray | None]:
+    """Where a burr goes while the pointer goes straight from one place ``(2,)`` to another, both included.
+
+    Parameters
+    ----------
+    centre_at
+        A place of the pointer, px -> the burr's centre ``(3,)``, mm; ``None`` where it does not drill.
+    step_mm
+        Between successive centres.
+
+    Yields
+    ------
+    Centres; ``None`` where the burr lifts off: beside the bone, and where the bone behind an edge begins.
+    """
+
+    def between(
+        a: np.ndarray, b: np.ndarray, at_a: np.ndarray | None, at_b: np.ndarray | None
+    ) -> Iterator[np.ndarray | None]:
+        near = at_a is not None and at_b is not None and float(np.linalg.norm(at_b - at_a)) <= step_mm
+        missed = at_a is None and at_b is None
+        if near or np.linalg.norm(b - a) <= (_MISSED_PX if missed else 1.0):
+            if at_a is None or at_b is None or float(np.linalg.norm(at_b - at_a)) > _EDGE_STEPS * step_mm:
+                yield None
+            yield at_b
+            return
+        middle = (a + b) / 2
+        at_middle = centre_at(middle)
+        yield from between(a, middle, at_a, at_middle)
+        yield from between(middle, b, at_middle, at_b)
+
+    first = centre_at(start_px)
+    yield first
+    yield from between(start_px, end_px, first, centre_at(end_px))

@@ -101,6 +101,7 @@ _MODULES = tuple(
         "move.panel",
         "move.gizmo",
         "refine.operator",
+        "refine.status_line",
         "refine.panel",
         "dataset.background_job",
         "colour.operators",

@@ -256,11 +256,11 @@ def _show_in_image_editors(image: bpy.types.Image) -> bool:
 
 
 def _job_changed(job: background_job.BackgroundJob) -> None:
-    """Redraw the panel; show a popup if the run has failed."""
+    """Redraw the panel, and at the end the view; show a popup if the run has failed."""
     manager = bpy.context.window_manager
     for _window, area in areas("VIEW_3D"):
         for region in area.regions:
-            if region.type == "UI":
+            if region.type == "UI" or not job.running:
                 region.tag_redraw()
     # without a window Blender cannot open a menu, and reports no error
     if job.running or not job.error or bpy.app.background or not manager.windows:

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
 from ..pipeline.alignment.refinement.refine import explained
@@ -20,9 +19,9 @@ from ..ui.operator import (
     Asking,
     Messages,
     NeedsAlignment,
+    OpensFile,
     OperatorResult,
     Reporting,
-    ReportingFile,
     SavesFile,
     available,
 )
@@ -258,7 +257,7 @@ class ONEFRAME_OT_other_pose(_HasLandmarks, Reporting):
         )
 
 
-class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, ImportHelper):
+class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
     """Import landmarks from a CSV or JSON file: surface points in the frame and units of the mesh file, and pixels"""
 
     bl_label = "Import Landmarks"

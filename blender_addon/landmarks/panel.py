@@ -14,6 +14,9 @@ from ..ui.panel import AlignmentPanel, SidebarPanel, draw_text
 from . import solve, tool
 from .solve import Solution
 
+MESSAGE_LINES = 4
+"""Height of the slot for what the landmarks say."""
+
 
 class ONEFRAME_UL_landmarks(bpy.types.UIList):
     """One landmark per row: use, name, residual"""
@@ -59,8 +62,7 @@ class ONEFRAME_PT_landmarks(AlignmentPanel):
         active = active_tool(context)
         for name, icon in ((PIN_TOOL, "PINNED"), (LANDMARK_TOOL, "EYEDROPPER")):
             row.operator("wm.tool_set_by_id", text=TOOLS[name], icon=icon, depress=active == name).name = name
-        if tool.is_active(context):
-            draw_text(layout, tool.instruction(context), icon="INFO")
+        draw_text(layout, tool.instruction(context) if tool.is_active(context) else "", icon="INFO", lines=2)
         row = layout.row()
         row.template_list(ONEFRAME_UL_landmarks.__name__, "", settings, "landmarks", settings, "landmark_index", rows=5)
         column = row.column(align=True)
@@ -73,8 +75,6 @@ class ONEFRAME_PT_landmarks(AlignmentPanel):
         column.operator("oneframe.export_landmarks", text="", icon="EXPORT")
         layout.prop(settings, "click_sigma_px", text="Click Noise (px)")
         layout.prop(settings, "live_solve", text="Solve After Every Change", toggle=True)
-        if not settings.landmarks:
-            return
         try:
             _draw_solution(layout, context.scene, solve.solution(context.scene))
         except InputError as error:
@@ -97,29 +97,31 @@ class ONEFRAME_PT_landmark_keys(SidebarPanel):
 
 
 def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
-    if solved.alignment is None:
-        _draw_doubtful(layout, scene, solved)
-        draw_text(layout, solved.refusal, icon="ERROR" if solved.doubtful else "INFO")
-        return
-    found, away = solved.alignment.estimate, solve.departure(scene, solved)
-    used = f"{int(found.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences"
-    if away is None:
-        lines = layout.column(align=True)
-        lines.label(text=f"{used} used")
-        lines.label(text=f"RMS reprojection error {found.rms_px:.2f} px")
-        draw_uncertainty(layout.box(), found.uncertainty)
+    """The buttons first, then figures in slots that stay as high as they are: nothing moves under the pointer."""
+    found, away = solved.estimate, solve.departure(scene, solved)
+    row = layout.row(align=True)
+    solving, other = row.row(align=True), row.row(align=True)
+    solving.enabled, other.enabled = away is not None or bool(solved.doubtful), len(solved.doubtful) > 1
+    solving.operator("oneframe.solve_landmarks", icon="CHECKMARK")
+    other.operator("oneframe.other_pose", icon="FILE_REFRESH")
+    draw_key(other, "oneframe.other_pose")
+    text, icon = solved.refusal, "ERROR" if solved.doubtful else "INFO"
+    if solved.alignment is not None and found is not None:
+        text = f"{int(found.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences"
+        text, icon = f"{text}, RMS reprojection error {found.rms_px:.2f} px", "NONE"
+        if away is not None:
+            kept = "The refined pose stays when landmarks change. " if pose_evidence.is_refined(scene) else ""
+            text, icon = (
+                f"{kept}Solve would move the surface by {format_two_digits(away.rotation_deg)}° and "
+                f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame: {text}.",
+                "INFO",
+            )
+    draw_text(layout, text if scene.oneframe.landmarks else "", icon=icon, lines=MESSAGE_LINES)
+    draw_uncertainty(layout.box(), None if found is None or away is not None else found.uncertainty)
+    if found is not None and away is None:
         for message in found.messages:
             draw_text(layout, message, icon="ERROR")
-        return
-    kept = "The refined pose stays when landmarks change. " if pose_evidence.is_refined(scene) else ""
-    draw_text(
-        layout,
-        f"{kept}Solve would move the surface by {format_two_digits(away.rotation_deg)}° and "
-        f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame: to the pose from {used}, "
-        f"RMS {found.rms_px:.2f} px.",
-        icon="INFO",
-    )
-    layout.operator("oneframe.solve_landmarks", icon="CHECKMARK")
+    _draw_doubtful(layout, scene, solved)
 
 
 def _draw_doubtful(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
@@ -130,18 +132,15 @@ def _draw_doubtful(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
     for number, probability in enumerate(solved.probabilities):
         text = f"Pose {number + 1} of {len(solved.doubtful)}: {probability:.0%} by the clicks"
         layout.label(text=text, icon="HIDE_OFF" if number == shown else "BLANK1")
-    row = layout.row()
-    row.operator("oneframe.other_pose", icon="FILE_REFRESH")
-    draw_key(row, "oneframe.other_pose")
 
 
-def draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> None:
-    """Draw the standard deviations of a pose, and its least certain direction."""
+def draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty | None) -> None:
+    """Draw the standard deviations of a pose, and its least certain direction; without figures if not known."""
     box.label(text="Standard Deviations")
     columns = box.row(align=True)
     kinds = zip(
         (("Pitch", "Yaw", "Roll"), ("Right", "Down", "Depth")),
-        (uncertainty.rotation_deg, uncertainty.translation_mm),
+        np.full((2, 3), np.nan) if uncertainty is None else (uncertainty.rotation_deg, uncertainty.translation_mm),
         ("°", " mm"),
         strict=True,
     )
@@ -149,8 +148,8 @@ def draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> N
         column = columns.column(align=True)
         column.scale_y = 0.8
         for name, deviation in zip(names, deviations, strict=True):
-            column.label(text=f"{name} ± {format_two_digits(deviation)}{unit}")
-    draw_text(box, f"Least certain: {uncertainty.weakest}")
+            column.label(text=name if np.isnan(deviation) else f"{name} ± {format_two_digits(deviation)}{unit}")
+    draw_text(box, "" if uncertainty is None else f"Least certain: {uncertainty.weakest}", lines=2)
 
 
 def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) -> tuple[str, str]:

@@ -195,7 +195,7 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
     """
     pose = solved.doubtful[number]
     complete = complete_landmarks(from_scene.landmarks_model(scene))
-    record: dict[str, object] = {"method": "landmarks", "pairs": len(complete), "rms_px": _rms_px(scene, pose)}
+    record: dict[str, object] = {"method": "landmarks", "pairs": len(complete), "rms_px": rms_px(scene, pose)}
     if len(solved.doubtful) > 1:
         record["doubt"] = (
             f"{len(solved.doubtful)} poses fit the landmarks; this one is right with a probability of "
@@ -209,7 +209,7 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
     pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
 
 
-def _rms_px(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> float:
+def rms_px(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> float:
     """Root mean square reprojection error of all enabled pairs at a pose, px; infinite behind the camera."""
     points, pixels = landmark_arrays(tuple(complete_landmarks(from_scene.landmarks_model(scene)).values()))
     off_px = np.linalg.norm(from_scene.camera(scene).project(transform_points(cam_from_model, points)) - pixels, axis=1)
@@ -234,7 +234,7 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
         pivot = points.mean(axis=0)
     pulled = pull_pins(points, pixels, camera, cam_from_model, pivot, held=list(complete).index(held))
     set_cam_from_model(scene, pulled)
-    record = {"method": "pins", "pairs": len(points), "rms_px": _rms_px(scene, pulled)}
+    record = {"method": "pins", "pairs": len(points), "rms_px": rms_px(scene, pulled)}
     pose_evidence.remember(scene, record, pulled)
 
 
@@ -255,7 +255,7 @@ def follow(scene: bpy.types.Scene) -> None:
     except InputError:
         return
     is_rough = solved.estimate is None and len(solved.doubtful) == 1
-    if is_rough and _rms_px(scene, solved.doubtful[0]) >= _rms_px(scene, from_scene.cam_from_model(scene)):
+    if is_rough and rms_px(scene, solved.doubtful[0]) >= rms_px(scene, from_scene.cam_from_model(scene)):
         return
     if solved.estimate is not None or solved.doubtful:
         apply(scene, solved)

@@ -53,6 +53,12 @@ class ONEFRAME_PT_pose(AlignmentPanel):
             keys.enabled = False
             bindings = (binding("oneframe.nudge", axis=axis, step_px=sign * 1.0) for sign in (first_sign, -first_sign))
             keys.label(text="  ".join(_SHORT_NAMES.get(key, key) for key in bindings))
+        row = column.row(align=True)
+        for text, icon, anticlockwise in (("Roll -90°", "LOOP_BACK", True), ("Roll 90°", "LOOP_FORWARDS", False)):
+            row.operator("oneframe.quarter_turn", text=text, icon=icon).anticlockwise = anticlockwise
+        keys = row.row(align=True)
+        keys.enabled = False
+        keys.label(text="  ".join(binding("oneframe.quarter_turn", anticlockwise=each) for each in (True, False)))
         layout.label(text="Ctrl: 10 px, Shift: 0.1 px, Hold: Repeat", icon="INFO")
         layout.prop(settings, "show_gizmo")
 

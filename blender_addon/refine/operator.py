@@ -23,7 +23,7 @@ from ..state import from_scene, pose_evidence
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
-from .preview import Preview, take
+from .preview import Preview, preview_text, take
 
 
 class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
@@ -64,7 +64,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
         if not result.accepted and not result.can_be_taken:
             raise InputError(result.message)
         if not result.accepted:
-            self.report({"WARNING"}, result.message)
+            self.report({"WARNING"}, f"{preview_text(result)}: {result.objection}")
         self.show_result(context, result, self._start)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:

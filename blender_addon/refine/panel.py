@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import bpy
 
 from ..class_registration import class_registration
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record
@@ -13,17 +12,11 @@ from ..state import pose_evidence
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from . import operator
-from .preview import error_text
+from .preview import error_text, preview_text
+from .status_line import KINDS, kind_of
 
-KINDS = {
-    "landmarks": ("From landmarks", "EYEDROPPER"),
-    "pins": ("Pulled by pins", "PINNED"),
-    "refined": ("Refined against the image", "SNAP_ON"),
-    "manual": ("By hand", "VIEW_PAN"),
-    INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
-    OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
-}
-"""Method of a record -> its description and icon."""
+FIGURE_LINES, MESSAGE_LINES = 4, 6
+"""Of the slots that stay as high as they are when a result appears: no button moves under the pointer."""
 
 
 class ONEFRAME_PT_refine(AlignmentPanel):
@@ -40,28 +33,31 @@ class ONEFRAME_PT_refine(AlignmentPanel):
         draw_key(row, "oneframe.refine")
         try:
             found = operator.outcome(scene)
+            taken, previewed = operator.is_taken(scene), operator.is_previewed(scene)
         except InputError:
             return  # the panel Set up says what is wrong with the pose
-        if found is None:
-            return
-        refused, taken = found.can_be_taken, operator.is_taken(scene)
+        refused = found is not None and found.can_be_taken
+        row = layout.row()
+        row.enabled = refused and not taken and not previewed
+        row.operator("oneframe.take_refused", icon="HIDE_OFF")
         table = layout.column(align=True)
         head = table.split(factor=0.35)
         for name in ("", "Before", "Refused" if refused else "After"):
             head.label(text=name)
-        for name, before, after in (
-            ("Explained", f"{found.before.score:.0%}", f"{found.after.score:.0%}"),
-            ("Off By", error_text(found, refined=False), error_text(found, refined=True)),
-        ):
+        figures = {"Explained": ("", ""), "Off By": ("", "")}
+        message, icon = "", "NONE"
+        if found is not None:
+            figures["Explained"] = f"{found.before.score:.0%}", f"{found.after.score:.0%}"
+            figures["Off By"] = error_text(found, refined=False), error_text(found, refined=True)
+            message, icon = found.message, "CHECKMARK" if found.accepted else "ERROR"
+            if refused and (taken or previewed):
+                words = "Taken although refused" if taken else preview_text(found)
+                message = f"{words}: {found.objection}"
+        for name, values in figures.items():
             row = table.split(factor=0.35)
-            for text in (name, before, after):
+            for text in (name, *values):
                 row.label(text=text)
-        if taken:
-            draw_text(layout, f"Taken although refused: {found.objection}", icon="ERROR")
-        else:
-            draw_text(layout, found.message, icon="CHECKMARK" if found.accepted else "ERROR")
-        if refused and not taken and not operator.is_previewed(scene):
-            layout.operator("oneframe.take_refused", icon="HIDE_OFF")
+        draw_text(layout, message, icon=icon, lines=MESSAGE_LINES)
 
 
 class ONEFRAME_PT_evidence(AlignmentPanel):
@@ -73,23 +69,23 @@ class ONEFRAME_PT_evidence(AlignmentPanel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         try:
-            if operator.is_previewed(scene):
-                layout.label(text="Preview of the refinement", icon="SNAP_ON")
+            found = operator.outcome(scene)
+            if found is not None and operator.is_previewed(scene):
+                draw_text(layout, preview_text(found), icon="SNAP_ON", lines=1 + FIGURE_LINES)
                 return
             record = pose_record(scene)
-            given = pose_evidence.remembered(scene) == {} and record["method"] == "manual"
+            title, icon = kind_of(scene, record)
         except InputError:
             return  # the panel Set up says what is wrong with the pose
-        method = str(record.get("method", ""))
-        title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
-        layout.label(text="Given by the case, origin unknown" if given else title, icon=icon)
+        layout.label(text=title, icon=icon)
         if "doubt" in record:
             draw_text(layout, f"In doubt: {record['doubt']}", icon="ERROR")
         if "refused" in record:
             draw_text(layout, f"Taken although the refinement was refused: {record['refused']}", icon="ERROR")
         lines = layout.column(align=True)
         lines.scale_y = 0.8
-        for line in record_lines(record):
+        texts = record_lines(record)
+        for line in (*texts, *[""] * (FIGURE_LINES - len(texts))):
             lines.label(text=line)
         if "weakest" in record:
             draw_text(layout, f"Least certain: {record['weakest']}")

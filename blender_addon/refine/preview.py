@@ -94,6 +94,11 @@ class Preview(bpy.types.Operator):
         redraw()
 
 
+def preview_text(result: Refinement) -> str:
+    """What the preview shows: never as the pose that the panels call unchanged."""
+    return "Preview of a refused pose" if result.can_be_taken else "Preview of the refinement"
+
+
 def error_text(result: Refinement, *, refined: bool) -> str:
     """The estimated error of the initial or of the refined pose."""
     error_px = (result.after if refined else result.before).error_px

@@ -11,10 +11,11 @@ from ..pipeline import __version__
 from ..pipeline.alignment.landmarks.report import alignment_record
 from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.case.alignment_record import INITIAL_GUESS
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from ..pipeline.case.case_file import Case
 from ..state import from_scene, pose_evidence
 from ..state.initial_pose import has_initial_pose
+from .operators import doubt_of_size
 
 
 def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
@@ -36,6 +37,25 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
             return {"method": INITIAL_GUESS}
         return {"method": "manual", "tool": tool, "date": date}
     return alignment_record(solved.alignment, tool, date)
+
+
+def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """What is in doubt about the case while it lasts, in sentences: the surface's size, a pose nobody is sure of.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or no pose.
+    """
+    size, record = doubt_of_size(scene, from_scene.surface_extents(scene)), pose_record(scene)
+    found = [] if size is None else [f"In doubt: {size.message}."]
+    if record.get("method") == INITIAL_GUESS:
+        found.append("The pose is an initial guess: nobody has aligned it with the frame.")
+    if record.get("method") == OTHER_FRAME:
+        found.append("The pose is of another frame: nobody has aligned it with this one.")
+    if "doubt" in record:
+        found.append(f"The pose is in doubt: {record['doubt']}.")
+    return tuple(found)
 
 
 def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:

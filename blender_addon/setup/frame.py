@@ -4,7 +4,6 @@ from pathlib import Path
 
 import bpy
 from bpy.props import IntProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
 from ..pipeline.blender.bridge.image import read_image
@@ -14,7 +13,7 @@ from ..pipeline.errors import InputError
 from ..state import another_frame, from_scene, to_scene
 from ..state.initial_pose import set_initial_pose
 from ..state.scene_files import session_folder
-from ..ui.operator import Messages, Reporting, ReportingFile, available
+from ..ui.operator import Messages, OpensFile, Reporting, available
 from ..video.operators import VIDEOS
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
@@ -22,7 +21,7 @@ MASKS = "*.png;*.tif;*.tiff;*.bmp"
 _SUFFIX = "_masked"
 
 
-class ONEFRAME_OT_load_frame(ReportingFile, ImportHelper):
+class ONEFRAME_OT_load_frame(OpensFile):
     """Load the frame: one image of the microscope"""
 
     bl_label = "Load Frame"
@@ -34,7 +33,7 @@ class ONEFRAME_OT_load_frame(ReportingFile, ImportHelper):
         return to_scene.set_frame(context, path, read_image(path, path.name))
 
 
-class ONEFRAME_OT_load_video_frame(ReportingFile, ImportHelper):
+class ONEFRAME_OT_load_video_frame(OpensFile):
     """Load one frame of a video; it is saved as a PNG next to the video"""
 
     bl_label = "Load Video Frame"
@@ -54,7 +53,7 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, ImportHelper):
         return (f"frame {self.frame_index} saved as {path}", *messages)
 
 
-class ONEFRAME_OT_load_mask(ReportingFile, ImportHelper):
+class ONEFRAME_OT_load_mask(OpensFile):
     """Hide parts of the frame that show no surface: an image of its size, grey or with alpha, in which they are 0"""
 
     bl_label = "Load Mask"

@@ -1,23 +1,23 @@
 """Operators that open a case, or the sample; first they ask, if the present case has what its file lacks."""
 
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.blender.case.load_case import load_case
-from ..pipeline.case.case_file import read_case
+from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import differing_fields
 from ..pipeline.errors import InputError
 from ..state import from_scene, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose, set_initial_pose
-from ..ui.operator import Asking, Messages, OperatorResult, ReportingFile, call
+from ..ui.operator import Asking, Messages, OpensFile, OperatorResult, call
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """The sample in the built extension; a checkout has none."""
@@ -38,7 +38,12 @@ _WORDS = {
 """Field of a case -> its name in the window; the record of the pose changes with the pose only."""
 
 
-def unsaved_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
+def saved_case(path: Path) -> Case:
+    """The case as its file has it; it may have no pose."""
+    return read_case(path, posed=False)
+
+
+def unsaved_parts(scene: bpy.types.Scene, read: Callable[[Path], Case] = saved_case) -> tuple[str, ...]:
     """The parts of the scene's case that its file lacks, in words; of a case without a file, all that was aligned."""
     if not from_scene.is_set_up(scene):
         return ()
@@ -46,7 +51,7 @@ def unsaved_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
         return _aligned_parts(scene)
     path = from_scene.absolute_path(scene.oneframe.case_path)
     try:
-        saved = read_case(path, posed=False)
+        saved = read(path)
     except InputError:
         return ("all of it",)
     try:
@@ -80,13 +85,12 @@ def _aligned_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
     return tuple(parts if is_initial else ["pose", *parts])
 
 
-class ONEFRAME_OT_open_case(ReportingFile, ImportHelper):
+class ONEFRAME_OT_open_case(OpensFile):
     """Open a case file: frame, K, surface, structures, pose and landmarks"""
 
     bl_label = "Open Case"
 
     filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
-    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
     discard: bool = prop(
         BoolProperty,
         "Discard Changes",

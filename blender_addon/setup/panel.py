@@ -10,6 +10,7 @@ from ..state import from_scene, to_scene, workbench
 from ..state.to_scene import frame_warnings
 from ..state.workbench import OPEN, next_step
 from ..ui.panel import SidebarPanel, draw_text
+from .alignment_record import doubts
 
 
 class ONEFRAME_PT_setup(SidebarPanel):
@@ -115,7 +116,8 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
             draw_text(layout, message, icon="QUESTION")
     if from_scene.is_set_up(scene):
         try:
-            from_scene.cam_from_model(scene)
+            for message in doubts(scene):
+                draw_text(layout, message, icon="ERROR")
         except InputError as error:
             draw_text(layout, str(error), icon="ERROR")
             layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")

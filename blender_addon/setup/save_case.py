@@ -16,9 +16,10 @@ from ..pipeline.case.case_update import other_inputs, update_case
 from ..pipeline.case.case_writer import case_output
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene
-from ..state.scene_files import input_files, usual_folder
+from ..state.events import redraw
+from ..state.scene_files import forget_stamp, input_files, usual_folder
 from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, SavesFile, call
-from .alignment_record import recorded_case
+from .alignment_record import doubts, recorded_case
 from .kept_files import keep_beside
 
 
@@ -44,9 +45,15 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
     replace: bool = prop(
         BoolProperty, "Replace", "Replace a case of another frame or surface", options={"SKIP_SAVE", "HIDDEN"}
     )
+    in_doubt: bool = prop(
+        BoolProperty, "In Doubt", "Save without asking about what is in doubt", options={"SKIP_SAVE", "HIDDEN"}
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         settings = context.scene.oneframe
+        if not self.in_doubt and _doubts(context.scene):
+            call("save_in_doubt", "INVOKE_DEFAULT", save_as=self.save_as)
+            return {"CANCELLED"}
         known = bpy.path.abspath(settings.case_path)
         usual = usual_folder(context.scene) / "case.toml"
         if usual.exists():
@@ -76,10 +83,31 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         kept = keep_beside(scene, path.parent, collect=self.collect, replace=is_own)
         update_case(path, _with_kept_record(recorded_case(scene, path)))
         to_scene.remember_file(scene, read_case(path))
+        forget_stamp(from_scene.absolute_path(scene.oneframe.case_path))
+        redraw()
         if input_files(scene) != before:
             # else undo would bring back the file before, for the next save
             bpy.ops.ed.undo_push(message=self.bl_label)
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
+
+
+class ONEFRAME_OT_save_in_doubt(Asking):
+    """Ask whether to save a case whose size or pose is in doubt"""
+
+    bl_label = "Save Case in Doubt"
+    bl_options = {"INTERNAL"}
+
+    save_as: bool = prop(BoolProperty, options={"SKIP_SAVE", "HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not bpy.app.background
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        return self.ask(context, "Save in Doubt?", " ".join(_doubts(context.scene)), "Save")
+
+    def run(self, context: bpy.types.Context) -> None:
+        call("save_case", "INVOKE_DEFAULT", save_as=self.save_as, in_doubt=True)
 
 
 class ONEFRAME_OT_replace_case(Asking):
@@ -102,6 +130,13 @@ class ONEFRAME_OT_replace_case(Asking):
 
     def run(self, context: bpy.types.Context) -> None:
         call("save_case", filepath=self.filepath, collect=self.collect, replace=True)
+
+
+def _doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
+    try:
+        return doubts(scene)
+    except InputError:
+        return ()  # saving says what is wrong with the pose
 
 
 def _is_tied(scene: bpy.types.Scene, path: Path) -> bool:

@@ -82,6 +82,11 @@ def known_stamp(path: Path) -> Stamp:
     return _stamps[path]
 
 
+def forget_stamp(path: Path) -> None:
+    """Look again at a file that was just written."""
+    _stamps.pop(path, None)
+
+
 def _stamp(path: Path) -> Stamp:
     try:
         return from_scene.stamp(path)

@@ -13,7 +13,7 @@ from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 from ..state.events import areas
-from .operator import Messages, OperatorResult, Reporting
+from .operator import Messages, OperatorResult, Reporting, open_beside
 
 POLL_SECONDS = 0.1
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
@@ -203,7 +203,10 @@ class OpensInBackground(InBackground, ImportHelper):
     filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
+        if self.filepath:
+            return self.start(context)
+        open_beside(self, context.scene)
+        return ImportHelper.invoke(self, context, event)
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         """Called by Blender, also by the file dialog."""

@@ -1,5 +1,6 @@
 """Base classes of the add-on's operators: an error becomes one message in the status bar and changes nothing."""
 
+import os
 import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Any, Literal
 
 import bpy
 from bpy.props import CollectionProperty, StringProperty
-from bpy_extras.io_utils import ExportHelper
+from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
@@ -105,6 +106,23 @@ class ReportingFile(Reporting):
         if not path.name or path.is_dir():
             raise InputError(f"expected a file, found {filepath or 'none'}; choose a file or type its name")
         return path
+
+
+class OpensFile(ReportingFile, ImportHelper):
+    """Mixin for operators that read a file: their dialog begins beside the case or its frame, once there is one."""
+
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        open_beside(self, context.scene)
+        return ImportHelper.invoke(self, context, event)
+
+
+def open_beside(operator: bpy.types.Operator, scene: bpy.types.Scene) -> None:
+    """Let the file dialog of an operator begin in the folder of the scene's files, unless a file is given."""
+    folder = usual_folder(scene)
+    if not operator.filepath and folder.name:  # type: ignore[attr-defined]  # from ImportHelper
+        operator.filepath = f"{folder}{os.sep}"  # type: ignore[attr-defined]
 
 
 class ChosenFiles(bpy.types.Operator):

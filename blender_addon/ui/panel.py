@@ -26,13 +26,13 @@ class AlignmentPanel(SidebarPanel):
         return from_scene.is_set_up(context.scene)
 
 
-def draw_text(layout: bpy.types.UILayout, text: str, *, icon: str = "NONE") -> None:
-    """Draw a text of any length as labels, wrapped to the width of the sidebar."""
+def draw_text(layout: bpy.types.UILayout, text: str, *, icon: str = "NONE", lines: int = 1) -> None:
+    """Draw a text of any length as labels, wrapped to the width of the sidebar; it is at least ``lines`` high."""
     region = bpy.context.region
     scale = bpy.context.preferences.system.ui_scale
     width = 230 if region is None else region.width / scale
-    lines = textwrap.wrap(text, max(20, int((width - 50) / CHARACTER_PX)))
+    texts = textwrap.wrap(text, max(20, int((width - 50) / CHARACTER_PX)))
     column = layout.column(align=True)
     column.scale_y = 0.75
-    for number, line in enumerate(lines):
+    for number, line in enumerate((*texts, *[""] * (lines - len(texts)))):
         column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")

@@ -22,6 +22,9 @@ MAGNIFICATIONS = (1 / 16, 64.0)
 MARGIN_PX = 8
 """Between the frame and what surrounds it, at interface scale 1."""
 
+STATUS_PX = 20.0
+"""Height of a line of the status on top of a view, at interface scale 1."""
+
 DRAWN_S = 0.05
 """Time after which a view has been drawn once; before that its regions have no sizes."""
 
@@ -109,7 +112,7 @@ def free_rectangle(area: bpy.types.Area) -> tuple[np.ndarray, np.ndarray]:
     """Lower left and upper right corner (px of the view's region) of what is left of a 3D view for frame and loupe."""
     low, high = uncovered_rectangle(area)
     below = max((height_of(area) for height_of in reserved), default=0.0)
-    low = np.maximum(low, [0.0, below])
+    low, high = np.maximum(low, [0.0, below]), high - [0.0, STATUS_PX * bpy.context.preferences.system.ui_scale]
     return (low, high) if (high > low).all() else uncovered_rectangle(area)
 
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import bpy
 from bpy.props import StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
 from ..pipeline.errors import InputError
@@ -18,7 +17,7 @@ from ..state.events import redraw
 from ..state.scene_files import input_files
 from ..ui.background_operator import InBackground, Work
 from ..ui.keymap import DRILL_TOOL
-from ..ui.operator import Messages, Reporting, ReportingFile, SavesFile, available
+from ..ui.operator import Messages, OpensFile, Reporting, SavesFile, available
 from . import drill_session, drill_strokes
 from .loaded import key_of, loaded_ct
 from .margins import margins_of, structures_of
@@ -106,13 +105,12 @@ def _set_strokes(scene: bpy.types.Scene, strokes: Any) -> None:
         session.follow(drill_strokes.strokes_of(scene))
 
 
-class ONEFRAME_OT_open_plan(NeedsCT, ReportingFile, ImportHelper):
+class ONEFRAME_OT_open_plan(NeedsCT, OpensFile):
     """Open a plan of the drill: its strokes and margins replace the present ones"""
 
     bl_label = "Open Plan"
 
     filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
-    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()

@@ -128,11 +128,19 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, gat
     with pytest.raises(RuntimeError, match="Refused"):
         bpy.ops.oneframe.refine()
     found = refine.outcome(opened).found
+    # shown, it is named as what it is; the pose before it is unchanged
+    status = importlib.import_module("blender_addon.refine.status_line").status
+    assert "Refused: " in status(opened)[0]
+    importlib.import_module("blender_addon.state.pose").set_cam_from_model(opened, found)
+    bpy.context.view_layer.update()
+    assert "Preview of a refused pose, off by ≥ " in status(opened)[0]
+    importlib.import_module("blender_addon.state.pose").set_cam_from_model(opened, start)
     bpy.ops.ed.undo_push(message="refused")
     assert bpy.ops.oneframe.take_refused() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="taken")
     assert np.array_equal(gather.cam_from_model(opened), found)
     assert refine.is_taken(opened)
+    assert "off by at least" in status(opened)[0]
     message = refine.outcome(opened).message
     drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
     solve = importlib.import_module("blender_addon.landmarks.solve")

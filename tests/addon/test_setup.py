@@ -226,6 +226,54 @@ def test_a_nudge_moves_the_pivot_by_its_step(opened):
         assert np.allclose(second - first, expected, atol=1e-9)
 
 
+def test_a_quarter_turn_rolls_about_the_view_ray_and_four_are_none(opened):
+    from blender_addon.state.pose import pivot_of
+
+    pivot, _ = pivot_of(opened)
+    poses = [updated_pose(opened)]
+    for _ in range(4):
+        bpy.ops.oneframe.quarter_turn()
+        poses.append(updated_pose(opened))
+    places = [pose[:3, :3] @ pivot + pose[:3, 3] for pose in poses]
+    assert np.allclose(places, places[0], atol=1e-9)
+    # clockwise in an image whose y axis points down: right becomes down
+    assert np.allclose(poses[1][:2, :3], [-poses[0][1, :3], poses[0][0, :3]], atol=1e-12)
+    assert np.allclose(poses[2][:2, :3], -poses[0][:2, :3], atol=1e-12)
+    assert np.allclose(poses[4], poses[0], atol=1e-9)
+    bpy.ops.oneframe.quarter_turn(anticlockwise=True)
+    assert np.allclose(updated_pose(opened), poses[3], atol=1e-9)
+
+
+def test_what_is_in_doubt_is_said_until_it_is_put_right(addon, case_path):
+    from blender_addon.refine.status_line import status
+    from blender_addon.setup.alignment_record import doubts
+    from blender_addon.state import pose_evidence
+
+    folder = case_path.parent
+    bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
+    bpy.ops.oneframe.load_camera(filepath=str(case_path))
+    bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"), units="m")
+    scene = bpy.context.scene
+    size, guess = doubts(scene)
+    assert "surface.ply: the surface is" in size
+    assert "initial guess" in guess
+    bpy.ops.oneframe.change_units(units="mm")
+    assert doubts(scene) == (guess,)
+    line, said = status(scene)
+    assert line.startswith("frame.png, not saved  |  Initial guess")
+    assert said == (guess,)
+    bpy.ops.oneframe.nudge(axis="x")
+    assert doubts(scene) == ()
+    pose_evidence.remember(scene, {"method": "landmarks", "doubt": "two poses fit"}, updated_pose(scene))
+    assert doubts(scene) == ("The pose is in doubt: two poses fit.",)
+    bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
+    assert status(scene)[0].startswith("new.toml, saved  |  From landmarks")
+    opened_again = read_case(folder / "new.toml")
+    assert opened_again.alignment["doubt"] == "two poses fit"
+    bpy.ops.oneframe.nudge(axis="x")
+    assert status(scene)[0].startswith("new.toml, not saved: pose  |  By hand")
+
+
 @pytest.mark.parametrize(
     ("kind", "matrix"),
     [

@@ -1,5 +1,7 @@
 """What the user would lose is asked about: another case, quitting, a unit; colouring can be stopped."""
 
+from pathlib import Path
+
 import bpy
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
@@ -7,6 +9,7 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 from bl_ext.user_default.oneframe.dataset import background_job
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_reader import read_mesh
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
+from bl_ext.user_default.oneframe.refine.status_line import status
 from bl_ext.user_default.oneframe.setup.open_case import unsaved_parts
 
 
@@ -85,6 +88,7 @@ def scenario(user):
     yield from user.key("Q", user.middle(), ctrl=True)
     yield 0.7
     yield from user.picture("4_quitting")
+    assert "Render Dataset continues it next time" in status(scene)[0]
     yield from user.key("ESC")
     yield 0.3
     assert background_job.current().check(), "the run goes on until the user answers"
@@ -93,6 +97,14 @@ def scenario(user):
     yield from user.until(lambda: not background_job.current().running, "the end of the run")
     assert user.case.read_bytes() == text
     assert (user.folder / "dataset.case.toml").is_file()
+
+    # dialogs begin beside the case
+    with user.context():
+        bpy.ops.oneframe.load_surface("INVOKE_DEFAULT")
+    selector = yield from user.file_selector()
+    assert Path(selector.spaces.active.params.directory.decode()) == user.case.parent
+    yield from user.key("ESC", (selector.x + selector.width / 2, selector.y + selector.height / 2))
+    yield 0.5
 
     # a mesh in metres: asked about, and put right by the answer
     mesh, _ = read_mesh(user.case.parent / "surface.ply")
@@ -104,3 +116,14 @@ def scenario(user):
     yield from user.key("RET")
     yield from user.until(lambda: settings.units == "m", "the other unit")
     yield from user.picture("6_units")
+
+    # a pose that nobody has aligned: asked about, Return is the safe answer
+    for answer, dialogs in (("RET", 0), ("S", 1)):
+        with user.context():
+            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")
+        yield 0.7
+        yield from user.picture(f"7_in_doubt_{answer}")
+        yield from user.key(answer)
+        yield 0.7
+        found = [area for area in user.window.screen.areas if area.type == "FILE_BROWSER"]
+        assert len(found) == dialogs, answer

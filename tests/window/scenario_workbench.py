@@ -167,5 +167,6 @@ def users_state(user):
         [area.type for area in screen.areas],
         (space.shading.type, space.shading.light, space.shading.color_type, space.lens, space.clip_start),
         (view.view_perspective, tuple(view.view_location), view.view_distance, tuple(view.view_rotation)),
-        (space.show_region_ui, space.overlay.show_floor, space.lock_camera),
+        (space.show_region_ui, space.overlay.show_floor, space.lock_camera, space.show_region_toolbar),
+        bpy.data.workspaces["Layout"].tools.from_space_view3d_mode("OBJECT", create=False).idname,
     )

@@ -1,0 +1,143 @@
+"""The line on top of the workbench's largest 3D view: which case, saved or not, how good its pose is, what comes next.
+
+What is in doubt follows it in red. It draws only, and looks at no file that has not changed.
+"""
+
+import textwrap
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..class_registration import at_end, class_registration, drawing
+from ..dataset import background_job
+from ..landmarks import solve
+from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.case.case_file import Case
+from ..pipeline.errors import InputError
+from ..pipeline.files.numbers import format_two_digits
+from ..setup.alignment_record import doubts, pose_record
+from ..setup.open_case import saved_case, unsaved_parts
+from ..state import from_scene, pose_evidence, workbench
+from ..state.events import areas
+from ..state.scene_files import Stamp, known_stamp
+from ..ui.strokes import Colour, Strokes
+from ..view.zoom import STATUS_PX, uncovered_rectangle
+from . import operator
+from .preview import error_text, preview_text
+
+PLAIN: Colour = (1.0, 1.0, 1.0, 1.0)
+DOUBT: Colour = (1.0, 0.45, 0.35, 1.0)
+
+KINDS = {
+    "landmarks": ("From landmarks", "EYEDROPPER"),
+    "pins": ("Pulled by pins", "PINNED"),
+    "refined": ("Refined against the image", "SNAP_ON"),
+    "manual": ("By hand", "VIEW_PAN"),
+    INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
+    OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
+}
+"""Method of a record -> its description and icon."""
+
+
+def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
+    """The line, and what is in doubt.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or no valid pose.
+    """
+    settings = scene.oneframe
+    name = bpy.path.basename(settings.case_path or settings.frame_path) or "New case"
+    parts = unsaved_parts(scene, _saved_case)
+    saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
+    line = f"{name}, {saved}  |  {pose_text(scene)}"
+    step = next_step(scene, is_saved=saved == "saved")
+    return f"{line}  |  {step}" if step else line, doubts(scene)
+
+
+def pose_text(scene: bpy.types.Scene) -> str:
+    """How the shown pose was found, and its error."""
+    found = operator.outcome(scene)
+    if found is not None and operator.is_previewed(scene):
+        return f"{preview_text(found)}, off by {error_text(found, refined=True)}"
+    record = pose_record(scene)
+    text, _ = kind_of(scene, record)
+    error_px = record.get("error_px")
+    if isinstance(error_px, float):
+        return f"{text}, off by {'at least' if 'refused' in record else 'about'} {format_two_digits(error_px)} px"
+    rms_px = record.get("rms_px")
+    if rms_px is None and complete_landmarks(from_scene.landmarks_model(scene)):
+        rms_px = solve.rms_px(scene, from_scene.cam_from_model(scene))
+    return f"{text}, RMS of the pairs {rms_px:.2f} px" if isinstance(rms_px, float) else text
+
+
+def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, str]:
+    """How a pose with this record was found, in words, and the icon for it."""
+    method = str(record.get("method", ""))
+    title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
+    is_given = pose_evidence.remembered(scene) == {} and method == "manual"
+    return "Given by the case, origin unknown" if is_given else title, icon
+
+
+def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
+    """What the user does next."""
+    job = background_job.current()
+    if job is not None and job.running:
+        # Blender's own question before it quits cannot say so
+        return "A dataset renders: quitting stops it, Render Dataset continues it next time"
+    if missing := workbench.next_step(scene):
+        return missing
+    found, record = operator.outcome(scene), pose_record(scene)
+    if operator.is_previewed(scene):
+        return "Esc: go back" if found is not None and found.can_be_taken else "Enter: keep it, Esc: go back"
+    if found is not None and not found.accepted and not operator.is_taken(scene):
+        return f"Refused: {found.objection}; bring the surface nearer" if found.objection else found.message
+    if len(solve.solution(scene).doubtful) > 1:
+        return "O: the other pose"
+    if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:
+        return "Next: drag pins, or pick landmarks"
+    if record.get("method") != "refined":
+        return "Next: F refines it against the image"
+    return "Next: Render Dataset" if is_saved else "Next: Save Case"
+
+
+def _saved_case(path: Path) -> Case:
+    return _read(path, known_stamp(path))
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path, _stamp: Stamp) -> Case:
+    return saved_case(path)
+
+
+def _draw() -> None:
+    context = bpy.context
+    scene, window = context.scene, context.window
+    if not from_scene.is_set_up(scene) or context.area is None or scene.oneframe_ct.drilling:
+        return
+    views = [area for shown, area in areas("VIEW_3D") if shown == window]
+    if context.area != max(views, key=lambda area: area.width, default=None):
+        return
+    try:
+        line, in_doubt = status(scene)
+    except InputError:
+        return  # the panel Set up says what is wrong with the pose
+    strokes = Strokes()
+    low, high = uncovered_rectangle(context.area)
+    at = np.array([low[0] + 10 * strokes.unit, high[1] - 16 * strokes.unit])
+    for text, colour in ((line, PLAIN), *((text, DOUBT) for text in in_doubt)):
+        room = (high[0] - at[0] - 10 * strokes.unit) / max(strokes.width_of(text), 1.0)
+        for each in textwrap.wrap(text, max(20, int(len(text) * room)), drop_whitespace=True):
+            strokes.text(at, each, colour)
+            at = at - [0.0, STATUS_PX * strokes.unit]
+    strokes.draw()
+
+
+register, unregister = class_registration(
+    __name__, at_end(_read.cache_clear), drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL")
+)

@@ -14,7 +14,7 @@ from ..ui.panel import AlignmentPanel, SidebarPanel, draw_text
 from . import solve, tool
 from .solve import Solution
 
-MESSAGE_LINES = 4
+MESSAGE_LINES = 6
 """Height of the slot for what the landmarks say."""
 
 

@@ -45,7 +45,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
         scene = context.scene
         loaded = from_scene.loaded_case(scene, aligned=False)
         result = _refinement_of(scene, loaded)(progress=None)
-        _remember(result)
+        _remember(result, scene.oneframe.frame_path)
         taken = self.take_refused and result.can_be_taken
         if not result.accepted and not taken:
             raise InputError(result.message)
@@ -60,7 +60,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         check_inputs(context.scene, self._inputs)
-        _remember(result)
+        _remember(result, context.scene.oneframe.frame_path)
         if not result.accepted and not result.can_be_taken:
             raise InputError(result.message)
         if not result.accepted:
@@ -128,23 +128,25 @@ def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
 
 
 _last: Refinement | None = None
-"""The latest refinement; valid for its two poses only."""
+"""The latest refinement; valid for its two poses, in its frame, only."""
+_frame_path = ""
+"""Its frame."""
 
 
-def _remember(result: Refinement | None) -> None:
-    global _last
-    _last = result
+def _remember(result: Refinement | None, frame_path: str = "") -> None:
+    global _last, _frame_path
+    _last, _frame_path = result, frame_path
 
 
 def outcome(scene: bpy.types.Scene) -> Refinement | None:
-    """The latest refinement if the current pose is its result, or if it was refused at this pose; otherwise ``None``.
+    """The latest refinement, in this frame, if the current pose is its result, or if it was refused at this pose.
 
     Raises
     ------
     InputError
         There is no pose.
     """
-    if _last is None:
+    if _last is None or _frame_path != scene.oneframe.frame_path:
         return None
     pose = from_scene.cam_from_model(scene)
     return _last if any(np.array_equal(pose, each) for each in (_last.cam_from_model, _last.found)) else None

@@ -35,14 +35,14 @@ from ..ui.operator import (
     available,
 )
 
-CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
+CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
 SURFACES = f"{MESHES};{RECORD}"
 
 
 class ONEFRAME_OT_load_camera(OpensFile):
-    """Load K: a case file, JSON, OpenCV YAML or XML, BOP camera.json, COLMAP cameras.txt, NumPy, Vision6D pickle"""
+    """Load K: a case file, JSON, OpenCV YAML, BOP camera.json, COLMAP cameras.txt, NumPy, Vision6D pickle"""
 
     bl_label = "Load K"
 

@@ -6,7 +6,7 @@ from ..class_registration import class_registration
 from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
-from ..state import from_scene, workbench
+from ..state import from_scene, to_scene, workbench
 from ..state.to_scene import frame_warnings
 from ..state.workbench import OPEN, next_step
 from ..ui.panel import SidebarPanel, draw_text
@@ -59,9 +59,11 @@ class ONEFRAME_PT_camera(SidebarPanel):
         layout, typed = self.layout, context.scene.oneframe.camera
         # no keyframes: K is not animated
         layout.use_property_split, layout.use_property_decorate = True, False
-        column = layout.column(align=True)
-        for name in ("width", "height"):
-            column.prop(typed, name)
+        if to_scene.frame_size(context.scene) is None:
+            # else those of the frame
+            column = layout.column(align=True)
+            for name in ("width", "height"):
+                column.prop(typed, name)
         column = layout.column(align=True)
         for name in ("fx", "fy", "cx", "cy"):
             column.prop(typed, name)

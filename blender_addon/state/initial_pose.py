@@ -9,7 +9,7 @@ from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import Ball, TriangleMesh
-from . import from_scene
+from . import from_scene, pose_evidence
 from .camera_view import follow_surface
 
 INITIAL_POSE, FOCUS = "oneframe_first_pose", "oneframe_focus"
@@ -26,6 +26,18 @@ def has_initial_pose(scene: bpy.types.Scene) -> bool:
         There is no camera or surface, or the surface is scaled, sheared or mirrored.
     """
     return is_initial(from_scene.surface_of(scene), from_scene.cam_from_model(scene))
+
+
+def is_sought(scene: bpy.types.Scene) -> bool:
+    """Whether the surface began at an initial pose, and neither four landmarks nor a refinement have found one yet."""
+    surface = from_scene.present_surface(scene)
+    if surface is None or INITIAL_POSE not in surface:
+        return False
+    try:
+        is_refined = pose_evidence.is_refined(scene)
+    except InputError:
+        return False
+    return not is_refined and sum(entry.has_point and entry.has_pixel for entry in scene.oneframe.landmarks) < 4
 
 
 def is_initial(surface: bpy.types.Object, pose: np.ndarray) -> bool:

@@ -106,7 +106,9 @@ def is_refined(scene: bpy.types.Scene) -> bool:
 def _is_left(scene: bpy.types.Scene) -> bool:
     """Whether the present pose is that of another frame, and nobody has moved the surface in this one."""
     left = exact(from_scene.surface_of(scene), LEFT_POSE)
-    return bool(scene.oneframe.aligned_path) and np.array_equal(left, from_scene.cam_from_model(scene))
+    if left is None or not scene.oneframe.aligned_path:
+        return False
+    return np.array_equal(left, from_scene.cam_from_model(scene))
 
 
 def _stored(scene: bpy.types.Scene) -> dict[str, Any] | None:

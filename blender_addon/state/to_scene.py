@@ -157,7 +157,7 @@ def frame_warnings(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | None]:
-    """Intrinsics and distortion from the panel's fields.
+    """Intrinsics, for the size of the loaded frame, and distortion from the panel's fields.
 
     Raises
     ------
@@ -167,7 +167,8 @@ def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | No
     typed = scene.oneframe.camera
     fx, fy, cx, cy = (_number(getattr(typed, name), name) for name in ("fx", "fy", "cx", "cy"))
     k = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
-    camera = PinholeCamera.from_matrix(k, size=(typed.width, typed.height), pixel_origin=typed.pixel_origin, where="K")
+    size = frame_size(scene) or (typed.width, typed.height)
+    camera = PinholeCamera.from_matrix(k, size=size, pixel_origin=typed.pixel_origin, where="K")
     if not typed.distortion.strip():
         return camera, None
     try:

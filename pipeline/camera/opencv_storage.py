@@ -1,12 +1,10 @@
-"""YAML and XML as OpenCV and ROS write them: blocks of keys, lists in brackets, numbers and words.
+"""YAML as OpenCV and ROS write it: blocks of keys, lists in brackets, numbers and words.
 
 OpenCV's own parser crashes on files nested deeply, and takes hours for others.
 """
 
-import io
 import json
 import re
-import xml.etree.ElementTree as ET
 
 from ..errors import InputError
 from ..files.tables import MOST_LEVELS, parsed_json
@@ -23,13 +21,11 @@ def opencv_table(text: str, where: str) -> object:
         No such text, or lists and tables more than :data:`.MOST_LEVELS` deep in one another.
     """
     try:
-        if text.lstrip().startswith("<"):
-            return _element(_xml_root(text))
         lines = [line.rstrip() for line in text.expandtabs().splitlines()]
         lines = [line for line in lines if line.strip() and not re.match(r"\s*#|%YAML|---|\.\.\.$", line)]
         return _block([(len(line) - len(line.lstrip()), line.strip()) for line in lines][::-1], 0)
-    except (ValueError, ET.ParseError, InputError) as error:
-        raise InputError(f"{where}: expected YAML or XML as OpenCV writes it, cannot read it ({error})") from None
+    except (ValueError, InputError) as error:
+        raise InputError(f"{where}: expected YAML as OpenCV writes it, cannot read it ({error})") from None
 
 
 def _block(lines: list[tuple[int, str]], level: int) -> object:
@@ -67,27 +63,6 @@ def _value(text: str) -> object:
     if text.startswith(("[", "{")):
         return parsed_json(_WORD.sub(lambda word: json.dumps(_scalar(word[0])), text), "in brackets")
     return _scalar(text)
-
-
-def _xml_root(text: str) -> ET.Element:
-    if "<!DOCTYPE" in text:
-        raise ValueError("a document type")
-    events = ET.iterparse(io.BytesIO(re.sub(r"^\s*<\?xml.*?\?>", "", text).encode()), ("start", "end"))
-    depth = 0
-    for event, _ in events:
-        depth += 1 if event == "start" else -1
-        if depth > MOST_LEVELS:
-            raise ValueError(f"more than {MOST_LEVELS} levels")
-    return events.root  # type: ignore[attr-defined, no-any-return]
-
-
-def _element(element: ET.Element) -> object:
-    children, text = list(element), (element.text or "").strip()
-    if children:
-        inside = [(child.tag, _element(child)) for child in children]
-        return [value for _, value in inside] if children[0].tag == "_" else dict(inside)
-    words = [_scalar(word) for word in text.split()]
-    return words if len(words) > 1 and not any(isinstance(word, str) for word in words) else _scalar(text)
 
 
 def _scalar(text: str) -> object:

@@ -111,14 +111,17 @@ class RayTracer:
         if self._source is None or self._pivot_model is None:
             return self._exact(eye, meet, None)
         scale = footprint_scale(self._source, self._pivot_model, self._camera, cam_from_model)
+        is_image = isinstance(self._shader, ImageShader)
+        return self.smoothed(self._exact(eye, meet, scale if is_image else None), cam_from_model, scale)
+
+    def smoothed(self, exact: RenderedView, cam_from_model: np.ndarray, scale: float) -> RenderedView:
+        """An exact view of a pose, anti-aliased: see :func:`.anti_aliasing.smoothed`."""
+        eye = self._eye(cam_from_model)
 
         def cast(u: np.ndarray, v: np.ndarray, texel_share: float) -> tuple[np.ndarray, np.ndarray]:
             return self._in_pixels(eye, u, v, texel_share)
 
-        is_image = isinstance(self._shader, ImageShader)
-        return smoothed(
-            self._exact(eye, meet, scale if is_image else None), self._camera, scale, cast, vertex_colours=not is_image
-        )
+        return smoothed(exact, self._camera, scale, cast, vertex_colours=isinstance(self._shader, VertexShader))
 
     def _eye(self, cam_from_model: np.ndarray) -> _Eye:
         k_inverse = np.linalg.inv(self._camera.k)

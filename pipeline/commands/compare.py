@@ -37,11 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the comparison and report the similarity for each photograph."""
     with explained_imports():
-        from ..blender.case.load_case import load_case
+        from ..blender.case.load_case import load_case, read_photographs
         from ..blender.evaluation.comparison import SHEET, check_comparisons, write_comparisons
         from ..case.case_file import read_case
         from ..dataset.check.findings import printable
-        from ..evaluation.photographs import read_photographs
     output = own_output()
     case = read_case(arguments.case)
     loaded = load_case(case)

@@ -17,7 +17,7 @@ EPILOG = """examples:
 
 PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
 Methods are projective, texture or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
-projective-fill-raster, paper-pyvista, paper-cycles, paper-pytorch3d, and all. The command writes
+projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes
 evaluation.json, frames.csv, summary.md, summary.tex, figure.png, pairs.png, pictures/ and charts. FID and KID need
 --inception: the documentation says how to export that file.
 """

@@ -45,9 +45,9 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..case.case_file import read_case
         from ..dataset.layout import RECORD
+        from ..evaluation.record.evaluation_record import EVALUATION
         from ..files.content import write_bytes_atomically
         from ..files.outputs import check_outputs, made_folder, writing
-        from ..report.evaluation_folder import EVALUATION
     root, out = arguments.folder, arguments.out
     is_evaluation = (root / EVALUATION).is_file()
     case = None if arguments.case is None or is_evaluation else read_case(arguments.case)
@@ -61,8 +61,11 @@ def run(arguments: argparse.Namespace) -> int:
         with explained_imports():
             from ..dataset.check.check_dataset import check_dataset
             from ..report.dataset_page import dataset_page
-            from ..report.dataset_views import open_dataset
-        open_dataset(root)
+        if not (root / RECORD).is_file():
+            raise InputError(
+                f"{root}: expected the folder of a dataset or of an evaluation, found neither {RECORD} nor "
+                f"{EVALUATION} in it; give the folder that --out named"
+            )
         if root.resolve() in out.resolve().parents:
             raise InputError(
                 f"{out}: expected a file outside the folder of the dataset, whose check reports files that no dataset "

@@ -16,7 +16,7 @@ from ..files.content import write_bytes_atomically
 
 COMMENT = "# "
 """Begins each line of the conditions in a table (CSV)."""
-PACKAGES = ("numpy", "opencv-contrib-python-headless", "scikit-image", "pyvista", "vtk", "torch", "pytorch3d")
+PACKAGES = ("numpy", "opencv-contrib-python-headless", "scikit-image", "pyvista", "vtk", "torch")
 """Those whose versions are kept, where they are installed."""
 
 

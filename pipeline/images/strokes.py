@@ -14,13 +14,6 @@ _BLOCK = 1 << 16
 """Pixels whose distance is computed at a time."""
 
 
-def divided(segments: np.ndarray, longest_px: float = LONGEST_PX) -> np.ndarray:
-    """Cut ``(N, 2, 2)`` segments into equal pieces of at most ``longest_px``: ``(M, 2, 2)``."""
-    segment, along = pieces_of(np.hypot(*(segments[:, 1] - segments[:, 0]).T), longest_px)
-    start, direction = segments[segment, 0], segments[segment, 1] - segments[segment, 0]
-    return start[:, None] + along[:, :, None] * direction[:, None]
-
-
 def pieces_of(lengths: np.ndarray, longest_px: float = LONGEST_PX) -> tuple[np.ndarray, np.ndarray]:
     """``(N,)`` lengths -> ``(M,)`` segment of each piece, ``(M, 2)`` where on it the piece begins and ends, 0..1."""
     count = np.maximum(np.ceil(lengths / longest_px), 1).astype(np.int64)
@@ -46,7 +39,9 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
     ``(M,)`` index ``row * width + column`` of each pixel in increasing order, and ``(M,)`` float32 distance of its
     centre to the nearest segment, px.
     """
-    pieces = divided(segments)
+    segment, along = pieces_of(np.hypot(*(segments[:, 1] - segments[:, 0]).T))
+    start, direction = segments[segment, 0], segments[segment, 1] - segments[segment, 0]
+    pieces = start[:, None] + along[:, :, None] * direction[:, None]
     radius = _radius(reach_px, LONGEST_PX)
     middle = np.rint(0.5 * (pieces[:, 0] + pieces[:, 1]))
     kept = ((middle >= -radius) & (middle < np.array(shape_hw[::-1]) + radius)).all(axis=1)

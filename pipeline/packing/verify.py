@@ -4,12 +4,12 @@ import tarfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
 
 from ..dataset.check.findings import Findings
-from ..dataset.checksums import FileSum, damaged_file
+from ..dataset.checksums import damaged_file
 from ..dataset.dataset_file import Description, read_description
 from ..dataset.layout import RECORD, ViewPaths, largest_view_file
 from ..errors import InputError, RunError
@@ -115,7 +115,9 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
     """Check the files beside the shards, and that there are no others."""
     for name in sorted({*TABLES, *manifest.files}):
         known = manifest.files.get(name)
-        problem = f"{MANIFEST} does not list {name}" if known is None else _changed(folder, name, known)
+        problem = (
+            f"{MANIFEST} does not list {name}" if known is None else damaged_file(folder, name, known, hashes=True)
+        )
         if problem:
             findings.add(DAMAGED, problem)
     shards = {shard_name(shard.number) for shard in manifest.shards}
@@ -131,41 +133,33 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
             findings.add(DAMAGED, f"{RECORD}: it describes another dataset than the one that {MANIFEST} names")
 
 
-def _changed(folder: Path, name: str, known: FileSum) -> str | None:
-    return damaged_file(folder, name, known, hashes=True)
-
-
+@dataclass
 class _ShardCheck:
-    """The check of one shard."""
+    """The check of one shard, beside the dataset if its ``source`` is given; ``found`` are kinds and messages."""
 
-    def __init__(
-        self,
-        folder: Path,
-        manifest: Manifest,
-        shard: PackedShard,
-        description: Description | None,
-        source: Source | None,
-    ) -> None:
-        self.found: list[tuple[str, str]] = []
-        self._folder, self._manifest, self._shard = folder, manifest, shard
-        self._description, self._source = description, source
-        self._most = 0 if description is None else largest_view_file(*description.camera.size_wh)
-        self._name = shard_name(shard.number)
-        self._jpeg = manifest.jpeg_quality is not None
+    folder: Path
+    manifest: Manifest
+    shard: PackedShard
+    description: Description | None
+    source: Source | None
+    found: list[tuple[str, str]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._name = shard_name(self.shard.number)
 
     def run(self, progress: Progress) -> int:
         """Check hash and members; gives the number of views that were compared with the dataset."""
-        problem = _changed(self._folder, self._name, self._shard.sum)
+        problem = damaged_file(self.folder, self._name, self.shard.sum, hashes=True)
         if problem is not None:
             self._add(DAMAGED, problem)
         compared, loss = 0, ColourLoss()
-        if problem is None or (self._folder / self._name).is_file():
+        if problem is None or (self.folder / self._name).is_file():
             for index, members in self._views():
-                if self._source is not None and members is not None:
-                    loss += self._compare(ViewPaths(self._source.root, index), members, self._source)
+                if self.source is not None and members is not None:
+                    loss += self._compare(ViewPaths(self.source.root, index), members, self.source)
                     compared += 1
                 progress.advance()
-        if problem is None and compared == len(self._shard.views) and loss != self._shard.loss:
+        if problem is None and compared == len(self.shard.views) and loss != self.shard.loss:
             self._add(OTHER, f"{self._name}: its loss by JPEG is not the one in {MANIFEST}: {loss}")
         return compared
 
@@ -174,14 +168,17 @@ class _ShardCheck:
 
     def _views(self) -> Iterator[tuple[int, dict[str, bytes] | None]]:
         """Each view with its members by suffix, or ``None`` if they are not all there; stops where the archive does."""
-        if self._description is None:
+        if self.description is None:
             return
-        suffixes = member_suffixes(jpeg=self._jpeg, float_depth=self._description.float_depth)
-        keys = {view_key(ViewPaths(self._folder, index)): index for index in self._shard.views}
+        suffixes = member_suffixes(
+            jpeg=self.manifest.jpeg_quality is not None, float_depth=self.description.float_depth
+        )
+        keys = {view_key(ViewPaths(self.folder, index)): index for index in self.shard.views}
         expected = [f"{key}.{suffix}" for key in keys for suffix in suffixes]
+        most = largest_view_file(*self.description.camera.size_wh)
         try:
-            with tarfile.open(self._folder / self._name, "r:") as archive:
-                names = [entry.name for entry in archive if entry.isreg() and entry.size <= self._most]
+            with tarfile.open(self.folder / self._name, "r:") as archive:
+                names = [entry.name for entry in archive if entry.isreg() and entry.size <= most]
                 if names != expected:
                     self._describe_difference(names, expected)
                     return
@@ -206,9 +203,9 @@ class _ShardCheck:
 
     def _compare(self, paths: ViewPaths, members: dict[str, bytes], source: Source) -> ColourLoss:
         """Compare the members of a view with those that the dataset makes now; gives what JPEG has lost."""
-        quality, camera = self._manifest.jpeg_quality, source.description.camera
+        quality, camera = self.manifest.jpeg_quality, source.description.camera
         # another OpenCV may compress to other bytes: JPEG is compared with the image
-        order = ShardOrder(source.root, self._folder, 0, (paths.index,), source.description.identity, camera)
+        order = ShardOrder(source.root, self.folder, 0, (paths.index,), source.description.identity, camera)
         found, loss, jpeg = dict[str, bytes](), ColourLoss(), members.get("rgb.jpg")
         try:
             found = dict(view_members(order, paths)[0])

@@ -9,19 +9,22 @@ from typing import TextIO
 import cv2
 import numpy as np
 
+from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..dataset.check.check_dataset import CheckReport
-from ..dataset.layout import ViewPaths
+from ..dataset.dataset_file import Description, read_description
+from ..dataset.layout import RECORD, ViewPaths
 from ..errors import InputError
 from ..files.content import read_content
 from ..images.image_check import check_image
 from ..progress import Progress
-from ..transforms import camera_centre
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, checked_rigid
 from .check_section import badge, check_section
-from .dataset_views import DatasetFolder, ShownView, open_dataset, shown_message, shown_view
+from .dataset_views import ShownView, shown_message, shown_view
 from .page import THREE, asset, html_page, page_footer, page_header, spaced
-from .provenance import provenance_section
-from .surface_model import ColouredSurface, read_surface
+from .provenance import part_of, provenance_section
+from .surface_model import packed_surface, read_surface
 from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitted, limited_picture
 from .view_geometry import SourceFrame
 
@@ -50,9 +53,10 @@ QUANTITIES = (
 class _Page:
     """What the parts of the page share."""
 
-    folder: DatasetFolder
-    surface: ColouredSurface | None
-    source: SourceFrame | None
+    root: Path
+    description: Description
+    surface: tuple[TriangleMesh, np.ndarray] | None
+    source: SourceFrame
     problems: list[str]
 
 
@@ -70,7 +74,7 @@ def dataset_page(
     Parameters
     ----------
     root
-        The dataset's folder. What is missing or damaged in it is named on the page.
+        The dataset's folder. What is missing or damaged of its views and its model is named on the page.
     views
         Show this many views, evenly spaced; 0 for all.
     check
@@ -87,10 +91,12 @@ def dataset_page(
     InputError
         No dataset, or one of another format.
     """
-    folder = open_dataset(root)
-    page = _read(folder)
+    page = _read(root)
     frames = _frames(page, case)
-    sample = folder.sample(views)
+    description, camera = page.description, page.description.camera
+    sample = list(range(description.count))
+    if 0 < views < description.count:
+        sample = sorted(set(np.linspace(0, description.count - 1, views).round().astype(int).tolist()))
     shown = fitted(
         sample,
         lambda index, quality: shown_view(root, index, quality),
@@ -100,16 +106,14 @@ def dataset_page(
     )
     for view in shown:
         page.problems.extend(view.problems)
-    camera = folder.camera
-    size = "" if camera is None else f"{camera.width} × {camera.height} px"
-    options = folder.part("options")
+    options = part_of(description.content, "options")
     facts = [
-        f"{spaced(folder.count)} views",
-        f"object {folder.description['object']}" if "object" in folder.description else "",
-        size,
+        f"{spaced(description.count)} views",
+        f"object {description.name}",
+        f"{camera.width} × {camera.height} px",
         f"{options['engine']}, {options['colour']}" if {"engine", "colour"} <= options.keys() else "",
         f"sampler {options['sampler']}" if "sampler" in options else "",
-        f"shown: {spaced(len(sample))}, evenly spaced" if len(sample) < folder.count else "",
+        f"shown: {spaced(len(sample))}, evenly spaced" if len(sample) < description.count else "",
     ]
     resolved = root.resolve()
     header = page_header(
@@ -121,40 +125,42 @@ def dataset_page(
     body = string.Template(asset("dataset.html")).substitute(
         header=header,
         check=check_section(check, page.problems),
-        provenance=provenance_section(folder),
+        provenance=provenance_section(description),
         footer=page_footer(),
     )
     data = {
         "quantities": QUANTITIES,
-        "camera": None if camera is None else [camera.width, camera.height, *camera.k.ravel()[[0, 4, 2, 5]].tolist()],
+        "camera": [camera.width, camera.height, *camera.k.ravel()[[0, 4, 2, 5]].tolist()],
         "views": [_view_data(view, page) for view in shown],
-        "source": None if page.source is None else _source_data(page.source),
-        "surface": None if page.surface is None else page.surface.reduced().packed(),
+        "source": _source_data(page.source),
+        "surface": None if page.surface is None else packed_surface(*page.surface),
         "frames": frames,
     }
     title = f"{resolved.name} · OneFrame dataset"
     return html_page(title=title, body=body, data=data, scripts=SCRIPTS, libraries=(THREE,))
 
 
-def _read(folder: DatasetFolder) -> _Page:
-    problems, surface = list(folder.problems), None
+def _read(root: Path) -> _Page:
+    description, problems, surface = read_description(root / RECORD), [], None
     try:
-        surface = read_surface(folder.root)
+        surface = read_surface(root)
     except InputError as error:
-        problems.append(shown_message(error, folder.root))
-    source = None
-    if folder.source is not None:
-        camera, pose = folder.source
-        source = SourceFrame.of(camera, pose, None if surface is None else surface.mesh)
-    elif folder.description:
-        problems.append("dataset.json: expected the camera and the pose of the frame, found none")
-    return _Page(folder, surface, source, problems)
+        problems.append(shown_message(error, root))
+    given, where = part_of(description.content, "frame"), f"{root / RECORD}: frame"
+    try:
+        k = [[given["fx"], 0, given["cx"]], [0, given["fy"], given["cy"]], [0, 0, 1]]
+        camera = PinholeCamera.from_matrix(k, size=(given["width"], given["height"]), where=where)
+        pose, _ = checked_rigid(given["cam_from_model"], where)
+    except KeyError as missing:
+        raise InputError(f"{where}: expected a key {missing}, it is missing; copy the dataset again") from None
+    source = SourceFrame.of(camera, pose, None if surface is None else surface[0])
+    return _Page(root, description, surface, source, problems)
 
 
 def _view_data(view: ShownView, page: _Page) -> dict[str, object]:
     data: dict[str, object] = {
         "index": view.index,
-        "file": ViewPaths(page.folder.root, view.index).relative("rgb"),
+        "file": ViewPaths(page.root, view.index).relative("rgb"),
         "picture": None if view.picture is None else base64_text(view.picture),
         "layers": None if view.layers is None else base64_text(view.layers),
         "range": None if view.range_mm is None else [round(value, 3) for value in view.range_mm],
@@ -165,13 +171,12 @@ def _view_data(view: ShownView, page: _Page) -> dict[str, object]:
     pose, visible = view.record.cam_from_model, view.record.gt_info.px_count_visib
     data["centre"] = np.round(camera_centre(pose), 4).tolist()
     data["rotation"] = np.round(pose[:3, :3], 6).ravel().tolist()
-    if page.source is not None:
-        data["angle"] = round(page.source.angle_deg(pose), 3)
-        data["distance"] = round(page.source.distance_of(pose), 3)
+    data["angle"] = round(page.source.angle_deg(pose), 3)
+    data["distance"] = round(page.source.distance_of(pose), 3)
     if visible > 0:
         data["observed"] = round(100 * view.record.px_count_observed / visible, 2)
-    if page.folder.camera is not None:
-        data["surface"] = round(100 * visible / (page.folder.camera.width * page.folder.camera.height), 2)
+    camera = page.description.camera
+    data["surface"] = round(100 * visible / (camera.width * camera.height), 2)
     return data
 
 
@@ -191,7 +196,7 @@ def _frames(page: _Page, case: Case | None) -> dict[str, object]:
     note, frames = [], []
     if case is not None:
         data = read_content(case.image, "the frame of the case")
-        known = page.folder.part("inputs_sha256").get("frame")
+        known = part_of(page.description.content, "inputs_sha256").get("frame")
         if known is not None and hashlib.sha256(data).hexdigest() != known:
             note.append(
                 "This is another frame than the one that was rendered: its SHA-256 differs from dataset.json's."
@@ -200,10 +205,10 @@ def _frames(page: _Page, case: Case | None) -> dict[str, object]:
             note.append("The frame is shown as it was taken; overlay and views are undistorted.")
         frames.append({"name": "Frame", **_frame(data, case.image.name)})
     try:
-        data = read_content(page.folder.root / OVERLAY, "the overlay of the frame", OVERLAY)
+        data = read_content(page.root / OVERLAY, "the overlay of the frame", OVERLAY)
         frames.append({"name": "Overlay", **_frame(data, OVERLAY)})
     except InputError as error:
-        page.problems.append(shown_message(error, page.folder.root))
+        page.problems.append(shown_message(error, page.root))
     if case is None and frames:
         note.append("The frame itself is not part of a dataset; --case CASE.toml adds it.")
     return {"pictures": frames, "note": " ".join(note)}

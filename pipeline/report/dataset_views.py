@@ -1,117 +1,19 @@
 """The views of a dataset for a page, read tolerantly: what is missing or damaged is named, and the rest is shown."""
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
 from ..dataset.check.findings import printable
-from ..dataset.layout import FORMAT, MOST_VIEWS, RECORD, SPLIT, ViewPaths, largest_view_file, occupied_views
+from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.run.resume_record import ViewRecord, read_record
 from ..errors import InputError, RunError
-from ..files.content import LARGEST_TEXT, read_content
-from ..files.tables import parsed_json
+from ..files.content import read_content
 from ..images.image_check import LARGEST_IMAGE, check_image
-from ..transforms import checked_rigid
 from .thumbnails import Quality, shrunk, webp
 from .view_layers import ViewLayers
-
-
-@dataclass(frozen=True)
-class DatasetFolder:
-    """A dataset on disk.
-
-    Attributes
-    ----------
-    root
-        Its folder.
-    description
-        ``dataset.json``; empty if it cannot be read.
-    count
-        Number of views.
-    problems
-        What cannot be read of the folder itself.
-    """
-
-    root: Path
-    description: Mapping[str, Any]
-    count: int
-    problems: tuple[str, ...] = ()
-
-    def part(self, name: str) -> Mapping[str, Any]:
-        """A table of the description, empty if it is no table."""
-        value = self.description.get(name)
-        return value if isinstance(value, dict) else {}
-
-    @property
-    def camera(self) -> PinholeCamera | None:
-        """The views' intrinsics; ``None`` if the description has none."""
-        return _camera(self.part("camera"), "camera")
-
-    @property
-    def source(self) -> tuple[PinholeCamera, np.ndarray] | None:
-        """The source frame's intrinsics and ``cam_from_model``."""
-        given = self.part("frame")
-        camera = _camera(given, "frame")
-        try:
-            pose, _ = checked_rigid(given.get("cam_from_model"), f"{RECORD}: frame")
-        except InputError:
-            return None
-        return None if camera is None else (camera, pose)
-
-    def sample(self, views: int) -> list[int]:
-        """Numbers of evenly spaced views, all if ``views`` is 0 or too large."""
-        if not views or views >= self.count:
-            return list(range(self.count))
-        return sorted(set(np.linspace(0, self.count - 1, views).round().astype(int).tolist()))
-
-
-def _camera(given: Mapping[str, Any], name: str) -> PinholeCamera | None:
-    try:
-        k = [[given["fx"], 0, given["cx"]], [0, given["fy"], given["cy"]], [0, 0, 1]]
-        return PinholeCamera.from_matrix(k, size=(given["width"], given["height"]), where=f"{RECORD}: {name}")
-    except (InputError, KeyError):
-        return None
-
-
-def open_dataset(root: Path) -> DatasetFolder:
-    """Read the description of a dataset, and how many views it has.
-
-    Raises
-    ------
-    InputError
-        No dataset, or one of another format.
-    """
-    if not (root / RECORD).is_file() and not (root / SPLIT).is_dir():
-        raise InputError(
-            f"{root}: expected the folder of a dataset or of an evaluation, found neither {RECORD} nor evaluation.json "
-            "in it; give the folder that --out named"
-        )
-    problems, description = [], {}
-    try:
-        content = parsed_json(
-            read_content(root / RECORD, "the description of a dataset", RECORD, most=LARGEST_TEXT), RECORD
-        )
-        if not isinstance(content, dict):
-            raise InputError(f"{RECORD}: expected the description of a dataset, found no table")
-        description = content
-    except InputError as error:
-        problems.append(shown_message(error, root))
-    if description and description.get("format") != FORMAT:
-        raise InputError(
-            f"{root / RECORD}: expected the format {FORMAT!r}, found {json.dumps(description.get('format'))[:60]}; "
-            "use the version of OneFrame that made it"
-        )
-    count = description.get("count")
-    if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= MOST_VIEWS:
-        count = occupied_views(root)
-        problems.append(f"{RECORD}: the number of views is unknown: the page shows those that the folder holds")
-    return DatasetFolder(root, description, count, tuple(problems))
 
 
 def shown_message(error: object, root: Path) -> str:

@@ -1,19 +1,24 @@
 """The page that shows an evaluation: pictures side by side, scores with confidence intervals, and charts."""
 
+import json
 import re
 import string
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import cv2
 import numpy as np
 
+from ..dataset.check.findings import printable
 from ..errors import InputError
+from ..evaluation.conditions import Conditions
+from ..evaluation.record.evaluation_record import EVALUATION, evaluation_bytes, read_evaluation
+from ..files.content import read_content
 from ..images.image_check import check_image
 from ..progress import Progress
 from .check_section import problem_list
-from .evaluation_folder import EVALUATION, FIGURES, EvaluationFolder, open_evaluation
 from .page import asset, escaped, html_page, page_footer, page_header, property_table
 from .thumbnails import (
     PAGE_BYTES,
@@ -25,6 +30,9 @@ from .thumbnails import (
     sized_picture,
 )
 
+LISTS = ("cases", "methods", "rows", "summary", "distribution", "bound", "pictures")
+FIGURES = (("figure.png", "Real frames and what the methods make of them"), ("pairs.png", "Pairs of novel poses"))
+"""Pictures beside the description, and what they show."""
 PARTS = ("real", "segmented", "rendered", "difference")
 SCRIPTS = ("elements.js", "slider.js", "table.js", "intervals.js", "evaluation.js")
 FIGURE_SHARE = 0.3
@@ -36,75 +44,72 @@ DARK = "-dark"
 """Ends the name of a chart for dark pages."""
 
 
-def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO | None = None) -> bytes:
+@dataclass(frozen=True)
+class _Folder:
+    """The folder of an evaluation, and which of its pictures cannot be used."""
+
+    root: Path
+    problems: list[str]
+
+    def file(self, name: str) -> bytes | None:
+        """The content of a file in the folder; ``None``, with an entry in ``problems``, if it cannot be had."""
+        try:
+            path = (self.root / name).resolve()
+            if not path.is_relative_to(self.root.resolve()):
+                raise InputError(f"{name}: expected a file in the folder of the evaluation, found one elsewhere")
+            return read_content(path, "a picture of the evaluation", name)
+        except (InputError, OSError, ValueError, RuntimeError) as error:
+            self.problems.append(printable(str(error).replace(f"{self.root.resolve()}/", "")))
+            return None
+
+
+def evaluation_page(root: Path) -> bytes:
     """Make the page.
 
     Parameters
     ----------
     root
         The evaluation's folder. What is missing in it is named on the page.
-    most_bytes
-        Of all pictures together, as text.
-    stream
-        Stream for the progress.
 
     Raises
     ------
     InputError
         No evaluation, or one of another format.
     """
-    folder = open_evaluation(root)
-    methods, cases = folder.rows("methods"), folder.rows("cases")
-    figures = _figures(folder, round(FIGURE_SHARE * most_bytes))
-    pictures = folder.rows("pictures")
-    names = sorted({entry[part] for entry in pictures for part in PARTS if isinstance(entry.get(part), str)})
+    evaluation, folder = read_evaluation(root / EVALUATION), _Folder(root, [])
+    content = json.loads(evaluation_bytes(evaluation))
+    figures = _figures(folder, evaluation.charts, round(FIGURE_SHARE * PAGE_BYTES))
+    names = sorted({entry[part] for entry in content["pictures"] for part in PARTS})
     used = sum(len(figure[theme]["uri"]) for figure in figures for theme in ("light", "dark") if figure[theme])
-    files = _encoded(folder, names, most_bytes - used, stream)
-    rows = folder.rows("rows")
+    files = _encoded(folder, names, PAGE_BYTES - used)
     resolved = root.resolve()
     facts = [
-        _counted(len(cases), "case"), _counted(len({*_frames(rows)}), "photograph"),
-        _counted(sum("skipped" not in method for method in methods), "method"),
-        str(folder.content.get("conditions", {}).get("measured") or ""),
-    ]  # fmt: skip
-    distribution = folder.rows("distribution")
-    missing = folder.content.get("missing")
+        _counted(len(evaluation.cases), "case"),
+        _counted(len({(row.case, row.image) for row in evaluation.rows}), "photograph"),
+        _counted(len(evaluation.ran), "method"),
+        evaluation.conditions.measured,
+    ]
     data = {
-        # without their paths, which are of this computer
-        "cases": [{"name": case.get("name")} for case in cases],
-        "methods": methods,
-        "rows": rows,
-        "summary": folder.rows("summary"),
-        "distribution": distribution,
-        "bound": folder.rows("bound"),
-        "pictures": [
-            {key: entry.get(key) for key in ("case", "image", "method", *PARTS)} for entry in pictures
-        ],
+        **{name: content[name] for name in LISTS},
         "files": files,
-        "meanings": {str(name): str(text) for name, text in folder.content.get("scores", {}).items()},
+        "meanings": content["scores"],
         "figures": figures,
-    }  # fmt: skip
+    }
     body = string.Template(asset("evaluation.html")).substitute(
         header=page_header(kind="evaluation", name=resolved.name, facts=[fact for fact in facts if fact]),
-        missing="" if not isinstance(missing, str) else f"<p class='muted'>{escaped(missing)}</p>",
-        conditions=_conditions(folder.content.get("conditions", {})),
+        missing=f"<p class='muted'>{escaped(evaluation.missing)}</p>" if evaluation.missing else "",
+        conditions=_conditions(evaluation.conditions),
         problems=problem_list("Not shown on this page", sorted({*folder.problems})),
         footer=page_footer(three=False),
     )
     return html_page(title=f"{resolved.name} · OneFrame evaluation", body=body, data=data, scripts=SCRIPTS)
 
 
-def _frames(rows: list[dict[str, Any]]) -> list[tuple[object, object]]:
-    return [(row.get("case"), row.get("image")) for row in rows]
-
-
 def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def _encoded(
-    folder: EvaluationFolder, names: list[str], most_bytes: int, stream: TextIO | None
-) -> dict[str, dict[str, Any]]:
+def _encoded(folder: _Folder, names: list[str], most_bytes: int) -> dict[str, dict[str, Any]]:
     """The pictures by name, with the best quality that fits."""
 
     def encoded(name: str, quality: Quality) -> dict[str, Any] | None:
@@ -116,12 +121,12 @@ def _encoded(
         encoded,
         lambda picture: 0 if picture is None else len(picture["uri"]),
         most_bytes=most_bytes,
-        progress=lambda count: Progress(count, "pictures", stream=stream),
+        progress=lambda count: Progress(count, "pictures"),
     )
     return {name: picture for name, picture in zip(names, shown, strict=True) if picture}
 
 
-def _decoded(folder: EvaluationFolder, name: str) -> np.ndarray | None:
+def _decoded(folder: _Folder, name: str) -> np.ndarray | None:
     """A picture on white, BGR; ``None``, with a problem, if it is missing or damaged."""
     data = folder.file(name)
     if data is None:
@@ -137,12 +142,11 @@ def _decoded(folder: EvaluationFolder, name: str) -> np.ndarray | None:
     return image
 
 
-def _figures(folder: EvaluationFolder, most_bytes: int) -> list[dict[str, Any]]:
+def _figures(folder: _Folder, charts: Sequence[str], most_bytes: int) -> list[dict[str, Any]]:
     """Figures and charts, each for light and for dark pages where both are there."""
-    charts = [(name, "") for name in folder.content.get("charts", [])]
     fixed = [(name, title) for name, title in FIGURES if (folder.root / name).is_file()]
     by_stem: dict[str, dict[str, Any]] = {}
-    for name, title in [*fixed, *charts]:
+    for name, title in [*fixed, *((chart, "") for chart in charts)]:
         stem, _, kind = name.rpartition(".")
         theme = "dark" if stem.endswith(DARK) else "light"
         entry = by_stem.setdefault(stem.removesuffix(DARK), {"light": None, "dark": None, "title": title})
@@ -158,7 +162,7 @@ def _figures(folder: EvaluationFolder, most_bytes: int) -> list[dict[str, Any]]:
     return figures
 
 
-def _figure(folder: EvaluationFolder, name: str | None, most_bytes: int) -> dict[str, Any] | None:
+def _figure(folder: _Folder, name: str | None, most_bytes: int) -> dict[str, Any] | None:
     if name is None:
         return None
     if name.lower().endswith(".svg"):
@@ -177,15 +181,12 @@ def _svg_size(data: bytes) -> dict[str, float]:
     return {} if found is None else {"width": float(found[1]), "height": float(found[2])}
 
 
-def _conditions(conditions: Mapping[str, Any]) -> str:
-    if not conditions:
-        return f"<p class='muted'>{EVALUATION} names no conditions.</p>"
-    versions, configuration = (conditions.get(name) for name in ("versions", "configuration"))
-    rows = [(name, escaped(conditions[name])) for name in ("machine", "measured") if conditions.get(name)]
-    tables = [property_table(rows, caption="Machine")]
-    for caption, part in (("Versions", versions), ("Configuration", configuration)):
-        if isinstance(part, dict) and part:
-            tables.append(
-                property_table([(str(name), escaped(value)) for name, value in part.items()], caption=caption)
-            )
+def _conditions(conditions: Conditions) -> str:
+    machine = {"machine": conditions.machine, "measured": conditions.measured}
+    tables = [
+        property_table([(name, escaped(value)) for name, value in part.items()], caption=caption)
+        for caption, part in (
+            ("Machine", machine), ("Versions", conditions.versions), ("Configuration", conditions.configuration),
+        )
+    ]  # fmt: skip
     return f'<div class="columns">{"".join(tables)}</div>'

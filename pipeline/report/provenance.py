@@ -5,34 +5,37 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ..dataset.identity import identity_of
-from .dataset_views import DatasetFolder
+from ..dataset.dataset_file import Description
 from .page import escaped, property_table
 
 LONGEST = 200
 """Characters of a value."""
 
 
-def provenance_section(folder: DatasetFolder) -> str:
+def part_of(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """A table of ``dataset.json``, empty if it is no table."""
+    value = content.get(name)
+    return value if isinstance(value, dict) else {}
+
+
+def provenance_section(description: Description) -> str:
     """The content of the section: run, options, cameras, and hashes of the inputs."""
-    given = folder.description
-    if not given:
-        return "<p class='lead bad'>dataset.json is missing or damaged: nothing is known of the run.</p>"
-    run = [(name, _value(value)) for name, value in folder.part("versions").items()]
+    given = description.content
+    run = [(name, _value(value)) for name, value in part_of(given, "versions").items()]
     run += [("views", _value(given.get("count"))), ("surface", _value(given.get("object")))]
     run += [("units", f"{_value(given.get('mm_per_unit'))} mm"), ("conventions", _value(given.get("conventions")))]
-    run += [("identity", _hash(identity_of(given)))]
-    options = [(name, _value(value)) for name, value in folder.part("options").items()]
-    hashes = [(name, _hash(value)) for name, value in folder.part("inputs_sha256").items()]
+    run += [("identity", _hash(description.identity))]
+    options = [(name, _value(value)) for name, value in part_of(given, "options").items()]
+    hashes = [(name, _hash(value)) for name, value in part_of(given, "inputs_sha256").items()]
     hashes += [("geometry", _hash(given.get("geometry_sha256")))]
     if "poses_sha256" in given:
         hashes.append(("listed poses", _hash(given["poses_sha256"])))
-    structures = [(name, _swatch(colour)) for name, colour in folder.part("structures").items()]
+    structures = [(name, _swatch(colour)) for name, colour in part_of(given, "structures").items()]
     tables = [
         property_table(run, caption="Run"),
         property_table(options, caption="Options"),
-        property_table(_camera(folder.part("camera")), caption="Camera of the views"),
-        property_table(_camera(folder.part("frame")), caption="Camera of the source frame"),
+        property_table(_camera(part_of(given, "camera")), caption="Camera of the views"),
+        property_table(_camera(part_of(given, "frame")), caption="Camera of the source frame"),
         property_table(hashes, caption="SHA-256 of the inputs"),
     ]
     if structures:

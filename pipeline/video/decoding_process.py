@@ -96,7 +96,7 @@ def _answer(task: str, name: str, arguments: str) -> None:
     try:
         from . import decoder, film_decoder
 
-        tasks = (decoder.info, decoder.frame, film_decoder.film, film_decoder.frames)
+        tasks = (decoder.info, decoder.frame, film_decoder.film)
         for part in {each.__name__: each for each in tasks}[task](Path(name), *json.loads(arguments)):
             write(_VALUE, part)
         write(_END, b"")

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..images.image_check import LARGEST_FRAME
-from .decoder import decoded_frame, open_video, packet_times_ms, picture_bytes
+from .decoder import open_video, packet_times_ms
 
 FRAME_HEAD = struct.Struct("<Qdd")
 """Number of the frame, its time in ms, its comb ratio; then the pixels of the small picture."""
@@ -103,23 +103,6 @@ def film(path: Path, width: int, every: int, from_s: float, to_s: float | None) 
         head = FRAME_HEAD.pack(index, time_ms, comb_ratio(image[..., 1]))
         small = image if tuple(small_wh) == (width_px, height_px) else _shrunk(image, small_wh)
         yield head + cv2.cvtColor(small, cv2.COLOR_BGR2RGB).tobytes()
-
-
-def frames(path: Path, *numbers: int) -> Iterator[bytes]:
-    """The frames with these numbers in increasing order, as :func:`.decoder.frame` has them, by decoding all.
-
-    For films whose frames cannot be found by their times. A frame that is missing gives nothing.
-    """
-    capture, wanted = open_video(path), set(numbers)
-    times_ms = sorted(packet_times_ms(path))
-    unique = all(one < other for one, other in pairwise(times_ms))
-    count = 0
-    while capture.grab() and wanted:
-        index = bisect_left(times_ms, float(capture.get(cv2.CAP_PROP_POS_MSEC))) if unique else count
-        count += 1
-        if index in wanted:
-            wanted.discard(index)
-            yield picture_bytes(index, decoded_frame(capture, path, index, grabbed=True))
 
 
 def comb_ratio(plane: np.ndarray) -> float:

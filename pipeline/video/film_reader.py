@@ -3,7 +3,7 @@
 import json
 import math
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +14,6 @@ import numpy as np
 from ..errors import InputError
 from .decoding_process import DecodingError, decoded_apart, undecodable
 from .film_decoder import FRAME_HEAD
-from .frame_reader import picture
 
 SMALL_WIDTH = 480
 """Width in px of the small pictures."""
@@ -139,22 +138,6 @@ class Film:
         except DecodingError:
             # what could be decoded is used
             self.broken = True
-
-
-def read_film_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
-    """The frames with these numbers, in increasing order, by decoding the whole film; see :func:`read_video_frame`.
-
-    Yields
-    ------
-    Number and ``(H, W, 3)`` uint8 RGB; nothing for a frame that cannot be decoded.
-    """
-    parts = decoded_apart("frames", path, *sorted(numbers))
-    try:
-        yield from map(picture, parts)
-    except DecodingError as error:
-        raise undecodable(path, error) from None
-    finally:
-        parts.close()  # type: ignore[attr-defined]
 
 
 class Thumbnails:

@@ -1,20 +1,18 @@
 """What the selection leaves in a folder: the chosen frames, each also with its mask as alpha, a sheet, a table."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ..errors import InputError
 from ..files.content import write_bytes_atomically
 from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ..files.tables import write_csv
 from ..images.contact_sheet import contact_sheet, downscaled
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
-from .film_reader import read_film_frames
 from .frame_mask import tissue_mask, without_combs
 from .frame_reader import read_video_frame, write_new
 from .frame_scores import COMBED, FilmScores, FrameScore
@@ -72,9 +70,6 @@ def write_frames(
     out: Path,
     scores: FilmScores,
     chosen: Sequence[FrameScore],
-    *,
-    inputs: Mapping[str, Path] | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> list[ChosenFrame]:
     """Write frames, masked frames, contact sheet and table.
 
@@ -84,10 +79,6 @@ def write_frames(
         The film, and the folder, which is created if it does not exist.
     scores, chosen
         Of the film; the frames to write, the best first.
-    inputs
-        Files that must not be replaced, besides the video.
-    progress
-        Called after each frame with the fraction done; an exception that it raises stops the work.
 
     Raises
     ------
@@ -96,32 +87,25 @@ def write_frames(
     RunError
         A file cannot be written.
     """
-    files = {each.index: _files(video, out, each) for each in chosen}
-    outputs = [out / SHEET, out / TABLE, *(path for pair in files.values() for path in pair)]
-    check_outputs(outputs, {"video": video, **(inputs or {})})
+    files = [_files(video, out, each) for each in chosen]
+    check_outputs([out / SHEET, out / TABLE, *(path for pair in files for path in pair)], {"video": video})
     made_folder(out / SHEET)
-    by_index = {each.index: number for number, each in enumerate(scores.frames)}
-    written: dict[int, ChosenFrame] = {}
-    tiles: dict[int, list[np.ndarray]] = {}
-    for index, pixels in _pictures(video, scores, [each.index for each in chosen]):
-        score = scores.frames[by_index[index]]
-        image_file, masked_file = files[index]
-        picture = without_combs(pixels) if score.comb > COMBED else pixels
-        mask = tissue_mask(picture, scores.compared[by_index[index]], scores.inside, scores.circle)
+    written: list[ChosenFrame] = []
+    tiles: list[np.ndarray] = []
+    for rank, (score, (image_file, masked_file)) in enumerate(zip(chosen, files, strict=True), start=1):
+        picture = _picture(video, score)
+        mask = tissue_mask(picture, scores.compared[scores.frames.index(score)], scores.inside, scores.circle)
         write_new(image_file, encode_png(picture))
         write_new(masked_file, _encoded_masked(picture, mask))
-        written[index] = ChosenFrame(score, image_file, masked_file, float(mask.mean()))
-        tiles[index] = _tiles(picture, mask, score, [each.index for each in chosen].index(index) + 1)
-        if progress:
-            progress(len(written) / len(chosen))
-    in_order = [each.index for each in chosen if each.index in written]
-    if in_order:
-        sheet = contact_sheet([tile for index in in_order for tile in tiles[index]], columns=2, tile_width=TILE_WIDTH)
+        written.append(ChosenFrame(score, image_file, masked_file, float(mask.mean())))
+        tiles += _tiles(picture, mask, score, rank)
+    if tiles:
+        sheet = contact_sheet(tiles, columns=2, tile_width=TILE_WIDTH)
         with writing(out / SHEET):
             write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
     with writing(out / TABLE):
-        write_csv(out / TABLE, COLUMNS, _rows(scores.frames, in_order))
-    return [written[index] for index in in_order]
+        write_csv(out / TABLE, COLUMNS, _rows(scores.frames, [each.index for each in chosen]))
+    return written
 
 
 def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore, *, masked: bool = False) -> Path:
@@ -150,24 +134,20 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     image_file, masked_file = _files(video, folder, score)
     written = masked_file if masked else image_file
     check_outputs([written], {"video": video})
-    for _, pixels in _pictures(video, scores, [score.index]):
-        picture = without_combs(pixels) if score.comb > COMBED else pixels
-        if masked:
-            compared = scores.compared[scores.frames.index(score)]
-            mask = tissue_mask(picture, compared, scores.inside, scores.circle)
-            write_new(written, _encoded_masked(picture, mask))
-        else:
-            write_new(written, encode_png(picture))
-        return written
-    raise InputError(f"{video.name}: cannot decode frame {score.index}; use another frame")
-
-
-def _pictures(video: Path, scores: FilmScores, numbers: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
-    """Number and picture of each frame: found by its time, or in a damaged film by counting."""
-    if scores.broken or not scores.info.unique_times:
-        yield from read_film_frames(video, numbers)
+    picture = _picture(video, score)
+    if masked:
+        compared = scores.compared[scores.frames.index(score)]
+        mask = tissue_mask(picture, compared, scores.inside, scores.circle)
+        write_new(written, _encoded_masked(picture, mask))
     else:
-        yield from ((number, read_video_frame(video, number)) for number in numbers)
+        write_new(written, encode_png(picture))
+    return written
+
+
+def _picture(video: Path, score: FrameScore) -> np.ndarray:
+    """A frame at full size; of an interlaced one the upper field."""
+    pixels = read_video_frame(video, score.index)
+    return without_combs(pixels) if score.comb > COMBED else pixels
 
 
 def _files(video: Path, out: Path, score: FrameScore) -> tuple[Path, Path]:

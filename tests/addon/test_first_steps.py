@@ -4,9 +4,12 @@ import re
 import shutil
 
 import bpy
+import numpy as np
 import pytest
 
+from blender_addon.state import from_scene, to_scene
 from oneframe.case.case_file import read_case
+from oneframe.transforms import transform_points
 
 
 @pytest.fixture
@@ -128,3 +131,36 @@ def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, 
     assert (copy / "surface.ply").read_bytes() == (folder / "surface.ply").read_bytes()
     bpy.ops.oneframe.open_sample()
     assert bpy.context.scene.oneframe.surface is not None
+
+
+def test_k_typed_before_the_frame_gets_the_frames_size(addon, folder):
+    typed = bpy.context.scene.oneframe.camera
+    typed.fx, typed.fy, typed.cx, typed.cy = "320", "320", "31.5", "23.5"
+    bpy.ops.oneframe.set_camera()
+    bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
+    bpy.ops.oneframe.set_camera()
+    scene = bpy.context.scene
+    assert from_scene.camera(scene).size_wh == tuple(scene.oneframe.frame_size)
+    assert to_scene.frame_warnings(scene) == ()
+
+
+def test_a_ghost_of_the_surface_shows_until_its_pose_is_found(addon, folder):
+    """A given pose has none; a guess has one, through pins, until landmarks determine it or the user chooses."""
+    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
+    scene = bpy.context.scene
+    view, pose = scene.oneframe_view, from_scene.cam_from_model(scene)
+    assert view.opacity == 0
+    bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
+    vertices = scene.oneframe.surface.data.vertices
+    shown = []
+    for number in (147, 306, 546, 705):
+        point = np.array(vertices[number].co)
+        pixel = from_scene.camera(scene).project(transform_points(pose, point[None]))[0]
+        shown.append(round(view.opacity, 3))
+        bpy.ops.oneframe.landmark_set(point=point, pixel=pixel)
+    assert shown == [0.3] * 4
+    assert view.opacity == 0
+    bpy.ops.oneframe.landmarks_clear()
+    assert round(view.opacity, 3) == 0.3
+    view.opacity = 0.0
+    assert view.opacity == 0, "what the user has set stays"

@@ -259,6 +259,14 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, ca
     assert np.allclose(edited_pivot_px, pivot_px, atol=1e-6)
 
 
+def test_figures_of_a_refinement_stay_with_their_frame(opened, refine, case_folder):
+    bpy.ops.oneframe.refine()
+    assert refine.outcome(opened) is not None
+    bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
+    assert refine.outcome(opened) is None
+    assert set(refine.pose_record(opened)) == {"method", "doubt", "tool", "date"}
+
+
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
     frame_view = importlib.import_module("blender_addon.ui.frame_view")
     record = importlib.import_module("blender_addon.setup.alignment_record")

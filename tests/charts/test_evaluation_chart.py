@@ -33,7 +33,7 @@ def evaluation(cases: int) -> Evaluation:
         EvaluatedMethod("ours, projective, fill, cycles", peer=False),
         EvaluatedMethod("ours, vertex, eevee", peer=False),
         EvaluatedMethod("paper's colours (Cycles)", peer=True),
-        EvaluatedMethod("paper (PyTorch3D)", peer=True, skipped="PyTorch3D is not installed"),
+        EvaluatedMethod("paper (PyVista)", peer=True, skipped="PyVista is not installed"),
     )
     rows = tuple(
         Row(

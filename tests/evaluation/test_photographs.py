@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.evaluation.photographs import read_photographs
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
 
 CAMERA = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)

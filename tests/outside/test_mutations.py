@@ -96,7 +96,6 @@ def samples(case: Path) -> dict[str, tuple[str, bytes]]:
     return made | {
         "case.toml": ("case", case.read_bytes()),
         "camera.yml": ("camera", storage(".yml")),
-        "camera.xml": ("camera", storage(".xml")),
         "camera.npz": ("camera", (case.parent / "camera.npz").read_bytes()),
         "camera.pkl": ("camera", pickle.dumps({"camera_intrinsics": K, "canvas_height": 48, "canvas_width": 64})),
         "binary.ply": ("mesh", (binary_header + polygons.replace("face 2", "face 10")).encode() + binary),

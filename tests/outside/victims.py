@@ -29,19 +29,16 @@ from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
 
 
-class _Loaded:
-    """As much of a loaded case as the reader of photographs needs."""
+class _Case:
+    """As much of a case as the reader of photographs needs."""
 
-    mesh_from_model = np.eye(4)
-
-    class case:
-        mm_per_unit = 1000.0
+    mm_per_unit, camera = 1000.0, None
 
 
 def _photographs(path: Path) -> object:
-    from oneframe.evaluation.photographs import read_photographs
+    from oneframe.blender.case.load_case import read_photographs
 
-    return read_photographs(path, _Loaded())  # type: ignore[arg-type]
+    return read_photographs(path, _Case())  # type: ignore[arg-type]
 
 
 def _camera(path: Path) -> object:

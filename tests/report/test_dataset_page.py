@@ -221,12 +221,11 @@ def test_a_damaged_dataset_gives_a_page_that_names_what_is_missing(browser, data
     for kind in ("rgb", "depth", "mask", "mask_visib", "mask_observed", "frame"):
         paths[3].file(kind).unlink()
     (root / "models" / "obj_000001.ply").write_bytes(b"ply\n")
-    (root / "dataset.json").write_text("{")
     page = tmp_path / "report.html"
     page.write_bytes(dataset_page(root, check=check_dataset(root)))
     browser.open(page)
     named = browser.evaluate("document.querySelector('#check').textContent")
-    missing = [paths[0].relative("rgb"), paths[1].relative("rgb"), paths[2].relative("frame"), "dataset.json"]
+    missing = [paths[0].relative("rgb"), paths[1].relative("rgb"), paths[2].relative("frame")]
     for name in [*missing, "models/obj_000001.ply"]:
         assert name in named, name
     assert str(root) not in page.read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ import pytest
 
 from oneframe.errors import InputError
 from oneframe.video.film_decoder import comb_ratio
-from oneframe.video.film_reader import Film, read_film_frames
+from oneframe.video.film_reader import Film
 from oneframe.video.frame_mask import without_combs
 from oneframe.video.frame_reader import read_video_frame, video_info
 from oneframe.video.frame_scores import COMBED, score_frames
@@ -61,8 +61,7 @@ def test_every_frame_comes_once_and_when_requested_and_of_a_cut_film_the_rest(tm
         assert scores.broken
         assert [each.index for each in scores.frames] == list(range(len(scores.frames)))
         assert FRAMES / 3 < len(scores.frames) < FRAMES
-        ((index, image),) = read_film_frames(path, [20])
-        assert index == number_of(image) == 20
+        assert number_of(read_video_frame(path, 20)) == 20
 
 
 def test_a_part_of_the_film_has_the_numbers_and_pictures_of_the_whole(tmp_path):

@@ -2,12 +2,15 @@
 
 import bpy
 import numpy as np
+import x11_capture
 from mathutils import Vector
 
 PACKAGE = "bl_ext.user_default.oneframe"
 bpy.ops.preferences.addon_enable(module=PACKAGE)
 
+from bl_ext.user_default.oneframe.pipeline.blender.bridge.image import read_image
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
+from bl_ext.user_default.oneframe.pipeline.images.pixel_values import to_uint8
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
 from bl_ext.user_default.oneframe.view.zoom import free_rectangle
@@ -25,6 +28,7 @@ def scenario(user):
         bpy.ops.oneframe.load_frame("EXEC_DEFAULT", True, filepath=str(user.case.parent / "frame.png"))
     yield from user.at_workbench()
     yield from user.picture("1_frame_only")
+    assert_frame_is_seen(user)
     true = read_case(user.case).camera
     typed = bpy.context.scene.oneframe.camera
     typed.fx = typed.fy = repr(true.fx)
@@ -36,6 +40,8 @@ def scenario(user):
     assert_frame_is_free(user)
     with user.context():
         bpy.ops.oneframe.load_surface("EXEC_DEFAULT", True, filepath=str(user.case.parent / "surface.ply"))
+    yield from user.redraw()
+    yield from user.picture("2_ghost")
     yield from user.open_case()
     assert len(bpy.data.scenes) == 2
     yield from user.picture("3_opened")
@@ -78,6 +84,20 @@ def scenario(user):
 
 def workspaces():
     return [workspace.name for workspace in bpy.data.workspaces]
+
+
+def assert_frame_is_seen(user):
+    """The frame fills the free part of the view before any camera shows it."""
+    with user.context():
+        low, high = free_rectangle(user.area)
+    image = to_uint8(read_image(user.case.parent / "frame.png")[0])
+    scale, region = float(np.min((high - low) / image.shape[1::-1])), user.region()
+    places = np.random.default_rng(1).uniform(0.2, 0.8, (500, 2))
+    at = (low + high) / 2 + (places - 0.5) * [1, -1] * scale * image.shape[1::-1] + [region.x, region.y]
+    columns, rows = np.round([at[:, 0], user.window.height - at[:, 1]]).astype(int)
+    u, v = (places * image.shape[1::-1]).astype(int).T
+    off = np.abs(x11_capture.capture()[rows, columns].astype(float) - image[v, u])
+    assert np.median(off) < 12, np.median(off)
 
 
 def orbit(user):

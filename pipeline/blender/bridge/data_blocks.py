@@ -1,6 +1,5 @@
 """Data-blocks in the open file: creating meshes, removing everything temporary, resolving paths."""
 
-import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -96,8 +95,6 @@ def set_exact(data: bpy.types.ID, name: str, values: ArrayLike) -> None:
 def exact(data: bpy.types.ID, name: str) -> np.ndarray | None:
     """The array that :func:`set_exact` stored, or ``None`` if the property is missing or holds something else."""
     stored = data.get(name)
-    if isinstance(stored, str):
-        return _from_text(stored)
     if not isinstance(stored, IDPropertyGroup):
         return None
     shape, values = stored.get("shape"), stored.get("values")
@@ -112,11 +109,3 @@ def exact(data: bpy.types.ID, name: str) -> np.ndarray | None:
 def _is_array(stored: object, typecode: str) -> bool:
     # an empty array may have any type
     return isinstance(stored, IDPropertyArray) and (stored.typecode == typecode or len(stored) == 0)
-
-
-def _from_text(text: str) -> np.ndarray | None:
-    """Read the JSON of old .blend files, from before 64-bit properties."""
-    try:
-        return np.array(json.loads(text), dtype=np.float64)
-    except (ValueError, TypeError):
-        return None

@@ -43,10 +43,6 @@ class Nodes:
         """The result of a math operation on numbers and sockets."""
         return self.add("ShaderNodeMath", dict(enumerate(values)), operation=operation).outputs[0]
 
-    def dot(self, vector: bpy.types.NodeSocket, other: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """The scalar product of two vectors."""
-        return self.add("ShaderNodeVectorMath", {0: vector, 1: other}, operation="DOT_PRODUCT").outputs["Value"]
-
     def added(self, *vectors: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """The sum of vectors or colours."""
         total, *others = vectors

@@ -21,10 +21,12 @@ def new_node_material(name: str) -> bpy.types.Material:
 
 
 def set_multilayer_exr(scene: bpy.types.Scene) -> None:
-    """Make a scene write renders as uncompressed 32-bit multilayer EXR."""
+    """Make a scene write renders as uncompressed 32-bit multilayer EXR of one part."""
     settings = scene.render.image_settings
     if hasattr(settings, "media_type"):  # 5.x
         settings.media_type = "MULTI_LAYER_IMAGE"
+    if hasattr(settings, "use_exr_interleave"):
+        settings.use_exr_interleave = True
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_depth = "32"
     settings.exr_codec = "NONE"

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from ...case.posed_frame import PosedFrame, UnreadFrame
 from ...case.precision import precision_doubts
 from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
+from ...files.content import read_content
+from ...files.tables import parsed_json
+from ...poses.pose_file import POSE_KEY, read_poses
 from ...surface.mesh_reader import read_mesh
 from ...transforms import inverse_rigid
 from ..bridge.image import read_image
@@ -57,6 +61,31 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         messages += structure_messages
     surface = LoadedSurface(mesh, mesh_from_model, tuple(structures))
     return LoadedCase(case, surface, frames, (*case.messages, *messages))
+
+
+def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
+    """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file.
+
+    Returns
+    -------
+    The photographs, undistorted and of the case's camera; and messages about what was corrected.
+
+    Raises
+    ------
+    InputError
+        As :func:`.read_poses`, or an entry names no image.
+    """
+    poses, messages = read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=case.mm_per_unit)
+    entries: Any = parsed_json(read_content(path, "a list of photographs"), path.name)
+    images: list[Any] = [entry.get("image") if isinstance(entry, dict) else None for entry in entries]
+    for number, image in enumerate(images):
+        if not isinstance(image, str) or not image:
+            raise InputError(
+                f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image {image!r}'
+            )
+    return [
+        UnreadFrame(path.parent / i, case.camera, None, pose) for i, pose in zip(images, poses, strict=True)
+    ], messages
 
 
 def load_posed_frame(frame: UnreadFrame, mesh_from_model: np.ndarray, *, name: str) -> PosedFrame:

@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 from mathutils import Vector
-from mathutils.bvhtree import BVHTree
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
@@ -27,6 +26,7 @@ from ...transforms import camera_centre
 from ..colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
+from ..render.scene_rays import scene_tree
 from ..render.surface_scene import SurfaceScene
 
 GRID = 16
@@ -37,11 +37,7 @@ class ViewProbe:
     """Casts a grid of rays at the surface; call it with ``cam_from_model`` (4x4, mm)."""
 
     def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
-        layer = surface_scene.scene.view_layers[0]
-        # a layer that was never rendered has no depsgraph yet
-        layer.update()
-        depsgraph = layer.depsgraph
-        self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)  # type: ignore[arg-type]  # the same class
+        self._tree = scene_tree(surface_scene)
         self._source = source
         self._camera = camera
 
@@ -229,9 +225,7 @@ def _opened_renderer(
             opened.enter_context(scene)
             scene.limit_threads(threads)
             renders.append(
-                EdgeSampler(scene, view, pivot, colour, camera, options.samples).render
-                if at_edges
-                else partial(render_view, scene)
+                EdgeSampler(scene, view, pivot, options.samples).render if at_edges else partial(render_view, scene)
             )
         yield best_of(mesh, camera, source.views, renders), ViewProbe(scene, source, camera)
 

@@ -16,6 +16,7 @@ from ...errors import InputError
 from ...evaluation.conditions import Conditions, current_conditions, write_table
 from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
 from ...evaluation.record.evaluation_record import (
+    EVALUATION,
     EvaluatedCase,
     EvaluatedMethod,
     Evaluation,
@@ -49,9 +50,9 @@ from .evaluate import (
 )
 from .methods import Method
 
-RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE = "evaluation.json", "frames.csv", "summary.md", "summary.tex"
+TABLE, MARKDOWN_FILE, LATEX_FILE = "frames.csv", "summary.md", "summary.tex"
 FIGURE, PAIRS, PICTURES, CHART = "figure.png", "pairs.png", "pictures", "scores.svg"
-_FILES = (RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
+_FILES = (EVALUATION, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
 _NAMES = "|".join([*map(re.escape, _FILES), PICTURES, r"scores(_cases)?(-dark)?\.(svg|png)"])
 NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
 PICTURE_WIDTH = 960
@@ -168,7 +169,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     for name, data in (
         (MARKDOWN_FILE, markdown_summary(evaluation, notes)),
         (LATEX_FILE, latex_summary(evaluation)),
-        (RECORD, evaluation_bytes(evaluation)),
+        (EVALUATION, evaluation_bytes(evaluation)),
     ):
         with writing(run.out / name):
             write_bytes_atomically(run.out / name, data)

@@ -6,11 +6,10 @@ from typing import TextIO
 
 from ...case.case_file import read_case
 from ...errors import RunError
-from ...evaluation.photographs import read_photographs
 from ...evaluation.record.evaluation_record import ALL
 from ...evaluation.scores.inception import Inception
 from ...progress import ShareProgress
-from ..case.load_case import load_case
+from ..case.load_case import load_case, read_photographs
 from .evaluate import Settings, named_cases
 from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
 from .methods import Method, skipped_because

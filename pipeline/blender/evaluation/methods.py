@@ -39,7 +39,7 @@ class Method:
     colour
         One of :data:`.COLOURS`, or :data:`PAPER`.
     renderer
-        One of :data:`oneframe.dataset.options.ENGINES`, or ``"pyvista"`` or ``"pytorch3d"``.
+        One of :data:`oneframe.dataset.options.ENGINES`, or ``"pyvista"``.
     unseen
         What surface looks like that the frame did not see: one of :data:`oneframe.dataset.options.UNSEEN`.
     """
@@ -67,7 +67,6 @@ METHODS = {
         *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ENGINES for colour in COLOURS),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
-        Method("paper-pytorch3d", "paper (PyTorch3D)", PAPER, "pytorch3d"),
     )
 }
 DEFAULT = (
@@ -77,7 +76,6 @@ DEFAULT = (
     "vertex-raster",
     "projective-eevee",
     "paper-pyvista",
-    "paper-pytorch3d",
 )
 EVERY = "all"
 
@@ -98,19 +96,11 @@ def chosen_methods(keys: Sequence[str]) -> tuple[Method, ...]:
 
 def skipped_because(methods: Sequence[Method]) -> dict[str, str]:
     """Why methods cannot run on this computer, by key; those that can are left out."""
-    reasons, failed = {}, {}
-    for renderer in {method.renderer for method in methods}:
-        failed[renderer] = _failure(renderer)
-    for method in methods:
-        if failed[method.renderer]:
-            reasons[method.key] = failed[method.renderer]
-    return reasons
+    failed = {renderer: _failure(renderer) for renderer in {method.renderer for method in methods}}
+    return {method.key: failed[method.renderer] for method in methods if failed[method.renderer]}
 
 
 def _failure(renderer: str) -> str:
-    if renderer == "pytorch3d":
-        installed = find_spec("pytorch3d") is not None
-        return "this version has no adapter for it" if installed else "PyTorch3D is not installed"
     if renderer == "pyvista":
         if find_spec("pyvista") is None:
             return "PyVista is not installed (pip install pyvista)"

@@ -27,7 +27,6 @@ COLOUR_ATTRIBUTE = "frame_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
-FRAME_IMAGE, ATLAS_IMAGE = "frame image", "atlas image"
 FILTER_LOOKUPS = tuple((f"filter offset {number}", f"filter image {number}") for number in range(4))
 """Names of the shader's image nodes, and of what moves the filter's lookups, see :func:`assign_colour`."""
 OBSERVED_LEAST = 0.9999
@@ -103,15 +102,10 @@ def _texture(
     set_corner_uv(mesh_object, UV_MAP, atlas.uv)
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
     image = new_float_image("frame_atlas", atlas.premultiplied())
-    rgb, cover, addition = _image_lookup(nodes, image, uv.outputs["UV"], filtered, name=ATLAS_IMAGE)
+    rgb, cover, addition = _image_lookup(nodes, image, uv.outputs["UV"], filtered)
     if not filtered:
         rgb = nodes.scaled(rgb, nodes.math("DIVIDE", 1.0, cover))
     return rgb, _flag(nodes, cover, mesh_object, mesh, atlas), addition
-
-
-def least_cover(colour: VertexColours | TextureAtlas) -> float:
-    """The least interpolated flag of an observed point."""
-    return COVERED_LEAST if isinstance(colour, TextureAtlas) and colour.source is not None else OBSERVED_LEAST
 
 
 def _flag(
@@ -122,7 +116,8 @@ def _flag(
     colour: VertexColours | TextureAtlas,
 ) -> bpy.types.NodeSocket:
     """1 where the lookup is covered and the reference view saw the shaded point, else 0."""
-    covered = nodes.math("GREATER_THAN", cover, least_cover(colour))
+    is_premultiplied = isinstance(colour, TextureAtlas) and colour.source is not None
+    covered = nodes.math("GREATER_THAN", cover, COVERED_LEAST if is_premultiplied else OBSERVED_LEAST)
     if colour.source is None:
         return covered
     _, seen, _ = _projection(nodes, mesh_object, mesh, colour.source, filtered=False)
@@ -153,18 +148,14 @@ def _projection(
     nodes.link(homogeneous, separate.inputs[0])
     depth = separate.outputs["Z"]
     pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
-    rgb, inverse_depth, addition = _image_lookup(
-        nodes, new_float_image("frame", rgba), pixel, filtered, name=FRAME_IMAGE
-    )
+    rgb, inverse_depth, addition = _image_lookup(nodes, new_float_image("frame", rgba), pixel, filtered)
     ratio = nodes.math("MULTIPLY", depth, inverse_depth)
     return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance), addition
 
 
-def _image_lookup(
-    nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool, name: str
-) -> tuple:
+def _image_lookup(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
     """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the first filtered one or ``None``."""
-    exact = nodes.add("ShaderNodeTexImage", name=name, image=image, interpolation="Linear", extension="CLIP")
+    exact = nodes.add("ShaderNodeTexImage", image=image, interpolation="Linear", extension="CLIP")
     nodes.link(coordinates, exact.inputs["Vector"])
     if not filtered:
         return exact.outputs["Color"], exact.outputs["Alpha"], None

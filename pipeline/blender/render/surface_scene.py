@@ -32,6 +32,8 @@ class SurfaceScene:
     ----------
     scene, camera_object, surface_object
         The Blender data; removed on exit, so that the open file is unchanged.
+    mesh, camera, colour, unseen
+        What it was built from.
     """
 
     def __init__(
@@ -75,7 +77,7 @@ class SurfaceScene:
             )
         self._own: list[bpy.types.ID] = []
         with self.owning():
-            self._mesh = mesh
+            self.mesh, self.camera, self.colour, self.unseen = mesh, camera, colour, unseen
             self.scene = bpy.data.scenes.new("oneframe")
             self.surface_object = new_mesh_object("surface", mesh)
             self.scene.collection.objects.link(self.surface_object)
@@ -117,7 +119,7 @@ class SurfaceScene:
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""
         place_camera(self.camera_object, cam_from_model)
-        depth, radius = float(cam_from_model[2, 3]), self._mesh.radius
+        depth, radius = float(cam_from_model[2, 3]), self.mesh.radius
         far = max(1.01 * (depth + radius), 1e-3 * radius)
         # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
         set_clip(self.camera_object, (max(0.99 * (depth - radius), 1e-4 * far), far))

@@ -16,6 +16,8 @@ from ..scores.distribution_distance import mean_interval
 from ..scores.view_scores import SCORES
 
 FORMAT = "oneframe evaluation 1"
+EVALUATION = "evaluation.json"
+"""Its name in a folder."""
 ALL = "all"
 """The name of all cases together."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from oneframe.blender.bridge.image import read_image
-from oneframe.blender.case.load_case import load_case
+from oneframe.blender.case.load_case import load_case, read_photographs
 from oneframe.blender.colour.reference_view import ReferenceView
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.camera.pinhole import PinholeCamera
@@ -16,7 +16,6 @@ from oneframe.case.loaded_case import LoadedCase
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
-from oneframe.evaluation.photographs import read_photographs
 from oneframe.files.outputs import made_folder
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import inverse_rigid

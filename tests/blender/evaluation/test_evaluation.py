@@ -37,13 +37,12 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     (sample / "list.json").write_text(json.dumps(listed))
     arguments = [
         sample / "case.toml", sample / "list.json", "--case", sample / "case.toml", sample / "list.json",
-        "--methods", "projective-cycles", "projective-fill-cycles", "paper-cycles", "paper-pytorch3d",
+        "--methods", "projective-cycles", "projective-fill-cycles", "paper-cycles",
         "--pictures", "3", "--out", out,
     ]  # fmt: skip
 
     ended = run_oneframe("evaluate", *arguments)
     assert ended.returncode == 0, ended.stderr
-    assert "paper (PyTorch3D): skipped, PyTorch3D is not installed" in ended.stdout
     assert "photograph_2 shows nothing of the surface" in ended.stdout
     assert "FID and KID are missing" in ended.stdout
     record = json.loads((out / "evaluation.json").read_text())
@@ -52,7 +51,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     assert len({case["name"] for case in record["cases"]}) == 2
     ran = [method["name"] for method in record["methods"] if "skipped" not in method]
     assert ran == ["ours, projective, cycles", "ours, projective, fill, cycles", "paper's colours (Cycles)"]
-    assert [method["peer"] for method in record["methods"]] == [False, False, True, True]
+    assert [method["peer"] for method in record["methods"]] == [False, False, True]
     assert record["distribution"] == []
     assert record["scores"] == SCORES
     rows = {(row["case"], row["image"], row["method"]): row for row in record["rows"]}

@@ -1,5 +1,7 @@
 """Anti-aliased views: close to many samples per pixel, exact where they must be, independent of earlier views."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
@@ -7,11 +9,12 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of, unseen_colours_of
 from oneframe.blender.render.anti_aliasing import EdgeSampler
 from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.surface_rays import SurfaceRays
+from oneframe.blender.render.scene_rays import SceneRays
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.edge_pixels import edge_pixels
+from oneframe.projection.rays import MeshRays
 from oneframe.transforms import camera_centre, rigid
 from scripts.benchmarks.rendering.converged_view import converged_view
 
@@ -52,7 +55,7 @@ def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0):
     (colour,), _ = colours_of(source, mode)
     with SurfaceScene(source.mesh, camera, colour, filtered=True) as scene:
         scene.limit_threads(threads)
-        sampler = EdgeSampler(scene, source.view, source.pivot_model, colour, camera, rays)
+        sampler = EdgeSampler(scene, source.view, source.pivot_model, rays)
         return [sampler.render(pose) for pose in poses]
 
 
@@ -150,20 +153,32 @@ def test_nothing_mixes_with_what_the_masks_exclude(stepped_mesh, frontal_pose, o
         assert np.allclose(view.rgb[view.observed], 0.75, atol=1e-5)
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_rays_see_what_the_renderer_sees(stepped_mesh, frontal_pose, oblique_pose, photograph, source_from, mode):
-    """Geometry Nodes and Cycles shade the same points alike, front, back and background."""
-    source = source_from(stepped_mesh, photograph, frontal_pose)
-    (colour,), _ = colours_of(source, mode)
+def test_blender_s_rays_are_those_of_embree(stepped_mesh, oblique_pose):
+    """Front, back and background; the places in the faces too."""
     for pose in (oblique_pose, oblique_pose @ rigid(np.diag([1.0, -1.0, -1.0]))):
-        with SurfaceScene(source.mesh, VIEW, colour) as scene:
-            rendered = render_view(scene, pose)
-            directions = VIEW.rays_cam(VIEW.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]
-            seen, kinds = SurfaceRays(scene, colour).cast(camera_centre(pose), directions)
-        different = np.abs(seen.reshape(rendered.rgb.shape) - rendered.rgb).max(axis=2) * 255 > 0.5
-        different |= kinds.reshape(rendered.mask.shape) != rendered.mask.astype(int) + rendered.observed
+        directions = (VIEW.rays_cam(VIEW.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]).astype(np.float32)
+        origins = np.broadcast_to(camera_centre(pose), directions.shape).astype(np.float32)
+        with SurfaceScene(stepped_mesh, VIEW, None) as scene:
+            found, expected = (
+                rays.first_hits(origins, directions) for rays in (SceneRays(scene), MeshRays(stepped_mesh))
+            )
+        same = found.face == expected.face
         # a pixel's centre may lie on an edge to the last bit
-        assert np.count_nonzero(different) <= 5
+        assert np.count_nonzero(~same) <= 5
+        hit = same & (found.face >= 0)
+        assert hit.any()
+        assert np.array_equal(found.front[hit], expected.front[hit])
+        np.testing.assert_allclose(found.distance[hit], expected.distance[hit], rtol=1e-5)
+        for name in ("second", "third"):
+            np.testing.assert_allclose(getattr(found, name)[hit], getattr(expected, name)[hit], atol=1e-2)
+
+
+def test_views_without_embree(stepped_mesh, frontal_pose, oblique_pose, photograph, source_from, monkeypatch):
+    source = source_from(stepped_mesh, photograph, frontal_pose)
+    (view,) = views_of(source, "projective", [oblique_pose])
+    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
+    (other,) = views_of(source, "projective", [oblique_pose])
+    assert np.count_nonzero(np.abs(view.rgb - other.rgb).max(axis=2) > 1 / 255) <= 5
 
 
 def test_colours_that_the_frame_does_not_show_never_bleed_in(bumpy_mesh, frontal_pose, photograph, source_from):
@@ -210,7 +225,7 @@ def test_filled_views_change_where_the_frame_saw_nothing(stepped_mesh, frontal_p
     (colour,), _ = colours_of(source, mode)
     unseen = unseen_colours_of(source, "fill")
     with SurfaceScene(source.mesh, VIEW, colour, unseen=unseen, filtered=True) as scene:
-        filled = EdgeSampler(scene, source.view, source.pivot_model, colour, VIEW, 8).render(oblique_pose)
+        filled = EdgeSampler(scene, source.view, source.pivot_model, 8).render(oblique_pose)
     assert np.array_equal(filled.observed, neutral.observed)
     assert np.array_equal(filled.depth_mm, neutral.depth_mm)
     assert neutral.rgb.max() > 0.49

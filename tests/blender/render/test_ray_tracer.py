@@ -51,7 +51,7 @@ def test_views_are_those_of_cycles(
     for camera in (SMALL,) if samples > 1 else (SMALL, FRAME):
         tracer = RayTracer(mesh, camera, colour, unseen=colours, samples=samples, pivot_model=pivot)
         with SurfaceScene(mesh, camera, colour, unseen=colours, filtered=samples > 1) as scene:
-            sampler = EdgeSampler(scene, source.view, pivot, colour, camera, samples)
+            sampler = EdgeSampler(scene, source.view, pivot, samples)
             for pose in (oblique_pose, nearer, from_behind):
                 cycles = sampler.render(pose) if samples > 1 else render_view(scene, pose)
                 assert_those_of_cycles(tracer.render(pose), cycles, camera)

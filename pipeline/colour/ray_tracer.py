@@ -144,7 +144,7 @@ class RayTracer:
         )
         left, top, right, bottom = self._bounds(eye)
         u, rows = np.arange(left, right), max(1, BLOCK // max(right - left, 1))
-        for first in range(top, bottom, rows):
+        for first in range(top, bottom if len(u) else top, rows):
             v = np.arange(first, min(first + rows, bottom))[:, None]
             block = slice(first, first + len(v)), slice(left, right)
             hits, depth_mm = meet(eye, u, v)

@@ -230,4 +230,8 @@ def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
     line = ["case", "--surface", files / "surface", "--frame", tmp_path / "film.avi", "--frame-number", 2]
     assert dispatch([*map(str, line), "--camera", str(files / "camera.json"), "--out", str(tmp_path / "command")]) == 0
+    # the window keeps the film's name; the command copies no names
+    written = (folder / "case.toml").read_text()
+    assert 'video = "film.avi"\nvideo_frame = 2\n' in written
+    (folder / "case.toml").write_text(written.replace('video = "film.avi"\nvideo_frame = 2\n', ""))
     assert_same_case(folder, tmp_path / "command")

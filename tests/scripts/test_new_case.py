@@ -271,11 +271,6 @@ def save(path: Path, codes: np.ndarray) -> Path:
     return path
 
 
-def other_mesh(given: Path) -> None:
-    mesh, _ = read_mesh(given / "surface" / "structures" / "facial_nerve.ply")
-    write_ply(given / "surface" / "surface.ply", mesh)
-
-
 WRONG = {
     "mask of another size": (
         lambda given: {"mask": save(given / "m.png", np.ones((HEIGHT, WIDTH + 1), np.uint8))},
@@ -287,9 +282,6 @@ WRONG = {
     "frame is a video": (lambda given: {"frame": given / "f.mp4"}, "--frame-number"),
     "frame that EXIF turns": (lambda given: {"frame": turned(given / "f.jpg")}, "EXIF orientation"),
     "a surface that is none": (lambda given: {"surface": given / "camera.json"}, "expected a mesh file"),
-    "a report of another surface": (
-        lambda given: other_mesh(given), "surface.ply: expected the .* vertices that surface.json states, found"
-    ),
     "a report with a file elsewhere": (
         lambda given: break_record(given, lambda record: record["surface"].update(file="../surface/surface.ply")),
         "expected a file in this folder",

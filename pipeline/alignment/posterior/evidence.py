@@ -73,6 +73,8 @@ def view_prior(
 def fused(evidence: Sequence[PoseEvidence]) -> PoseEvidence:
     """The density of the pose from all of some evidence, at least one, the most certain first."""
     first = evidence[0]
+    if len(evidence) == 1:
+        return first
     pivot = first.uncertainty.pivot_model
     spreads = [each.uncertainty.about(pivot, each.cam_from_model) for each in evidence]
     precisions = np.linalg.inv([spread.covariance for spread in spreads])

@@ -99,7 +99,6 @@ _MODULES = tuple(
         "video.strip_gizmo",
         "video.strip_drawing",
         "move.panel",
-        "move.gizmo",
         "refine.operator",
         "refine.status_line",
         "refine.panel",

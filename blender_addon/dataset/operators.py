@@ -1,4 +1,4 @@
-"""Operators of the dataset: preview poses and one view, run in the background, open the result."""
+"""Operators of the dataset: preview poses and one view, run in the background."""
 
 import textwrap
 from collections.abc import Callable
@@ -6,9 +6,8 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty
 
-from ..class_registration import at_end, class_registration, listening, prop
+from ..class_registration import at_end, class_registration, listening
 from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.errors import InputError
@@ -98,26 +97,6 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
         return *messages, summary
 
 
-class ONEFRAME_OT_enlarge_preview(Reporting):
-    """Show the previewed view at full size in an Image Editor"""
-
-    bl_label = "Enlarge Preview"
-    bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return bpy.data.images.get(PREVIEW_IMAGE) is not None and not bpy.app.background
-
-    def run(self, context: bpy.types.Context) -> None:
-        image = bpy.data.images[PREVIEW_IMAGE]
-        if _show_in_image_editors(image):
-            return
-        bpy.ops.wm.window_new()
-        area = max(context.window_manager.windows[-1].screen.areas, key=lambda area: area.width * area.height)
-        area.ui_type = "IMAGE_EDITOR"
-        area.spaces.active.image = image
-
-
 class ONEFRAME_OT_render_dataset(_AboutOptions):
     """Render the dataset in the background; continues a stopped run, and extends a dataset if Views has grown"""
 
@@ -165,29 +144,6 @@ class ONEFRAME_OT_cancel_dataset(Reporting):
         job = background_job.current()
         if job is not None:
             job.cancel()
-
-
-class ONEFRAME_OT_open_result(Reporting):
-    """Open the dataset's folder, or its contact sheet, outside Blender"""
-
-    bl_label = "Open Dataset"
-    bl_options = {"REGISTER"}
-
-    contact_sheet: bool = prop(BoolProperty, "Contact Sheet", "Open the contact sheet instead of the folder")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return result_folder(context.scene) is not None
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        folder = result_folder(context.scene)
-        if folder is None:
-            raise InputError("expected a dataset, found none; press Render Dataset")
-        path = folder / CONTACT_SHEET if self.contact_sheet else folder
-        if not path.exists():
-            raise InputError(f"{path}: expected this file, found none; wait for the end of the run, which writes it")
-        bpy.ops.wm.path_open(filepath=str(path))
-        return (str(path),)
 
 
 def result_folder(scene: bpy.types.Scene) -> Path | None:
@@ -244,15 +200,13 @@ def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
     return image
 
 
-def _show_in_image_editors(image: bpy.types.Image) -> bool:
-    """Show an image in the Image Editors that show no other image; return whether there is one."""
-    found = False
+def _show_in_image_editors(image: bpy.types.Image) -> None:
+    """Show an image in the Image Editors that show no other image."""
     for _window, area in areas("IMAGE_EDITOR"):
         space = area.spaces.active
         if area.ui_type == "IMAGE_EDITOR" and space.image in (None, image):
-            space.image, found = image, True
+            space.image = image
             area.tag_redraw()
-    return found
 
 
 def _job_changed(job: background_job.BackgroundJob) -> None:

@@ -80,7 +80,6 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel):
         row = layout.row(align=True)
         row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")
         row.prop(scene.oneframe, "preview_view", text="")
-        row.operator("oneframe.enlarge_preview", text="", icon="FULLSCREEN_ENTER")
         found = operators.preview(scene)
         if found is not None:
             image, summary, is_outdated = found
@@ -124,10 +123,12 @@ class ONEFRAME_PT_dataset_run(_DatasetPanel):
             layout.operator("oneframe.render_dataset", icon="RENDER_ANIMATION")
         if job is not None:
             _draw_job(layout, job)
-        if operators.result_folder(scene) is not None:
+        folder = operators.result_folder(scene)
+        if folder is not None:
             row = layout.row(align=True)
-            row.operator("oneframe.open_result", text="Open Folder", icon="FILE_FOLDER").contact_sheet = False
-            row.operator("oneframe.open_result", text="Contact Sheet", icon="IMAGE_REFERENCE").contact_sheet = True
+            row.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = str(folder)
+            sheet = str(folder / operators.CONTACT_SHEET)
+            row.operator("wm.path_open", text="Contact Sheet", icon="IMAGE_REFERENCE").filepath = sheet
 
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:

@@ -55,8 +55,8 @@ class PlannedPoses:
         Number of views of the whole dataset.
     lines
         ``(N, 10, 2, 3)`` ends of the frusta's lines, model frame, mm.
-    observed, surface
-        ``(N,)`` fraction of the surface in view that the frame observed, and of the view that the surface covers, 0..1.
+    observed
+        ``(N,)`` fraction of the surface in view that the frame observed, 0..1.
     attempts
         Mean number of poses tried for one that meets the constraints.
     """
@@ -65,7 +65,6 @@ class PlannedPoses:
     count: int
     lines: np.ndarray
     observed: np.ndarray
-    surface: np.ndarray
     attempts: float
 
 
@@ -149,7 +148,6 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
         count,
         lines,
         np.array([each.observed_fraction for each in statistics]),
-        np.array([each.surface_fraction for each in statistics]),
         float(np.mean([view.attempts for view in planned])),
     )
     return _planned

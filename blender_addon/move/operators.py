@@ -1,4 +1,4 @@
-"""Operators that move the surface in steps of image pixels: by keys, buttons, drags of the gizmo and of the tool."""
+"""Operators that move the surface in steps of image pixels: by keys, buttons, and drags of the tool."""
 
 import bpy
 import numpy as np
@@ -219,7 +219,7 @@ class MoveTool(ViewTool):
     bl_label = TOOLS[MOVE_TOOL]
     bl_description = (
         "Move the surface in the frame by hand.\n"
-        "Drag: shift. Ctrl + Drag: tilt and turn. Arrow keys: one pixel of the frame"
+        "Drag: shift. Ctrl + Drag: tilt and turn. Alt + Drag: roll. Ctrl + Alt + Drag: depth. Arrow keys: one pixel"
     )
     bl_icon = "ops.transform.translate"
     bl_cursor = "DEFAULT"
@@ -227,7 +227,7 @@ class MoveTool(ViewTool):
     @staticmethod
     def draw_settings(_context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
         layout.label(
-            text="Drag: Shift    Ctrl + Drag: Tilt    Arrow Keys: 1 px of the Frame    Alt + , and . : Roll 90°"
+            text="Drag: Shift    Ctrl: Tilt    Alt: Roll    Ctrl + Alt: Depth    Arrow Keys: 1 px of the Frame"
         )
 
 
@@ -252,5 +252,9 @@ register, unregister = class_registration(
         Key("oneframe.quarter_turn", "PERIOD", alt=True, properties=(("anticlockwise", False),)),
         Key("oneframe.drag_pose", "LEFTMOUSE", properties=(("mode", "shift"),), tools=(MOVE_TOOL,)),
         Key("oneframe.drag_pose", "LEFTMOUSE", ctrl=True, properties=(("mode", "tilt"),), tools=(MOVE_TOOL,)),
+        Key("oneframe.drag_pose", "LEFTMOUSE", alt=True, properties=(("mode", "roll"),), tools=(MOVE_TOOL,)),
+        Key(
+            "oneframe.drag_pose", "LEFTMOUSE", ctrl=True, alt=True, properties=(("mode", "depth"),), tools=(MOVE_TOOL,)
+        ),
     ),
 )

@@ -60,7 +60,6 @@ class ONEFRAME_PT_pose(AlignmentPanel):
         keys.enabled = False
         keys.label(text="  ".join(binding("oneframe.quarter_turn", anticlockwise=each) for each in (True, False)))
         layout.label(text="Ctrl: 10 px, Shift: 0.1 px, Hold: Repeat", icon="INFO")
-        layout.prop(settings, "show_gizmo")
 
 
 class _Matrix(SidebarPanel):

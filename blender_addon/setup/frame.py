@@ -1,20 +1,18 @@
-"""Operators that load the frame, from an image or a video, and join a mask to it: what it hides shows no surface."""
+"""Operators that load the frame and join a mask to it: what it hides shows no surface."""
 
 from pathlib import Path
 
 import bpy
-from bpy.props import IntProperty, StringProperty
+from bpy.props import StringProperty
 
 from ..class_registration import class_registration, prop
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import keep_files
-from ..pipeline.errors import InputError
 from ..state import another_frame, from_scene, to_scene
 from ..state.initial_pose import set_initial_pose
 from ..state.scene_files import session_folder
 from ..ui.operator import Messages, OpensFile, Reporting, available
-from ..video.operators import VIDEOS
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 MASKS = "*.png;*.tif;*.tiff;*.bmp"
@@ -31,26 +29,6 @@ class ONEFRAME_OT_load_frame(OpensFile):
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         return to_scene.set_frame(context, path, read_image(path, path.name))
-
-
-class ONEFRAME_OT_load_video_frame(OpensFile):
-    """Load one frame of a video; it is saved as a PNG next to the video"""
-
-    bl_label = "Load Video Frame"
-
-    filter_glob: str = prop(StringProperty, default=VIDEOS, options={"HIDDEN"})
-    frame_index: int = prop(IntProperty, "Frame", "Number of the frame, counted from 0", min=0)
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        from ..pipeline.video.frame_reader import write_video_frame
-
-        video = self.chosen_file()
-        # the decoder would take a single JPEG for a video
-        if "*" + video.suffix.lower() in IMAGES.split(";"):
-            raise InputError(f"{video.name}: expected a video, found an image; open it with Load Frame")
-        path = write_video_frame(video, self.frame_index)
-        messages = to_scene.set_frame(context, path, read_image(path, path.name), (video.name, self.frame_index))
-        return (f"frame {self.frame_index} saved as {path}", *messages)
 
 
 class ONEFRAME_OT_load_mask(OpensFile):

@@ -215,7 +215,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         ],
         default="normal",
     )
-    show_gizmo: bool = prop(BoolProperty, "Gizmo", "Show handles at the pivot of the visible surface", default=True)
     dataset: ONEFRAME_PG_dataset = prop(PointerProperty, type=ONEFRAME_PG_dataset)
     dataset_out: str = prop(
         StringProperty, "Folder", "Folder of the dataset; a stopped run continues there", subtype="DIR_PATH"

@@ -55,7 +55,6 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
     row = layout.row(align=True)
     row.operator("oneframe.take_frame", icon="CHECKMARK")
     row.operator("oneframe.take_frame", text="Masked", icon="MOD_MASK").masked = True
-    row.prop(scene.oneframe_video, "show_mask", text="", icon="HIDE_OFF")
     if shown_frame.is_shown(scene):
         draw_text(layout, "The view shows the video. Strip brings back the frame of the case.", icon="INFO")
     elif from_scene.present_camera(scene) is None and from_scene.present_surface(scene) is not None:

@@ -24,15 +24,6 @@ Key = tuple[str, int, float, float]
 """Path of the video, every so many frames, from ... to in s; 0 for the end."""
 
 
-look_listeners: list[Callable[[bpy.types.Scene], None]] = []
-"""Called with the scene when its film is to be shown in another way."""
-
-
-def _show_again(_owner: object, context: bpy.types.Context) -> None:
-    for listener in look_listeners:
-        listener(context.scene)
-
-
 class ONEFRAME_PG_video(bpy.types.PropertyGroup):
     """The video of a scene."""
 
@@ -41,12 +32,6 @@ class ONEFRAME_PG_video(bpy.types.PropertyGroup):
     from_s: float = prop(FloatProperty, "From (s)", "Where the scored part begins", min=0)
     to_s: float = prop(FloatProperty, "To (s)", "Where it ends; 0 for the end of the film", min=0)
     visible: bool = prop(BoolProperty, "Strip", "The strip is shown", default=True, update=redraw, options={"HIDDEN"})
-    show_mask: bool = prop(
-        BoolProperty,
-        "Show Mask",
-        "Show in magenta what a masked frame leaves out: instruments, hands, glare, the black around a circle",
-        update=_show_again,
-    )
     taken_path: str = prop(
         StringProperty, description="The frame that was taken from the video", subtype="FILE_PATH", options={"HIDDEN"}
     )

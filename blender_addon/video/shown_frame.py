@@ -13,9 +13,6 @@ from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.camera.distortion import undistort
 from ..pipeline.errors import InputError
 from ..pipeline.images.pixel_values import to_uint8
-from ..pipeline.video.frame_folder import MASKED_COLOUR
-from ..pipeline.video.frame_mask import tissue_mask, without_combs
-from ..pipeline.video.frame_scores import COMBED
 from ..state import from_scene, to_scene
 from ..state.events import redraw
 from . import session
@@ -47,8 +44,6 @@ def put(scene: bpy.types.Scene, film: FilmSession) -> None:
     """Put the film's picture behind the frame's camera; without a camera, the strip draws it."""
     redraw()
     camera_object = from_scene.present_camera(scene)
-    if film.is_full and scene.oneframe_video.show_mask:
-        film.picture = _with_mask(film)
     if camera_object is not None and scene.oneframe_video.visible:
         alignment_scene.show_frame(camera_object, _image(_undistorted(scene, film)))
 
@@ -76,23 +71,6 @@ def is_shown(scene: bpy.types.Scene) -> bool:
         return False
     image = camera_object.data.background_images[0].image
     return image is not None and image.name == IMAGE
-
-
-def _with_mask(film: FilmSession) -> np.ndarray:
-    """The full picture with what a masked frame leaves out in the colour of the contact sheet."""
-    picture = film.picture
-    if film.score.comb > COMBED:
-        picture = without_combs(picture)
-    mask = tissue_mask(picture, film.scores.compared[film.shown], film.scores.inside, film.scores.circle)
-    marked = picture.copy()
-    marked[~mask] = np.rint(0.35 * picture[~mask] + 0.65 * 255 * MASKED_COLOUR).astype(np.uint8)
-    return marked
-
-
-def _look_again(scene: bpy.types.Scene) -> None:
-    film = session.of(scene)
-    if film is not None and (is_shown(scene) or from_scene.present_camera(scene) is None):
-        show(scene, film.shown)
 
 
 def _undistorted(scene: bpy.types.Scene, film: FilmSession) -> np.ndarray:
@@ -169,7 +147,6 @@ register, unregister = class_registration(
     __name__,
     at_end(_remove),
     timers(_poll),
-    listening(session.look_listeners, _look_again),
     listening(bpy.app.handlers.save_pre, _before_saving),
     listening(bpy.app.handlers.save_post, _after_saving),
     listening(bpy.app.handlers.save_post_fail, _after_saving),

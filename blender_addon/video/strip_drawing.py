@@ -41,7 +41,7 @@ def draw_strip() -> None:
     scene, film, layout = context.scene, film_in(context), StripLayout.of(context)
     if from_scene.present_camera(scene) is None and not scene.oneframe_ct.drilling:
         if film is not None:
-            key = str(film.path), film.shown, film.picture.shape, scene.oneframe_video.show_mask
+            key = str(film.path), film.shown, film.picture.shape
             _draw_alone(context, key, film.picture, film.scores.info.size_wh)
         elif workbench.is_workbench(scene) and scene.oneframe.frame_path:
             path = from_scene.absolute_path(scene.oneframe.frame_path)

@@ -1,4 +1,4 @@
-"""Operators that begin and end the use of the drill, take strokes back, and open and save plans."""
+"""Operators that begin and end the use of the drill, and open and save plans."""
 
 from pathlib import Path
 from typing import Any
@@ -85,26 +85,6 @@ class ONEFRAME_OT_stop_drill(Reporting):
         drill_session.end(context.scene)
 
 
-class ONEFRAME_OT_undo_stroke(Reporting):
-    """Take the last stroke of the drill back"""
-
-    bl_label = "Undo Stroke"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.scene.oneframe_ct.strokes_text)
-
-    def run(self, context: bpy.types.Context) -> None:
-        _set_strokes(context.scene, drill_strokes.strokes_of(context.scene)[:-1])
-
-
-def _set_strokes(scene: bpy.types.Scene, strokes: Any) -> None:
-    drill_strokes.set_strokes(scene, strokes)
-    session = drill_session.of(scene)
-    if session is not None:
-        session.follow(drill_strokes.strokes_of(scene))
-
-
 class ONEFRAME_OT_open_plan(NeedsCT, OpensFile):
     """Open a plan of the drill: its strokes and margins replace the present ones"""
 
@@ -117,7 +97,9 @@ class ONEFRAME_OT_open_plan(NeedsCT, OpensFile):
         plan = read_drill_plan(path)
         messages = check_strokes(plan, loaded_ct(scene).volume.grid, path.name)
         drill_strokes.set_margins(scene, plan.margins_mm)
-        _set_strokes(scene, plan.strokes)
+        drill_strokes.set_strokes(scene, plan.strokes)
+        if (session := drill_session.of(scene)) is not None:
+            session.follow(plan.strokes)
         return *messages, f"{path.name}: {len(plan.strokes)} strokes"
 
 

@@ -60,7 +60,6 @@ class ONEFRAME_PT_ct(SidebarPanel):
         session = drill_session.of(scene)
         if session is not None:
             row.operator("oneframe.stop_drill", icon="PANEL_CLOSE")
-            row.operator("oneframe.undo_stroke", text="", icon="LOOP_BACK")
             column.prop(settings, "burr_mm")
             draw_text(layout, session.said)
         else:

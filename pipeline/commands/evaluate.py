@@ -4,7 +4,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..errors import InputError
 from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
 
@@ -13,7 +12,6 @@ EPILOG = """examples:
   %(prog)s case.toml held_out.json --out evaluation
   %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
   %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
-  %(prog)s --redraw --out evaluation
 
 PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
 Methods are projective, texture or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
@@ -26,9 +24,9 @@ DEFAULT_PICTURES = 6
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, nargs="?", help="frame, camera, surface and pose")
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
     parser.add_argument(
-        "photographs", metavar="PHOTOGRAPHS.json", type=Path, nargs="?",
+        "photographs", metavar="PHOTOGRAPHS.json", type=Path,
         help="photographs taken with the same camera, and their poses",
     )  # fmt: skip
     parser.add_argument(
@@ -55,21 +53,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pictures", metavar="N", type=at_least(0), default=DEFAULT_PICTURES,
         help="photographs of each case of which pictures are written (default %(default)s)",
     )  # fmt: skip
-    output.add_argument("--redraw", action="store_true", help="measure nothing; draw the charts again from --out")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the evaluation and report its summary."""
-    pairs = _checked_pairs(arguments)
-    if arguments.redraw:
-        return _redraw(arguments.out)
     with explained_imports():
         from ..blender.evaluation.evaluation_run import evaluation_run, run_evaluation
         from ..blender.evaluation.methods import DEFAULT, chosen_methods
     methods = chosen_methods(arguments.methods or DEFAULT)
     output = own_output()
     prepared, inputs = evaluation_run(
-        pairs,
+        [(arguments.case, arguments.photographs), *map(tuple, arguments.more)],
         arguments.out,
         methods,
         seed=arguments.seed,
@@ -79,31 +73,4 @@ def run(arguments: argparse.Namespace) -> int:
     )
     for line in run_evaluation(prepared, inputs, stream=sys.stderr):
         output.write(line + "\n")
-    return 0
-
-
-def _checked_pairs(arguments: argparse.Namespace) -> list[tuple[Path, Path]]:
-    pairs = [tuple(pair) for pair in arguments.more]
-    if arguments.case is not None:
-        if arguments.photographs is None:
-            raise InputError("command line: expected CASE.toml and PHOTOGRAPHS.json, found one of them; give both")
-        pairs.insert(0, (arguments.case, arguments.photographs))
-    if bool(pairs) == arguments.redraw:
-        raise InputError("command line: expected either cases with photographs or --redraw; --help shows all options")
-    return pairs
-
-
-def _redraw(out: Path) -> int:
-    with explained_imports():
-        from ..charts.evaluation_chart import evaluation_charts
-        from ..charts.page import chart_outputs, require_matplotlib
-        from ..evaluation.record.evaluation_record import read_evaluation
-        from ..files.outputs import check_outputs
-    require_matplotlib()
-    record = out / "evaluation.json"
-    evaluation = read_evaluation(record)
-    data = out / "scores.svg"
-    check_outputs(chart_outputs(data) + chart_outputs(data.with_stem("scores_cases")), {"evaluation": record})
-    for path in evaluation_charts(evaluation, data):
-        sys.stdout.write(f"{path}\n")
     return 0

@@ -11,8 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
-from ..files.outputs import check_outputs, writing
-from ..images.png import encode_png
+from ..files.outputs import writing
 from .decoder import PICTURE_HEAD
 from .decoding_process import DecodingError, decoded_apart, undecodable
 
@@ -55,23 +54,6 @@ def picture(part: bytes) -> tuple[int, np.ndarray]:
     index, width, height = PICTURE_HEAD.unpack_from(part)
     pixels = np.frombuffer(part, np.uint8, 3 * width * height, PICTURE_HEAD.size)
     return index, pixels.reshape(height, width, 3)
-
-
-def write_video_frame(path: Path, index: int) -> Path:
-    """Write frame ``index`` as PNG next to the video, ``NAME_frame_000123.png``; gives its path.
-
-    Raises
-    ------
-    InputError
-        As :func:`read_video_frame` and :func:`write_new`.
-    RunError
-        The file cannot be written.
-    """
-    image = path.with_name(f"{path.stem}_frame_{index:06d}.png")
-    # decoding takes long
-    check_outputs([image], {"video": path})
-    write_new(image, encode_png(read_video_frame(path, index)))
-    return image
 
 
 def write_new(path: Path, data: bytes) -> None:

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this topic."""
     parser.add_argument(
         "--case", metavar="FILE", nargs="+", type=Path, action="append", default=[],
-        help="another scene: CASE.toml and optionally its PHOTOGRAPHS.json, as for oneframe compare",
+        help="another scene: CASE.toml and optionally its PHOTOGRAPHS.json, as for oneframe evaluate",
     )  # fmt: skip
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")

@@ -8,6 +8,7 @@ import pytest
 from blender_addon.landmarks import solve
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
+from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png
 
@@ -126,7 +127,9 @@ def test_the_case_names_the_film_of_its_frame(addon, folder):
         writer.write(np.full((48, 64, 3), level, np.uint8))
     writer.release()
     bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
-    bpy.ops.oneframe.load_video_frame(filepath=str(folder / "film.avi"), frame_index=1)
+    bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
+    shown_frame.show(bpy.context.scene, 1)
+    bpy.ops.oneframe.take_frame()
     for name in ("a.toml", "b.toml"):
         bpy.ops.oneframe.save_case(filepath=str(folder / name), save_as=True)
         assert read_case(folder / name).video == ("film.avi", 1)

@@ -12,6 +12,7 @@ import pytest
 
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, scene_files
+from blender_addon.video import shown_frame
 from blender_addon.view.overlay import frame_image_of
 from blender_addon.volume import drill_strokes
 from oneframe.blender.case.load_case import load_case
@@ -224,7 +225,9 @@ def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):
         writer.write(np.full((72, 96, 3), 40 * index, np.uint8))
     writer.release()
     load(surface=files / "surface" / "surface.json", camera=files / "camera.json")
-    bpy.ops.oneframe.load_video_frame(filepath=str(tmp_path / "film.avi"), frame_index=2)
+    bpy.ops.oneframe.open_video(filepath=str(tmp_path / "film.avi"))
+    shown_frame.show(bpy.context.scene, 2)
+    bpy.ops.oneframe.take_frame()
     folder = tmp_path / "case"
     folder.mkdir()
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)

@@ -19,7 +19,6 @@ LANDMARKS = "".join(
         ("D", [15.25, -17.5, 38.0], [43.25, 40.5]),
     ]
 )
-OPENS_ANOTHER_PROGRAM = ("open_result", "enlarge_preview")
 TRIED = (0, 1, 2, 5, -1, 0.5, 100, -37.5, 1e6)
 
 
@@ -29,7 +28,7 @@ class RandomUser:
     def __init__(self, case: Path, seed: int) -> None:
         self.case, self.rng = case, random.Random(seed)
         self.log: list[str] = []
-        self.operators = [name for name in dir(bpy.ops.oneframe) if name not in OPENS_ANOTHER_PROGRAM]
+        self.operators = [name for name in dir(bpy.ops.oneframe)]
         often = [self.operator] * 12 + [self.setting] * 5 + [self.undo] * 4 + [self.object] * 2 + [self.mode] * 2
         self.actions = [*often, self.delete, self.scene, self.reopen, *[self.open_case] * 3]
 

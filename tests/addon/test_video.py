@@ -206,14 +206,3 @@ def test_thumbnails_are_few_and_regular(count):
         index, picture = kept.nearest(wanted)
         assert abs(index - wanted) <= 2 * apart
         assert (picture == index // 2 % 251).all()
-
-
-def test_the_mask_is_shown_where_the_masked_frame_has_no_alpha(film, video, tmp_path):
-    scene = bpy.context.scene
-    shown_frame.show(scene, next(at for at, score in enumerate(film.scores.frames) if score.obstructed > 0.02))
-    scene.oneframe_video.show_mask = True
-    marked, plain = pixels_of(background(scene)), read_video_frame(video, film.score.index)
-    bpy.ops.oneframe.take_frame(masked=True)
-    alpha = cv2.imread(scene.oneframe.frame_path, cv2.IMREAD_UNCHANGED)[..., 3]
-    assert 0 < (alpha == 0).mean() < 0.5
-    assert np.array_equal((marked != plain).any(axis=-1), alpha == 0)

@@ -1,7 +1,5 @@
 """Charts of an evaluation: the same record gives the same bytes; nothing is cut off; what is missing is said."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -82,15 +80,3 @@ def test_charts_are_drawn_again_alike_and_their_text_is_within_and_apart(tmp_pat
     for theme in THEMES:
         image = cv2.imdecode(np.frombuffer(first[f"chart{theme.suffix}.png"], np.uint8), cv2.IMREAD_COLOR)
         assert "#" + "".join(f"{value:02x}" for value in image[0, 0, ::-1]) == theme.background
-
-
-def test_a_missing_matplotlib_is_said_in_a_sentence(tmp_path):
-    code = (
-        "import sys, runpy; sys.modules['matplotlib'] = None\n"
-        f"sys.argv = ['oneframe', 'evaluate', '--redraw', '--out', {str(tmp_path)!r}]\n"
-        "runpy.run_module('oneframe.commands', run_name='__main__')"
-    )
-    ended = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert ended.returncode == 3, ended.stderr
-    assert ended.stderr.count("\n") == 1
-    assert "pip install matplotlib" in ended.stderr

@@ -42,7 +42,6 @@ def scenario(user: User) -> Action:
     user.facts["crops"] = {}
     yield from user.open_case()
     yield from user.open_sidebar("OneFrame")
-    bpy.context.scene.oneframe.show_gizmo = False
     # the navigation gizmo would cover labels
     user.area.spaces.active.show_gizmo_navigate = False
     yield from look_at_frame(user, beside_panels=True)

@@ -42,7 +42,6 @@ def scenario(user):
     yield from user.open_case(write_dotted_case(user.folder, dots, rng))
     scene, space = bpy.context.scene, user.area.spaces.active
     surface = scene.oneframe.surface
-    scene.oneframe.show_gizmo = False
     # smoothed pictures come to rest after several redraws, and the first ones are shifted
     bpy.context.preferences.system.viewport_aa = "OFF"
     space.shading.light, space.shading.show_cavity, space.shading.background_type = "FLAT", False, "VIEWPORT"

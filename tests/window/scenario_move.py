@@ -1,11 +1,10 @@
-"""A held key and a dragged handle move the surface by the right distance; each is one undo step."""
+"""A held key and a drag move the surface by the right distance; each is one undo step."""
 
 import bpy
 import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe.move.gizmo import GAP
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.state.pose import pivot_of
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
@@ -30,10 +29,13 @@ def scenario(user):
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: np.array_equal(pose(), start), "all of them undone at once")
 
-    for mode, path, expected in (("shift", (40, -24), (40, 24)), ("depth", (0, 30), (0, 0))):
-        handle = handle_place(user, {"shift": (0, 0), "depth": (1, 1)}[mode])
+    middle = user.middle()
+    for mode, held, path, expected in (
+        ("shift", {}, (40, -24), (40, 24)),
+        ("depth", {"ctrl": True, "alt": True}, (0, 30), (0, 0)),
+    ):
         per_px = view(user).magnification
-        yield from user.drag(handle, (handle[0] + path[0], handle[1] + path[1]))
+        yield from user.drag(middle, (middle[0] + path[0], middle[1] + path[1]), **held)
         yield from user.until(lambda: not np.array_equal(pose(), start), f"the surface dragged ({mode})")
         yield from user.redraw()
         # the pointer is on whole pixels of the window
@@ -44,12 +46,11 @@ def scenario(user):
         yield from user.key("Z", user.middle(), ctrl=True)
         yield from user.until(lambda: np.array_equal(pose(), start), f"the drag undone ({mode})")
 
-    handle = handle_place(user, (0, 0))
-    yield from user.move(handle)
-    user.event("LEFTMOUSE", "PRESS", handle)
+    yield from user.move(middle)
+    user.event("LEFTMOUSE", "PRESS", middle)
     yield 0.1
     for step in range(1, 5):
-        user.event("MOUSEMOVE", "NOTHING", (handle[0] + 10 * step, handle[1]))
+        user.event("MOUSEMOVE", "NOTHING", (middle[0] + 10 * step, middle[1]))
         yield 0.1
     yield from user.until(lambda: not np.array_equal(pose(), start), "the surface under the pointer")
     yield from user.key("ESC")
@@ -82,13 +83,3 @@ def moved(start):
 
 def view(user):
     return FrameView.of(bpy.context.scene, user.region(), user.view)
-
-
-def handle_place(user, place):
-    """The middle of a handle in the window, given its (column, row) on the grid."""
-    scene, region = bpy.context.scene, user.region()
-    pivot, _ = pivot_of(scene)
-    now = pose()
-    pixel = from_scene.camera(scene).project((now[:3, :3] @ pivot + now[:3, 3])[None])[0]
-    x, y = view(user).region_from_px(pixel) + GAP * np.array([place[0] + 0.6, -place[1] - 0.6])
-    return region.x + x, region.y + y

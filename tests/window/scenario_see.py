@@ -21,7 +21,6 @@ STILL_PX = 1.0
 def scenario(user):
     yield from user.open_case()
     scene, space = bpy.context.scene, user.area.spaces.active
-    scene.oneframe.show_gizmo = False
     space.show_gizmo, space.overlay.show_text = False, False
     bpy.context.view_layer.update()
     before = placed(scene)

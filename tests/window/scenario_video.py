@@ -212,9 +212,7 @@ def take(user, film):
     assert part("video.session").of(user.window.scene) is film
     scene = user.window.scene
     part("video.shown_frame").show(scene, 8)
-    scene.oneframe_video.show_mask = True
     yield from user.until(lambda: film.is_full, "the full frame")
-    yield from user.picture("5_mask")
     with user.context():
         bpy.ops.oneframe.take_frame("INVOKE_DEFAULT", masked=True)
     yield from user.until(lambda: user.window.scene.oneframe.frame_path.endswith("_masked.png"), "a masked frame", 30)

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.blender.case.load_case import load_case
-from oneframe.blender.evaluation.comparison import compare
+from oneframe.blender.case.load_case import load_case, load_posed_frame
+from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.case.posed_frame import UnreadFrame
+from oneframe.colour.ray_tracer import best_traced
+from oneframe.evaluation.scores.similarity import similarity
 from oneframe.transforms import checked_rigid, rigid
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
@@ -32,8 +34,11 @@ def loaded_case(folder: Path, *, image: Path, size: tuple, k: list, mesh: Path, 
 
 def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> float:
     photograph = UnreadFrame(image, loaded.case.camera, None, cam_from_mesh)
-    found = next(compare(loaded, [photograph])).similarity
-    return -1.0 if found is None else found.correlation
+    real = load_posed_frame(photograph, loaded.surface.mesh_from_model, name="case.toml")
+    source = reference_view_of(loaded, "raster")
+    view = best_traced(source.mesh, loaded.frame.camera, source.views, rays=source.rays)(real.cam_from_model)
+    compared = view.observed & real.valid
+    return similarity(real.image, view.rgb, compared).correlation if compared.any() else -1.0
 
 
 def assert_pose_matters(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray, shift_mm: float) -> float:

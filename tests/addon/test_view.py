@@ -300,11 +300,7 @@ def test_every_comparison_has_its_own_key(addon):
 
     keys = [binding("oneframe.cycle_opacity"), binding("oneframe.zoom_frame", magnification=1.0)]
     keys += [binding("wm.context_toggle", **dict(toggling(name))) for name in ("wireframe", "contour")]
-    keys += [
-        binding("wm.context_toggle_enum", **dict(toggling("comparison", name)))
-        for name, *_ in COMPARISONS
-        if name != "NONE"
-    ]
+    keys += [binding("wm.context_toggle_enum", **dict(toggling("comparison", name))) for name in COMPARED]
     assert all(keys)
     assert len(set(keys)) == len(keys)
 

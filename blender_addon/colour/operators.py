@@ -138,16 +138,12 @@ def show_colour(surface: bpy.types.Object) -> None:
     """
     record = colour_record(surface)
     for space in spaces_of(surface):
-        _show_in(space.shading, record)
-
-
-def _show_in(shading: bpy.types.View3DShading, record: dict | None) -> None:
-    set_here = ("VERTEX", "TEXTURE")
-    if record is not None:
-        shading.light = "FLAT"
-        shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
-    elif shading.light == "FLAT" and shading.color_type in set_here:
-        shading.light, shading.color_type = "STUDIO", "OBJECT"
+        shading = space.shading
+        if record is not None:
+            shading.light = "FLAT"
+            shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
+        elif shading.light == "FLAT" and shading.color_type in ("VERTEX", "TEXTURE"):
+            shading.light, shading.color_type = "STUDIO", "OBJECT"
 
 
 def _check_object_mode(surface: bpy.types.Object) -> None:

@@ -264,7 +264,7 @@ def _fits(loaded: LoadedCase, solved: solve.Solution) -> tuple[float, ...]:
     """How the image fits each of the doubtful poses: found once for all presses."""
     global _fitted
     frame, mesh, poses = loaded.frame, loaded.surface.mesh, solved.doubtful
-    inputs = frame.image, mesh, *poses
+    inputs: tuple[np.ndarray | TriangleMesh, ...] = (frame.image, mesh, *poses)
     if _fitted is None or list(map(id, _fitted[0])) != list(map(id, inputs)):
         _fitted = inputs, explained(frame.image, frame.valid, loaded.case.camera, mesh, poses)
     return _fitted[1]

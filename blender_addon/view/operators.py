@@ -127,7 +127,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
 def toggling(name: str, value: str = "") -> tuple[tuple[str, object], ...]:
     """Settings with which Blender's operators toggle a setting of the view, or an item of it."""
     path = ("data_path", f"scene.oneframe_view.{name}")
-    return (path, ("value_1", value), ("value_2", "NONE")) if value else (path,)
+    return (path, ("value_1", "NONE"), ("value_2", value)) if value else (path,)
 
 
 class ONEFRAME_OT_cycle_opacity(FrameTool):

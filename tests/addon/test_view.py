@@ -243,6 +243,14 @@ def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, toggled):
     assert all((a == b).all() for a, b in zip(poses(scene), before, strict=True))
 
 
+def test_one_comparison_replaces_another(in_view, scene):
+    from blender_addon.view.operators import toggling
+
+    for name in COMPARED:
+        bpy.ops.wm.context_toggle_enum(**dict(toggling("comparison", name)))
+        assert scene.oneframe_view.comparison == name
+
+
 @pytest.mark.gl
 def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     """A ball that sticks out of a plate at half its height; its outline is that of K."""

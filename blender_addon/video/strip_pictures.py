@@ -1,17 +1,33 @@
 """Pictures of the film on the GPU, each brought to its size on the screen beforehand, so that it is sharp there."""
 
+from functools import cache
+
 import cv2
 import gpu
 import numpy as np
-from gpu_extras.presets import draw_texture_2d
 
-from ..pipeline.images.pixel_values import linear_from_codes
+from ..ui.rectangle import DECODE, bound_rectangle, rectangle_shader
 
 MOST_TEXTURES = 64
-LINEAR = linear_from_codes(np.arange(256) / 255).astype(np.float32)
-"""Of the code values."""
+
+_FRAGMENT = (
+    DECODE
+    + """
+void main()
+{
+  /* the target encodes linear values as sRGB */
+  colour = vec4(decoded(texture(picture, at).rgb), 1.0);
+}
+"""
+)
 
 _textures: dict[object, gpu.types.GPUTexture] = {}
+
+
+@cache
+def _shader() -> gpu.types.GPUShader:
+    """Code values as they are, in a 3D view."""
+    return rectangle_shader("film", _FRAGMENT, samplers=("picture",))
 
 
 def draw_picture(key: object, picture: np.ndarray, low: tuple[float, float], high: tuple[float, float]) -> None:
@@ -19,8 +35,12 @@ def draw_picture(key: object, picture: np.ndarray, low: tuple[float, float], hig
     left, below = (round(value) for value in low)
     right, above = (round(value) for value in high)
     size_wh = max(right - left, 1), max(above - below, 1)
-    gpu.state.blend_set("NONE")
-    draw_texture_2d(_texture((key, size_wh), picture, size_wh), (left, below), right - left, above - below)
+    texture = _texture((key, size_wh), picture, size_wh)
+    shader = _shader()
+    corners = np.array([[left, below], [right, below], [right, above], [left, above]])
+    batch = bound_rectangle(shader, corners, np.array([[0, 1], [1, 1], [1, 0], [0, 0]]))
+    shader.uniform_sampler("picture", texture)
+    batch.draw(shader)
 
 
 def _texture(key: object, picture: np.ndarray, size_wh: tuple[int, int]) -> gpu.types.GPUTexture:
@@ -29,9 +49,8 @@ def _texture(key: object, picture: np.ndarray, size_wh: tuple[int, int]) -> gpu.
         shrinks = size_wh[0] < picture.shape[1]
         sized = cv2.resize(picture, size_wh, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
         rgba = np.ones((size_wh[1], size_wh[0], 4), np.float32)
-        # the target encodes linear values as sRGB; its rows begin below
-        rgba[..., :3] = LINEAR[sized[::-1]]
-        found = gpu.types.GPUTexture(size_wh, format="RGBA16F", data=gpu.types.Buffer("FLOAT", rgba.size, rgba))
+        rgba[..., :3] = sized.astype(np.float32) / 255
+        found = gpu.types.GPUTexture(size_wh, format="RGBA8", data=gpu.types.Buffer("FLOAT", rgba.size, rgba))
     _textures[key] = found
     while len(_textures) > MOST_TEXTURES:
         del _textures[next(iter(_textures))]
@@ -41,3 +60,4 @@ def _texture(key: object, picture: np.ndarray, size_wh: tuple[int, int]) -> gpu.
 def clear() -> None:
     """Free the GPU's memory."""
     _textures.clear()
+    _shader.cache_clear()

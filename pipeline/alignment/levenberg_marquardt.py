@@ -42,14 +42,14 @@ class Loss:
 
 @dataclass(frozen=True)
 class PosePrior:
-    """A quadratic prior on the fitted poses: cost |precision_root * d|^2 for a difference d from the prior pose.
+    """A quadratic prior on the fitted poses: cost |precision_root @ d|^2 for a twist d from the prior pose.
 
     Attributes
     ----------
     poses
         The prior pose of each fitted one.
     precision_root
-        ``(6,)`` px per mm and px per radian, camera axes.
+        ``(6, 6)`` px per mm and px per radian, camera axes.
     """
 
     poses: Poses
@@ -69,7 +69,7 @@ class PosePrior:
         jacobian[:, :3, :3] = np.eye(3)
         jacobian[:, 3:, 3:] = np.eye(3) - 0.5 * cross + second * cross @ cross
         difference = np.concatenate([poses.positions - self.poses.positions, rotation_vectors], axis=1)
-        return -difference * self.precision_root, jacobian * self.precision_root[:, None]
+        return -difference @ self.precision_root.T, self.precision_root @ jacobian
 
 
 def fit_poses(
@@ -116,7 +116,7 @@ def fit_poses(
         diagonal = np.einsum("kii->ki", normal[now])
         if prior is not None:
             # damped in the metric of the prior: directions that no pixel determines then stay instead of drifting
-            metric = ((prior.precision_root[:, None] * basis) ** 2).sum(axis=0)
+            metric = ((prior.precision_root @ basis) ** 2).sum(axis=0)
             diagonal = metric * (diagonal / metric).max(axis=1, keepdims=True)
         # without a floor, a direction that moves no pixel would make the system singular
         floor = 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-30

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..files.numbers import format_two_digits
-from ..transforms import transform_points
+from ..transforms import cross_matrices, transform_points
 from .confidence_region import f_quantile
 from .reprojection import jacobian_at, twist_between
 
@@ -127,12 +127,29 @@ class PoseUncertainty:
             pivot_cam=self.pivot_cam * factor,
         )
 
+    def about(self, pivot_model: np.ndarray, cam_from_model: np.ndarray) -> "PoseUncertainty":
+        """The same uncertainty of the pose ``(4, 4)``, as that of a twist about another pivot ``(3,)``."""
+        moved = np.eye(6)
+        moved[:3, 3:] = -cross_matrices(cam_from_model[:3, :3] @ (pivot_model - self.pivot_model))
+        return replace(
+            self,
+            pivot_model=pivot_model,
+            covariance=moved @ self.covariance @ moved.T,
+            pivot_cam=transform_points(cam_from_model, pivot_model),
+        )
+
     def pixel_covariances(
         self, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray
     ) -> np.ndarray:
         """``(N, 2, 2)`` covariances, px^2, of the projections of ``(N, 3)`` model points."""
         jacobians = jacobian_at(points_model, camera, cam_from_model, self.pivot_model)
         return jacobians @ self.covariance @ np.swapaxes(jacobians, -1, -2)
+
+    def spread_px(self, camera: PinholeCamera, cam_from_model: np.ndarray) -> float:
+        """Root mean square displacement in the image of points all around the pivot, at the radius, px."""
+        points = self.pivot_model + self.radius_mm * np.concatenate([np.eye(3), -np.eye(3)])
+        covariances = self.pixel_covariances(points, camera, cam_from_model)
+        return float(np.sqrt(np.trace(covariances, axis1=1, axis2=2).mean()))
 
     def ellipse_scale(self, level: float = REGION_LEVEL) -> float:
         """Scale of the ellipse that holds a projected point with probability ``level``, in standard deviations."""
@@ -168,3 +185,25 @@ class PoseUncertainty:
 
     def _in_view_axes(self, twist: np.ndarray) -> np.ndarray:
         return self._view_axes() @ twist
+
+
+@dataclass(frozen=True)
+class PoseMode:
+    """One of the poses that the evidence allows.
+
+    Attributes
+    ----------
+    cam_from_model
+        ``(4, 4)``, mm.
+    uncertainty
+        Of this pose, if it is the right one.
+    probability
+        That it is.
+    inliers
+        ``(N,)`` bool: the correspondences that it was fitted to.
+    """
+
+    cam_from_model: np.ndarray
+    uncertainty: PoseUncertainty
+    probability: float
+    inliers: np.ndarray

@@ -16,6 +16,7 @@ KEYS = (
     "method",
     "tool",
     "date",
+    "evidence",
     "doubt",
     "refused",
     "start_method",
@@ -43,6 +44,8 @@ KEYS = (
     :data:`OTHER_FRAME`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
+``evidence``
+    The kinds of evidence that a refined pose comes from: "image", or "landmarks, image".
 ``doubt``
     Why the pose may be wrong altogether: several fit the landmarks, none does, or it was found in another frame.
 ``refused``
@@ -76,7 +79,7 @@ OTHER_FRAME = "another frame"
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
-_TEXTS = ("method", "tool", "date", "doubt", "refused", "start_method", "weakest")
+_TEXTS = ("method", "tool", "date", "evidence", "doubt", "refused", "start_method", "weakest")
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:

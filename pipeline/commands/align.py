@@ -99,20 +99,23 @@ def run(arguments: argparse.Namespace) -> int:
         date=datetime.date.today().isoformat(),
     )
     alignment, refinement, found = aligned.alignment, aligned.refinement, aligned.loaded.case
-    lines = report_lines(alignment) if alignment else []
+    by_pairs = alignment is not None and len(alignment.landmarks) > 0
+    lines = report_lines(alignment) if alignment and by_pairs else []
     lines += [f"note: {message}" for message in aligned.messages]
     if refinement and refinement.accepted:
-        lines += [refinement.message, *pose_lines(found.cam_from_mesh)]
+        lines.append(refinement.message)
     elif refinement and aligned.took_refused:
-        lines += [f"warning: taken although refused: {refinement.objection}", *pose_lines(found.cam_from_mesh)]
+        lines.append(f"warning: taken although refused: {refinement.objection}")
     elif refinement:
         lines.append(f"note: {refinement.message}")
+    if aligned.took_refused or not by_pairs:
+        lines += pose_lines(found.cam_from_mesh)
     output.write("\n".join(lines) + "\n")
     if arguments.json:
-        table: dict[str, object] = report_table(alignment) if alignment else {}
-        if aligned.is_refined:
+        table: dict[str, object] = report_table(alignment) if alignment and by_pairs else {}
+        if aligned.took_refused:
             # residuals and uncertainty of the landmarks belong to their own pose
-            table = {"start": table} if alignment else {}
+            table = {"start": table} if table else {}
         if refinement:
             mesh_from_model = aligned.loaded.surface.mesh_from_model
             table["refinement"] = refinement_table(refinement, mesh_from_model, taken=aligned.took_refused)
@@ -124,7 +127,7 @@ def run(arguments: argparse.Namespace) -> int:
         with writing(made_folder(arguments.picture)):
             write_bytes_atomically(arguments.picture, picture)
         drawn = "frame, overlay"
-        if alignment and not aligned.is_refined:
+        if by_pairs and not aligned.took_refused:
             drawn += ", residuals (10 times their length), 95 % ellipses"
         output.write(f"{drawn}: {arguments.picture}\n")
     if arguments.out:

@@ -33,11 +33,11 @@ class NoiseEstimate:
     """
 
     variance: float
-    residual_dof: int
+    residual_dof: float
     prior_dof: float
 
     @classmethod
-    def of(cls, squared_residuals: float, dof: int, click_sigma_px: float, prior_dof: float) -> "NoiseEstimate":
+    def of(cls, squared_residuals: float, dof: float, click_sigma_px: float, prior_dof: float) -> "NoiseEstimate":
         """Combine the sum of the squared residuals, px^2, and their degrees of freedom with the stated noise, px."""
         return cls((prior_dof * click_sigma_px**2 + squared_residuals) / (prior_dof + dof), dof, prior_dof)
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from ...errors import InputError
 from ...files.numbers import format_two_digits
-from ..pose_uncertainty import PoseUncertainty
+from ...transforms import rotation_angle_deg
+from ..pose_uncertainty import PoseMode
 from ..reprojection import Correspondences
 from .hypotheses import Hypothesis
 
@@ -56,17 +57,22 @@ class UndeterminedPose(InputError):
         The reason.
     candidates
         ``(4, 4)`` cam_from_model of the poses considered, the most probable first; possibly empty.
-    probabilities
-        Of the candidates, where several fit; otherwise empty.
+    modes
+        The candidates with their uncertainties, where some fit; otherwise empty.
     """
 
     def __init__(
-        self, kind: Kind, message: str, candidates: Sequence[np.ndarray] = (), probabilities: Sequence[float] = ()
+        self, kind: Kind, message: str, candidates: Sequence[np.ndarray] = (), modes: Sequence[PoseMode] = ()
     ) -> None:
         super().__init__(message)
         self.kind = kind
         self.candidates = tuple(candidates)
-        self.probabilities = tuple(probabilities)
+        self.modes = tuple(modes)
+
+    @property
+    def probabilities(self) -> tuple[float, ...]:
+        """Of the candidates, where several fit; otherwise empty."""
+        return tuple(mode.probability for mode in self.modes) if len(self.modes) > 1 else ()
 
 
 def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str]) -> None:
@@ -181,7 +187,7 @@ def check_fit(
 def ambiguous_pose(
     correspondences: Correspondences,
     possible: list[Hypothesis],
-    rotation_deg: float,
+    modes: Sequence[PoseMode],
     names: Sequence[str],
     click_sigma_px: float,
 ) -> UndeterminedPose:
@@ -191,46 +197,41 @@ def ambiguous_pose(
     ----------
     possible
         At least two hypotheses, the most probable first.
-    rotation_deg
-        Largest rotation between the first and another one.
+    modes
+        The same with their uncertainties.
     names
         What messages call the correspondences.
     click_sigma_px
         Stated click noise.
     """
-    candidates = [each.pose.matrix(0, correspondences.pivot_model) for each in possible]
-    odds = np.exp([each.log_evidence - possible[0].log_evidence for each in possible])
-    probabilities = (odds / odds.sum()).tolist()
+    candidates = [mode.cam_from_model for mode in modes]
+    rotation_deg = max(rotation_angle_deg(pose[:3, :3] @ candidates[0][:3, :3].T) for pose in candidates)
     best, second = possible[0], possible[1]
     differ = f"which differ by up to {format_two_digits(rotation_deg)}°"
     fits = f"landmarks: the correspondences fit {len(possible)} poses nearly equally well, {differ}"
     if not np.array_equal(best.inliers, second.inliers):
         doubtful = [repr(names[index]) for index in np.flatnonzero(best.inliers != second.inliers).tolist()]
         advice = f"at least one of {', '.join(doubtful)} is wrong; check these, or add pairs"
-        return UndeterminedPose("contradictory", f"{fits}: {advice}", candidates, probabilities)
+        return UndeterminedPose("contradictory", f"{fits}: {advice}", candidates, modes)
     distance = float(np.linalg.norm(best.pose.positions[0]))
     if _principal_spread_px(correspondences, distance)[2] < MIN_SPREAD_SIGMAS * click_sigma_px:
         advice = "their points lie nearly on one plane, which can tilt either way; add a pair well above or below it"
-        return UndeterminedPose("coplanar", f"{fits}: {advice}", candidates, probabilities)
+        return UndeterminedPose("coplanar", f"{fits}: {advice}", candidates, modes)
     advice = (
         "add a pair, ideally where the surface rises or falls most" if len(correspondences) < 6 else "check the pairs"
     )
-    return UndeterminedPose("ambiguous", f"{fits}: {advice}", candidates, probabilities)
+    return UndeterminedPose("ambiguous", f"{fits}: {advice}", candidates, modes)
 
 
-def check_uncertainty(
-    correspondences: Correspondences, cam_from_model: np.ndarray, uncertainty: PoseUncertainty, click_sigma_px: float
-) -> None:
+def check_uncertainty(correspondences: Correspondences, mode: PoseMode, click_sigma_px: float) -> None:
     """Refuse a pose that is too uncertain.
 
     Parameters
     ----------
     correspondences
         The inliers.
-    cam_from_model
-        ``(4, 4)`` the fitted pose.
-    uncertainty
-        Of this pose.
+    mode
+        The pose fitted to them.
     click_sigma_px
         Stated click noise.
 
@@ -240,6 +241,7 @@ def check_uncertainty(
         A standard deviation beyond :data:`MAX_ROTATION_DEG` or :data:`MAX_RELATIVE_DEPTH`. The message names the cause:
         points in a small part of the image, nearly on one line, or nearly on one plane.
     """
+    uncertainty = mode.uncertainty
     rotation_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
     if rotation_deg <= MAX_ROTATION_DEG and depth <= MAX_RELATIVE_DEPTH:
         return
@@ -250,9 +252,8 @@ def check_uncertainty(
         else f"± {format_two_digits(100 * depth)} % of the distance"
     )
     kind, cause = _diagnose(correspondences, float(np.linalg.norm(uncertainty.pivot_cam)), click_sigma_px)
-    raise UndeterminedPose(
-        kind, f"landmarks: {count} correspondences leave the pose undetermined ({found}): {cause}", [cam_from_model]
-    )
+    message = f"landmarks: {count} correspondences leave the pose undetermined ({found}): {cause}"
+    raise UndeterminedPose(kind, message, [mode.cam_from_model], [mode])
 
 
 def _diagnose(correspondences: Correspondences, distance: float, click_sigma_px: float) -> tuple[Kind, str]:

@@ -85,15 +85,17 @@ def report_table(alignment: Alignment) -> dict[str, object]:
 
 def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
     """The record for a case file: see :mod:`oneframe.case.alignment_record`. The same in any frame of the surface."""
+    found = {"method": "landmarks", "tool": tool, "date": date}
+    return {**found, **pairs_record(alignment), **alignment.estimate.uncertainty.record()}
+
+
+def pairs_record(alignment: Alignment) -> dict[str, object]:
+    """What the record of a pose keeps of its landmarks."""
     estimate = alignment.estimate
     return {
-        "method": "landmarks",
-        "tool": tool,
-        "date": date,
         "pairs": int(estimate.inliers.sum()),
         "rms_px": estimate.rms_px,
         "click_sigma_px": alignment.click_sigma_px,
-        **estimate.uncertainty.record(),
     }
 
 

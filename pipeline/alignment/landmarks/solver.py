@@ -9,7 +9,7 @@ from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
-from ..pose_uncertainty import PoseUncertainty
+from ..pose_uncertainty import PoseMode, PoseUncertainty
 from ..reprojection import Correspondences, Poses, residuals
 from .covariance import pose_uncertainty
 from .degeneracy import (
@@ -124,13 +124,11 @@ def solve_pose(
     mirrored = _mirror_hypothesis(correspondences, found, click_sigma_px)
     check_fit(correspondences, found, mirrored, click_sigma_px)
     chosen, messages = _choose(correspondences, found, start, click_sigma_px, labels)
-    cam_from_model = chosen.pose.matrix(0, correspondences.pivot_model)
-    fitted = Correspondences.about(points_model[chosen.inliers], pixels[chosen.inliers], camera)
-    uncertainty = pose_uncertainty(fitted, cam_from_model, click_sigma_px)
-    check_uncertainty(fitted, cam_from_model, uncertainty, click_sigma_px)
-    residuals_px = residuals(correspondences, chosen.pose)[0][0]
+    mode = _mode(correspondences, chosen, 1.0, click_sigma_px)
+    check_uncertainty(correspondences[chosen.inliers], mode, click_sigma_px)
+    residuals_px, uncertainty = residuals(correspondences, chosen.pose)[0][0], mode.uncertainty
     return PoseEstimate(
-        cam_from_model=cam_from_model,
+        cam_from_model=mode.cam_from_model,
         residuals_px=residuals_px,
         inliers=chosen.inliers,
         rms_px=float(np.sqrt(chosen.squared_px / chosen.inliers.sum())),
@@ -144,6 +142,17 @@ def solve_pose(
             *_warnings(chosen, residuals_px, uncertainty, mirrored, click_sigma_px, labels),
         ),
     )
+
+
+def _mode(
+    correspondences: Correspondences, hypothesis: Hypothesis, probability: float, click_sigma_px: float
+) -> PoseMode:
+    inliers, pivot = hypothesis.inliers, correspondences.pivot_model
+    pose = hypothesis.pose.matrix(0, pivot)
+    fitted = Correspondences.about(
+        correspondences.offsets[inliers] + pivot, correspondences.pixels[inliers], correspondences.camera
+    )
+    return PoseMode(pose, pose_uncertainty(fitted, pose, click_sigma_px), probability, inliers)
 
 
 def _start_poses(start: np.ndarray | None, correspondences: Correspondences) -> Poses:
@@ -202,7 +211,12 @@ def _choose(
                 f"{max(rotations_deg):.0f}°. The one nearest the current pose was taken: add a pair well above or "
                 "below the others to be sure."
             ]
-    raise ambiguous_pose(correspondences, possible, max(rotations_deg), names, click_sigma_px)
+    odds = np.exp([each.log_evidence - possible[0].log_evidence for each in possible])
+    modes = [
+        _mode(correspondences, each, float(share), click_sigma_px)
+        for each, share in zip(possible, odds / odds.sum(), strict=True)
+    ]
+    raise ambiguous_pose(correspondences, possible, modes, names, click_sigma_px)
 
 
 def _same_inliers(one: Hypothesis, other: Hypothesis) -> bool:
@@ -219,17 +233,22 @@ def _is_rival(correspondences: Correspondences, best: Hypothesis, other: Hypothe
     if rotation_deg < RIVAL_MIN_DEG and shift_px < RIVAL_MIN_SIGMAS * click_sigma_px:
         return False
     # a pose inside the displayed confidence region is not a rival
-    fitted = Correspondences.about(
-        correspondences.offsets[best.inliers] + correspondences.pivot_model,
-        correspondences.pixels[best.inliers],
-        correspondences.camera,
-    )
-    estimate, rival = (each.pose.matrix(0, correspondences.pivot_model) for each in (best, other))
-    return not pose_uncertainty(fitted, estimate, click_sigma_px).contains(rival, estimate)
+    mode = _mode(correspondences, best, 1.0, click_sigma_px)
+    return not mode.uncertainty.contains(other.pose.matrix(0, correspondences.pivot_model), mode.cam_from_model)
 
 
 def _rotation_between_deg(one: Poses, other: Poses) -> float:
     return rotation_angle_deg(one.rotations[0] @ other.rotations[0].T)
+
+
+def outlier_messages(residuals_px: np.ndarray, inliers: np.ndarray, names: Sequence[str]) -> list[str]:
+    """A sentence for each of the correspondences that are not inliers; arguments as in :class:`PoseEstimate`."""
+    messages = []
+    for index in np.flatnonzero(~inliers).tolist():
+        error_px = np.linalg.norm(residuals_px[index])
+        reason = f"has a reprojection error of {error_px:.3g} px" if np.isfinite(error_px) else "lies behind the camera"
+        messages.append(f"Outlier: {names[index]!r} {reason} and was excluded. Check or disable it.")
+    return messages
 
 
 def _warnings(
@@ -240,11 +259,7 @@ def _warnings(
     click_sigma_px: float,
     names: list[str],
 ) -> list[str]:
-    messages = []
-    for index in np.flatnonzero(~chosen.inliers):
-        error_px = np.linalg.norm(residuals_px[index])
-        reason = f"has a reprojection error of {error_px:.3g} px" if np.isfinite(error_px) else "lies behind the camera"
-        messages.append(f"Outlier: {names[index]!r} {reason} and was excluded. Check or disable it.")
+    messages = outlier_messages(residuals_px, chosen.inliers, names)
     if mirrored is not None:
         messages.append(
             "The mirror image of the surface fits much better than the surface: check whether the mesh is mirrored."

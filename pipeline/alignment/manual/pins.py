@@ -80,7 +80,7 @@ def pull_pins(
         moved[:2, 3] += (pixels[0] - shown) * depths[0] / [camera.fx, camera.fy]
         return moved
     distance = float(np.linalg.norm(current.positions[0]))
-    root = np.array([PRIOR_PX_PER_DISTANCE / distance] * 3 + [PRIOR_PX_PER_RADIAN] * 3)
+    root = np.diag([PRIOR_PX_PER_DISTANCE / distance] * 3 + [PRIOR_PX_PER_RADIAN] * 3)
     free_directions = _shift_roll_depth(current.positions[0]) if len(correspondences) == 2 else None
     in_plane = _shifted_rolled_and_scaled(points_model, pixels, camera, cam_from_model, current.positions[0])
     starts = Poses.of(np.stack([cam_from_model, in_plane]), pivot_model)

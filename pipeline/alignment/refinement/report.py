@@ -39,6 +39,7 @@ def refinement_record(refinement: Refinement, start: Mapping[str, object], tool:
         numbers["second_peak_ratio"] = refinement.verification.second_peak_ratio
     return {
         "method": "refined",
+        "evidence": "image",
         "tool": tool,
         "date": date,
         **({} if refinement.accepted else {"refused": refinement.objection}),

@@ -4,7 +4,7 @@ It is accepted if it explains the image better than the rough pose, has a low se
 halves of the image, and has a small estimated error (:mod:`.verification`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ...camera.pinhole import PinholeCamera
 from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
 from ..pose_uncertainty import PoseUncertainty
+from ..posterior.evidence import PoseEvidence
 from .image_pyramid import PyramidLevel
 from .local_search import score
 from .verification import ImageAgreement, Verification, jackknife, mean_distance_px, root_mean_square_px, verify
@@ -74,6 +75,13 @@ class Refinement:
     uncertainty: PoseUncertainty | None
 
     @property
+    def evidence(self) -> PoseEvidence | None:
+        """What the image says of the pose, to be solved together with landmarks; ``None`` if it was refused."""
+        if not self.accepted or self.uncertainty is None:
+            return None
+        return PoseEvidence("image", self.found, self.uncertainty)
+
+    @property
     def can_be_taken(self) -> bool:
         """Whether it was refused, but found a pose to look at and to take all the same."""
         return not self.accepted and not self.verified and self.verification is not None
@@ -120,7 +128,10 @@ def judged(
     rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
     uncertainty = jackknife(levels[-1], pose, points, camera)
     error_px = np.inf if uncertainty is None else root_mean_square_px(uncertainty, points, camera, pose)
-    error_px = float(np.hypot(error_px, bias_px))
+    if uncertainty is not None and bias_px > 0:
+        larger = float(np.hypot(error_px, bias_px)) / max(error_px, 1e-12)
+        error_px *= larger
+        uncertainty = replace(uncertainty, covariance=larger**2 * uncertainty.covariance)
     limit_error_px = max(MAX_ERROR_PX, MAX_ERROR_LEVEL_PX * levels[-1].px)
     limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * levels[-1].px)
     what = "the shape with the shadows of a side light" if bias_px > 0 else "the shape"

@@ -1,4 +1,4 @@
-"""Align a case with a rough pose: from its landmarks, against its image, or both in this order."""
+"""Align a case: by its landmarks, its image, or both in one solve."""
 
 from dataclasses import dataclass, replace
 
@@ -6,14 +6,17 @@ import numpy as np
 
 from ...alignment.landmarks.align_landmarks import (
     Alignment,
-    align_landmarks,
     check_landmarks_belong,
     complete_landmarks,
     landmark_distances,
     off_surface,
 )
+from ...alignment.landmarks.degeneracy import UndeterminedPose
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
+from ...alignment.posterior.evidence import PoseEvidence
+from ...alignment.posterior.report import joined_record
+from ...alignment.posterior.solve import pose_posterior
 from ...alignment.refinement.refine import refine_pose
 from ...alignment.refinement.report import refinement_record
 from ...alignment.refinement.verdict import Refinement
@@ -34,9 +37,10 @@ class AlignedCase:
     loaded
         The case in memory, with the new pose; ``loaded.case`` also records how it was found.
     alignment
-        The pose from the landmarks, in the frame ``mesh``; ``None`` without landmarks.
+        The pose from the landmarks, with the image's evidence if the refinement was accepted, in the frame ``mesh``;
+        ``None`` without landmarks that determine a pose.
     refinement
-        The refinement against the image; ``None`` if not requested.
+        The refinement against the image, from the pose of the landmarks; ``None`` if not requested.
     messages
         Messages about the files and the landmarks.
     took_refused
@@ -49,11 +53,6 @@ class AlignedCase:
     messages: tuple[str, ...]
     took_refused: bool = False
 
-    @property
-    def is_refined(self) -> bool:
-        """Whether the pose is a refined one, and not that of the landmarks."""
-        return self.took_refused or (self.refinement is not None and self.refinement.accepted)
-
 
 def align_case(
     case: Case, *, click_sigma_px: float, refine: bool, take_refused: bool = False, tool: str, date: str
@@ -64,11 +63,11 @@ def align_case(
     ----------
     case
         Its landmarks are used if any is complete. Its pose may be rough: it decides between several poses that fit the
-        landmarks, and is the initial pose of the refinement if there are no landmarks.
+        landmarks, and is the initial pose of the refinement if these determine none.
     click_sigma_px
         Standard deviation of the click noise, along each image axis.
     refine
-        Also refine the pose against the image.
+        Also take the image as evidence.
     take_refused
         Take the pose that the refinement has found even if it refuses it; the record in the case says so.
     tool, date
@@ -77,7 +76,7 @@ def align_case(
     Raises
     ------
     UndeterminedPose
-        The landmarks do not determine a pose.
+        The evidence does not determine a pose.
     InputError
         A file cannot be used, the landmarks belong to another surface, the pose does not show the surface, or, without
         landmarks, the refinement is refused.
@@ -85,40 +84,53 @@ def align_case(
     loaded = load_case(case, aligned=False)
     if not (case.posed or complete_landmarks(case.landmarks)):
         raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
-    alignment, refinement = None, None
-    messages: tuple[str, ...] = ()
+    alignment, refinement, image, took_refused = None, None, None, False
+    start = case.cam_from_mesh if case.posed else None
+
+    def solved(*evidence: PoseEvidence) -> Alignment:
+        return pose_posterior(case.landmarks, case.camera, evidence, click_sigma_px=click_sigma_px, start=start)
+
+    mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
+    # before the check of the pose, which would report landmarks of another mesh as a wrong pose
+    distances = landmark_distances(case.landmarks, mesh)
+    check_landmarks_belong(distances, mesh, case.mesh.name)
+    messages = off_surface(distances)
     if complete_landmarks(case.landmarks) or not refine:
-        alignment = align_landmarks(
-            case.landmarks, case.camera, click_sigma_px=click_sigma_px, start=case.cam_from_mesh if case.posed else None
-        )
-        mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
-        # before the check of the pose, which would report landmarks of another mesh as a wrong pose
-        distances = landmark_distances(case.landmarks, mesh)
-        check_landmarks_belong(distances, mesh, case.mesh.name)
-        messages = (*off_surface(distances), *alignment.estimate.messages)
-        # the landmarks are in the frame of the mesh file, and so is the pose
-        cam_from_mesh = alignment.estimate.cam_from_model
-        loaded = _with_pose(loaded, cam_from_mesh, alignment_record(alignment, tool, date))
-        check_pose(loaded.case, loaded.surface.mesh, loaded.frame.cam_from_model)
-    took_refused = False
+        try:
+            alignment = solved()
+        except UndeterminedPose as refusal:
+            # together with the image they may
+            if not refine or start is None:
+                raise
+            messages = (*messages, f"{refusal}; the refinement starts from the pose of the case")
+        else:
+            # the landmarks are in the frame of the mesh file, and so is the pose
+            loaded = _with_pose(loaded, alignment.estimate.cam_from_model, alignment_record(alignment, tool, date))
+            check_pose(loaded.case, loaded.surface.mesh, loaded.frame.cam_from_model)
     if refine:
-        frame = loaded.frame
+        frame, model_from_mesh = loaded.frame, inverse_rigid(loaded.surface.mesh_from_model)
         refinement = refine_pose(frame.image, frame.valid, case.camera, loaded.surface.mesh, frame.cam_from_model)
         took_refused = take_refused and refinement.can_be_taken
-        if refinement.accepted or took_refused:
-            start = loaded.case.alignment or {"method": "manual"}
-            cam_from_mesh = refinement.found @ inverse_rigid(loaded.surface.mesh_from_model)
-            loaded = _with_pose(loaded, cam_from_mesh, refinement_record(refinement, start, tool, date))
-        elif alignment is None:
+        if not refinement.accepted and not took_refused and alignment is None:
             advice = " --take-refused takes what it has found." if refinement.can_be_taken else ""
             raise InputError(f"{case.path.name}: {refinement.message}{advice}")
-    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages), took_refused)
+        record = refinement_record(refinement, loaded.case.alignment or {"method": "manual"}, tool, date)
+        if refinement.evidence is not None:
+            image = refinement.evidence.reframed(model_from_mesh)
+            alignment = solved(image)
+            record = joined_record(record, image, alignment, tool, date)
+            loaded = _with_pose(loaded, alignment.estimate.cam_from_model, record)
+        elif took_refused:
+            loaded = _with_pose(loaded, refinement.found @ model_from_mesh, record)
+    found = alignment.estimate.messages if alignment is not None and not took_refused else ()
+    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
 
 
 def alignment_picture(aligned: AlignedCase) -> np.ndarray:
     """``(H, W, 3)`` float32 values 0..1: frame and overlay; landmarks and residuals if the pose is theirs."""
     overlay = frame_overlay(aligned.loaded)
-    return marked(overlay, aligned.alignment) if aligned.alignment and not aligned.is_refined else overlay
+    found = None if aligned.took_refused else aligned.alignment
+    return marked(overlay, found) if found is not None and len(found.landmarks) else overlay
 
 
 def _with_pose(loaded: LoadedCase, cam_from_mesh: np.ndarray, record: dict[str, object]) -> LoadedCase:

@@ -13,6 +13,7 @@ import pytest
 from oneframe.alignment.landmarks.covariance import pose_uncertainty
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
 from oneframe.alignment.landmarks.solver import solve_pose
+from oneframe.alignment.pose_uncertainty import PoseMode
 from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.alignment.refinement.verdict import Refinement
 from oneframe.alignment.reprojection import Correspondences
@@ -114,7 +115,8 @@ def refused_depth(value: float) -> str:
     known = pose_uncertainty(pairs, pose, 1e-6)
     covariance = known.covariance.copy()
     covariance[2, 2] = (value * 640) ** 2
-    return refusal(lambda: check_uncertainty(pairs, pose, replace(known, covariance=covariance), 2.0))
+    mode = PoseMode(pose, replace(known, covariance=covariance), 1.0, np.ones(len(pairs), bool))
+    return refusal(lambda: check_uncertainty(pairs, mode, 2.0))
 
 
 def collinear(ratio: float) -> str:

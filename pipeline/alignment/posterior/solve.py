@@ -1,0 +1,230 @@
+"""The pose from landmarks and all other evidence, in one solve. Needs ``cv2``.
+
+Where the landmarks alone allow several poses, each is weighed with the other evidence. That may be wrong altogether, as
+a search may have ended at another place: then the pose of the landmarks alone is the more probable one, and the other
+evidence is left out, like an outlier among the landmarks.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...case.landmarks import Landmark
+from ...files.numbers import format_two_digits
+from ...transforms import transform_points
+from ..confidence_region import f_survival
+from ..landmarks.align_landmarks import LANDMARKS, Alignment, align_landmarks, complete_landmarks, landmark_arrays
+from ..landmarks.covariance import REGION_PRIOR_DOF, NoiseEstimate
+from ..landmarks.degeneracy import UndeterminedPose
+from ..landmarks.hypotheses import NOISE_PRIOR_DOF
+from ..landmarks.outliers import FALSE_ALARM_PROBABILITY
+from ..landmarks.solver import RIVAL_ODDS, PoseEstimate, outlier_messages
+from ..levenberg_marquardt import PosePrior, fit_poses
+from ..pose_uncertainty import PoseMode, PoseUncertainty
+from ..reprojection import Correspondences, Poses, jacobian_at, twist_between
+from .evidence import PoseEvidence, fused, joint_dof
+
+WRONG_PROBABILITY, WRONG_DEG, WRONG_RELATIVE_DEPTH = 0.05, 5.0, 0.03
+"""Probability that the other evidence is wrong, and how much farther off it is then: standard deviations of rotations,
+of shifts across the view by as much of the surface's radius, and of the distance. Of 19 refinements accepted on LM-O,
+two were wrong."""
+
+NOISE_ROUNDS = 4
+"""Of estimating the click noise and the pose in turn."""
+
+
+@dataclass(frozen=True)
+class _Weighed:
+    """A mode, the logarithm of its weight, and whether it leaves the other evidence out."""
+
+    mode: PoseMode
+    log_weight: float
+    is_alone: bool
+
+
+def pose_posterior(
+    landmarks: Sequence[Landmark],
+    camera: PinholeCamera,
+    evidence: Sequence[PoseEvidence] = (),
+    *,
+    click_sigma_px: float,
+    start: np.ndarray | None = None,
+) -> Alignment:
+    """The pose from landmarks and other evidence.
+
+    Parameters
+    ----------
+    landmarks
+        Any number, in one frame of the surface; those that are disabled or incomplete take no part.
+    camera
+        Intrinsics of the undistorted frame.
+    evidence
+        All other evidence, the most certain first. Together it determines the pose; without any, the pose is that of
+        :func:`.align_landmarks`.
+    click_sigma_px
+        Standard deviation of a click, in each image direction.
+    start
+        ``(4, 4)`` the present pose, which decides between poses that fit equally well, if nothing else does.
+
+    Raises
+    ------
+    UndeterminedPose
+        The evidence allows several poses, or none, see :mod:`..landmarks.degeneracy`.
+    InputError
+        Numbers that are not finite, a click noise that is not positive.
+    """
+    if not evidence:
+        return align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px, start=start)
+    used, given = complete_landmarks(landmarks), fused(evidence)
+    names = [landmark.name for landmark in used.values()]
+    pairs = Correspondences.about(*landmark_arrays(tuple(used.values())), camera, given.uncertainty.pivot_model)
+    others = " and ".join(each.kind for each in evidence)
+    modes, messages = _landmark_modes(landmarks, camera, click_sigma_px)
+    if modes:
+        possible = _weighed(modes, pairs, given, click_sigma_px)
+    else:
+        joint = _joined(pairs, given, given.cam_from_model, _explained(pairs, given, click_sigma_px), click_sigma_px)
+        possible = [_Weighed(joint, 0.0, is_alone=False)]
+    if len(possible) > 1:
+        weights = np.exp([each.log_weight - possible[0].log_weight for each in possible])
+        shares = (weights / weights.sum()).tolist()
+        found = [replace(each.mode, probability=share) for each, share in zip(possible, shares, strict=True)]
+        raise UndeterminedPose(
+            "ambiguous",
+            f"landmarks and {others}: {len(found)} poses fit nearly equally well; add a pair where they lie farthest "
+            "apart, or switch off what is wrong",
+            [mode.cam_from_model for mode in found],
+            found,
+        )
+    mode = possible[0].mode
+    residuals_px = _residuals_px(pairs, mode.cam_from_model)
+    if possible[0].is_alone:
+        shown = transform_points(given.cam_from_model, pairs.offsets + pairs.pivot_model)
+        apart_px = np.linalg.norm(pairs.pixels - residuals_px - camera.project(shown), axis=1)
+        left_out = (
+            f"The {others} is left out: its pose lies {format_two_digits(float(np.median(apart_px)))} px from that of "
+            "the landmarks, more than the errors of both allow. Check the landmarks, or refine again from their pose."
+        )
+        messages, kinds = (left_out, *messages), (LANDMARKS,)
+    else:
+        kinds = (*((LANDMARKS,) if mode.inliers.any() else ()), *(each.kind for each in evidence))
+        messages = tuple(outlier_messages(residuals_px, mode.inliers, names))
+    squared_px = (residuals_px[mode.inliers] ** 2).sum(axis=1)
+    rms_px = float(np.sqrt(squared_px.mean())) if len(squared_px) else 0.0
+    estimate = PoseEstimate(mode.cam_from_model, residuals_px, mode.inliers, rms_px, mode.uncertainty, messages)
+    return Alignment(tuple(used.values()), tuple(used), camera, estimate, click_sigma_px, kinds)
+
+
+def _residuals_px(pairs: Correspondences, cam_from_model: np.ndarray) -> np.ndarray:
+    return pairs.pixels - pairs.camera.project(transform_points(cam_from_model, pairs.offsets + pairs.pivot_model))
+
+
+def _landmark_modes(
+    landmarks: Sequence[Landmark], camera: PinholeCamera, click_sigma_px: float
+) -> tuple[Sequence[PoseMode], tuple[str, ...]]:
+    """The poses that the landmarks alone allow, possibly undetermined in some direction, and what is said of them."""
+    try:
+        found = align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px).estimate
+    except UndeterminedPose as refusal:
+        return refusal.modes, (str(refusal),)
+    return [PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers)], found.messages
+
+
+def _weighed(
+    modes: Sequence[PoseMode], pairs: Correspondences, given: PoseEvidence, click_sigma_px: float
+) -> list[_Weighed]:
+    """The poses that landmarks and other evidence allow, the most probable first, and none twice."""
+    trials = []
+    for mode in modes:
+        pivot = given.uncertainty.pivot_model
+        spread = mode.uncertainty.about(pivot, mode.cam_from_model)
+        apart = twist_between(given.cam_from_model, mode.cam_from_model, pivot)
+        right = spread.covariance + given.uncertainty.covariance
+        wrong = right + np.diag(_wrong_deviations(given.uncertainty) ** 2)
+        shares = [np.trace(np.linalg.solve(right, each.covariance)) / 6 for each in (spread, given.uncertainty)]
+        log_right = _log_density(apart, right, joint_dof(shares, [spread.dof, given.uncertainty.dof]))
+        log_wrong = _log_density(apart, wrong, np.inf)
+        joint = _joined(pairs, given, mode.cam_from_model, mode.inliers, click_sigma_px)
+        log_share = math.log(max(mode.probability, 1e-300))
+        trials += [
+            _Weighed(joint, log_share + math.log(1 - WRONG_PROBABILITY) + log_right, is_alone=False),
+            _Weighed(mode, log_share + math.log(WRONG_PROBABILITY) + log_wrong, is_alone=True),
+        ]
+    trials.sort(key=lambda each: -each.log_weight)
+    kept: list[_Weighed] = []
+    for each in trials:
+        likely = each.log_weight - trials[0].log_weight >= math.log(RIVAL_ODDS)
+        pose = each.mode.cam_from_model
+        if likely and not any(known.mode.uncertainty.contains(pose, known.mode.cam_from_model) for known in kept):
+            kept.append(each)
+    return kept
+
+
+def _wrong_deviations(uncertainty: PoseUncertainty) -> np.ndarray:
+    """``(6,)`` standard deviations of evidence that is wrong."""
+    angle = math.radians(WRONG_DEG)
+    across, depth = angle * uncertainty.radius_mm, WRONG_RELATIVE_DEPTH * float(np.linalg.norm(uncertainty.pivot_cam))
+    return np.array([across, across, depth, angle, angle, angle])
+
+
+def _log_density(apart: np.ndarray, covariance: np.ndarray, dof: float) -> float:
+    """Logarithm of the density of a twist ``(6,)``: normal, or Student's with some degrees of freedom."""
+    scale = np.sqrt(np.diag(covariance))
+    whitened = np.linalg.solve(np.linalg.cholesky(covariance / np.outer(scale, scale)), apart / scale)
+    squared = float(whitened @ whitened)
+    half_log_det = 0.5 * float(np.linalg.slogdet(covariance / np.outer(scale, scale))[1]) + float(np.log(scale).sum())
+    if math.isinf(dof):
+        return -3 * math.log(2 * math.pi) - half_log_det - squared / 2
+    half = dof / 2
+    constant = math.lgamma(half + 3) - math.lgamma(half) - 3 * math.log(dof * math.pi)
+    return constant - half_log_det - (half + 3) * math.log1p(squared / dof)
+
+
+def _explained(pairs: Correspondences, given: PoseEvidence, click_sigma_px: float) -> np.ndarray:
+    """``(N,)`` bool: which of some correspondences the other evidence does not contradict."""
+    points = pairs.offsets + pairs.pivot_model
+    spreads = given.uncertainty.pixel_covariances(points, pairs.camera, given.cam_from_model)
+    apart = np.nan_to_num(_residuals_px(pairs, given.cam_from_model), nan=np.inf)
+    spreads = spreads + click_sigma_px**2 * np.eye(2)
+    squared = np.einsum("ni,ni->n", apart, np.linalg.solve(spreads, apart[..., None])[..., 0])
+    least = FALSE_ALARM_PROBABILITY / max(len(pairs), 1)
+    return np.array([f_survival(value / 2, 2, NOISE_PRIOR_DOF) >= least for value in squared], bool)
+
+
+def _joined(
+    pairs: Correspondences, given: PoseEvidence, start: np.ndarray, inliers: np.ndarray, click_sigma_px: float
+) -> PoseMode:
+    """The pose from some of the correspondences and the other evidence, from a start ``(4, 4)``.
+
+    The click noise is estimated from the residuals, with as many degrees of freedom as the correspondences keep: of the
+    six of the pose, the other evidence has determined a part.
+    """
+    if not inliers.any():
+        return PoseMode(given.cam_from_model, given.uncertainty, 1.0, inliers)
+    chosen, pivot = pairs[inliers], pairs.pivot_model
+    points, precision = chosen.offsets + pivot, np.linalg.inv(given.uncertainty.covariance)
+    root = np.linalg.cholesky(precision).T
+    mean, pose = Poses.of(given.cam_from_model[None], pivot), start
+    noise = NoiseEstimate(click_sigma_px**2, 0, REGION_PRIOR_DOF)
+    for _ in range(NOISE_ROUNDS):
+        fitted, _ = fit_poses(chosen, Poses.of(pose[None], pivot), prior=PosePrior(mean, noise.sigma_px * root))
+        pose = fitted.matrix(0, pivot)
+        jacobian = jacobian_at(points, pairs.camera, pose, pivot).reshape(-1, 6)
+        normal = jacobian.T @ jacobian
+        covariance = np.linalg.inv(normal / noise.variance + precision)
+        share = float(np.trace(covariance @ normal)) / noise.variance / 6
+        squared_px = float((_residuals_px(chosen, pose) ** 2).sum())
+        noise = NoiseEstimate.of(squared_px, 2 * len(chosen) - 6 * share, click_sigma_px, REGION_PRIOR_DOF)
+    covariance = np.linalg.inv(normal / noise.variance + precision)
+    share = float(np.trace(covariance @ normal)) / noise.variance / 6
+    uncertainty = replace(
+        given.uncertainty,
+        covariance=covariance,
+        dof=joint_dof([share, 1 - share], [noise.region_dof, given.uncertainty.dof]),
+        sigma_px=noise.sigma_px,
+        pivot_cam=transform_points(pose, pivot),
+    )
+    return PoseMode(pose, uncertainty, 1.0, inliers)

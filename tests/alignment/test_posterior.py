@@ -1,0 +1,196 @@
+"""One posterior from landmarks, image and priors: laws of the fusion, coverage of the truth, and the next click."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oneframe.alignment.landmarks.align_landmarks import align_landmarks
+from oneframe.alignment.landmarks.degeneracy import UndeterminedPose
+from oneframe.alignment.pose_uncertainty import PoseMode, PoseUncertainty
+from oneframe.alignment.posterior.evidence import PoseEvidence, fused, joint_dof, view_prior
+from oneframe.alignment.posterior.next_click import gains_px2, next_click
+from oneframe.alignment.posterior.pulls import pulls_px
+from oneframe.alignment.posterior.solve import pose_posterior
+from oneframe.alignment.reprojection import apply_twist, jacobian_at, twist_between
+from oneframe.case.landmarks import Landmark
+from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from scripts.benchmarks.alignment.landmark_trials import MICROSCOPE, box_trial
+
+DEVIATIONS = np.array([0.05, 0.05, 0.6, 0.004, 0.004, 0.003])
+"""Of an image's pose: mm and radians, at a microscope's distance."""
+
+
+def image_evidence(rng, pose, *, true_dof=np.inf, deviations=DEVIATIONS):
+    """A refined pose whose stated covariance has the right mean and an estimated scale."""
+    turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+    root = np.diag(deviations) @ turn @ np.diag([0.5, 0.7, 1, 1, 1.3, 1.5])
+    scale = rng.chisquare(true_dof) / true_dof if np.isfinite(true_dof) else 1.0
+    stated = PoseUncertainty(np.zeros(3), scale * root @ root.T, true_dof, np.nan, 10.0, pose[:3, 3])
+    return PoseEvidence("image", apply_twist(root @ rng.normal(size=6), pose, np.zeros(3)), stated)
+
+
+def as_landmarks(trial, chosen=slice(None)):
+    both = zip(trial.points_model[chosen], trial.pixels[chosen], strict=True)
+    return [
+        Landmark(str(number), tuple(map(float, point)), tuple(map(float, pixel)))
+        for number, (point, pixel) in enumerate(both)
+    ]
+
+
+def solved(landmarks, *evidence, sigma_px=2.0):
+    return pose_posterior(landmarks, MICROSCOPE, evidence, click_sigma_px=sigma_px).estimate
+
+
+def close(pose):
+    return pytest.approx(pose, abs=1e-6)
+
+
+def test_evidence_is_fused_as_two_normal_densities_are_about_any_pivot():
+    rng = np.random.default_rng(1)
+    pose = box_trial(rng, 4, 0.0).cam_from_model
+    one, other = (image_evidence(rng, pose, deviations=1e-3 * DEVIATIONS) for _ in range(2))
+    found = fused([one, other])
+    precisions = [np.linalg.inv(each.uncertainty.covariance) for each in (one, other)]
+    covariance = np.linalg.inv(sum(precisions))
+    np.testing.assert_allclose(found.uncertainty.covariance, covariance, rtol=1e-6)
+    twist = covariance @ precisions[1] @ twist_between(one.cam_from_model, other.cam_from_model, np.zeros(3))
+    assert found.cam_from_model == close(apply_twist(twist, one.cam_from_model, np.zeros(3)))
+    pivot = np.array([3.0, -4, 2])
+    moved = [replace(each, uncertainty=each.uncertainty.about(pivot, each.cam_from_model)) for each in (one, other)]
+    assert fused(moved).cam_from_model == close(found.cam_from_model)
+    points = rng.normal(size=(5, 3)) * 8
+    seen = [
+        each.uncertainty.pixel_covariances(points, MICROSCOPE, each.cam_from_model) for each in (found, fused(moved))
+    ]
+    np.testing.assert_allclose(*seen, rtol=1e-5)
+    assert joint_dof([0.5, 0.5], [6.0, 6.0]) == 12.0
+
+
+def test_a_kind_left_out_leaves_the_others_and_no_landmark_is_needed_for_the_image():
+    rng = np.random.default_rng(2)
+    trial = box_trial(rng, 7, 1.0)
+    image, landmarks = image_evidence(rng, trial.cam_from_model), as_landmarks(trial)
+    alone = align_landmarks(landmarks, MICROSCOPE, click_sigma_px=2.0).estimate
+    assert np.array_equal(solved(landmarks).cam_from_model, alone.cam_from_model)
+    assert np.array_equal(solved([], image).cam_from_model, image.cam_from_model)
+    # deleting landmarks one by one goes to the image's pose, and each step is between the two
+    shifts = [
+        np.linalg.norm(
+            twist_between(image.cam_from_model, solved(landmarks[:count], image).cam_from_model, np.zeros(3))
+        )
+        for count in range(8)
+    ]
+    assert shifts[0] == 0
+    assert min(shifts[1:]) > 0
+    # the landmarks' own noise sets their weight: exact clicks stay where they are
+    exact = as_landmarks(
+        replace(trial, pixels=MICROSCOPE.project(transform_points(trial.cam_from_model, trial.points_model)))
+    )
+    assert solved(exact, image, sigma_px=0.001).cam_from_model == pytest.approx(trial.cam_from_model, abs=1e-3)
+
+
+def test_pulls_are_the_shifts_without_a_kind():
+    rng = np.random.default_rng(3)
+    trial = box_trial(rng, 6, 2.0)
+    image, landmarks = image_evidence(rng, trial.cam_from_model), as_landmarks(trial)
+    found = pose_posterior(landmarks, MICROSCOPE, [image], click_sigma_px=2.0)
+    pulls = pulls_px(found, [image], trial.mesh_points)
+    shown = [
+        MICROSCOPE.project(transform_points(pose, trial.mesh_points))
+        for pose in (found.estimate.cam_from_model, image.cam_from_model, solved(landmarks).cam_from_model)
+    ]
+    assert pulls == {
+        "landmarks": pytest.approx(np.median(np.linalg.norm(shown[1] - shown[0], axis=1))),
+        "image": pytest.approx(np.median(np.linalg.norm(shown[2] - shown[0], axis=1))),
+    }
+    few = pose_posterior(landmarks[:2], MICROSCOPE, [image], click_sigma_px=2.0)
+    assert pulls_px(few, [image], trial.mesh_points)["image"] is None
+
+
+def test_evidence_that_contradicts_the_landmarks_is_left_out_and_a_landmark_that_contradicts_the_image():
+    rng = np.random.default_rng(4)
+    trial = box_trial(rng, 8, 1.0)
+    image, landmarks = image_evidence(rng, trial.cam_from_model), as_landmarks(trial)
+    wrong = replace(
+        image, cam_from_model=apply_twist(np.array([0, 0, 0, 0.1, 0, 0]), trial.cam_from_model, np.zeros(3))
+    )
+    found, alone = solved(landmarks, wrong), solved(landmarks)
+    assert np.array_equal(found.cam_from_model, alone.cam_from_model)
+    assert "image is left out" in found.messages[0]
+    u, v = landmarks[1].pixel
+    missed = replace(landmarks[1], pixel=(u + 200, v))
+    found = solved([landmarks[0], missed], image)
+    assert found.inliers.tolist() == [True, False]
+    assert found.cam_from_model == close(solved(landmarks[:1], image).cam_from_model)
+
+
+def test_the_image_decides_between_poses_that_fit_the_landmarks():
+    rng = np.random.default_rng(1)
+    trial = box_trial(rng, 6, 0.0)
+    flat = trial.points_model * [1, 1, 0]
+    pose = rigid(rotation_from_vector(np.array([0.15, 0.1, 0.1])), [0, 0, 300])
+    pixels = MICROSCOPE.project(transform_points(pose, flat)) + rng.normal(scale=2.0, size=(6, 2))
+    landmarks = as_landmarks(replace(trial, points_model=flat, pixels=pixels))
+    with pytest.raises(UndeterminedPose) as refusal:
+        solved(landmarks)
+    modes = refusal.value.modes
+    assert sum(mode.probability for mode in modes) == pytest.approx(1)
+    assert any(mode.uncertainty.contains(pose, mode.cam_from_model) for mode in modes)
+    found = solved(landmarks, image_evidence(rng, pose))
+    assert rotation_angle_deg(found.cam_from_model[:3, :3] @ pose[:3, :3].T) < 1
+
+
+@pytest.mark.parametrize(("kind", "part"), [("distance", slice(0, 3)), ("roll", slice(3, 6))])
+def test_a_prior_determines_what_it_says_and_nothing_else(kind, part):
+    rng = np.random.default_rng(5)
+    trial = box_trial(rng, 6, 2.0)
+    pose, alone = trial.cam_from_model, solved(as_landmarks(trial))
+    pivot = alone.uncertainty.pivot_model
+    prior = view_prior(kind, pose, pivot, 10.0, 1e-3)
+    found = solved(as_landmarks(trial), prior)
+    ray = transform_points(pose, pivot) / np.linalg.norm(transform_points(pose, pivot))
+    assert twist_between(pose, found.cam_from_model, pivot)[part] @ ray == pytest.approx(0, abs=3e-3)
+    loose = solved(as_landmarks(trial), view_prior(kind, pose, pivot, 10.0, 1e3))
+    assert loose.cam_from_model == pytest.approx(alone.cam_from_model, abs=1e-2)
+
+
+@pytest.mark.parametrize(("pairs", "worse"), [(2, 1), (4, 1), (6, 2), (10, 2)])
+def test_the_region_of_both_holds_the_truth_as_often_as_it_says(pairs, worse):
+    rng, inside, draws = np.random.default_rng(pairs), [], 150
+    for _ in range(draws):
+        trial = box_trial(rng, pairs, 2.0 * worse)
+        image = image_evidence(rng, trial.cam_from_model, true_dof=6.0)
+        try:
+            found = solved(as_landmarks(trial), image)
+            modes = [PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers)]
+        except UndeterminedPose as refusal:
+            modes = refusal.modes
+        inside.append(any(mode.uncertainty.contains(trial.cam_from_model, mode.cam_from_model) for mode in modes))
+    spread = 3 * np.sqrt(0.05 * 0.95 / draws)
+    assert 0.90 - spread <= np.mean(inside) <= 0.98 + spread
+
+
+def test_the_next_click_lowers_the_variance_of_the_surface_most():
+    rng = np.random.default_rng(6)
+    trial = box_trial(rng, 5, 1.0)
+    found = solved(as_landmarks(trial))
+    mode = PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers)
+    points = trial.mesh_points[:60]
+    jacobians = jacobian_at(points, MICROSCOPE, found.cam_from_model, found.uncertainty.pivot_model)
+
+    def variance(covariance):
+        return np.trace(jacobians @ covariance @ np.swapaxes(jacobians, -1, -2), axis1=1, axis2=2).mean()
+
+    precision = np.linalg.inv(found.uncertainty.covariance)
+    after = [variance(np.linalg.inv(precision + each.T @ each / 2.0**2)) for each in jacobians]
+    np.testing.assert_allclose(
+        variance(found.uncertainty.covariance) - after, gains_px2(points, MICROSCOPE, mode, 2.0), rtol=1e-5
+    )
+    assert next_click(points, MICROSCOPE, [mode], 2.0) == np.argmin(after)
+    # of two modes: where a click tells them apart
+    turned = apply_twist(np.array([0, 0, 0, 0.2, 0, 0]), found.cam_from_model, found.uncertainty.pivot_model)
+    chosen = next_click(points, MICROSCOPE, [mode, replace(mode, cam_from_model=turned)], 2.0)
+    seen = [MICROSCOPE.project(transform_points(pose, points)) for pose in (found.cam_from_model, turned)]
+    apart_px = np.linalg.norm(seen[0] - seen[1], axis=1)
+    assert apart_px[chosen] > np.quantile(apart_px, 0.9)

@@ -76,7 +76,7 @@ def in_view(user, pixel):
 
 
 def points_of_features(scene):
-    """Pixels of the features, and where on the surface they are: seen at the true pose, which the user does not know."""
+    """Pixels of the features, and where on the surface they are: found at the true pose, unknown to the user."""
     surface, camera = from_scene.surface_of(scene), scene.oneframe.camera_object
     true = read_case(Path(scene.oneframe.case_path).with_name(sample_task.TRUE)).cam_from_mesh
     start = from_scene.cam_from_model(scene)

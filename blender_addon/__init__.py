@@ -81,6 +81,7 @@ _MODULES = tuple(
         "video.shown_frame",
         "video.operators",
         "setup.open_case",
+        "setup.sample_task",
         "setup.frame",
         "setup.operators",
         "setup.save_case",

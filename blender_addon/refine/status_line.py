@@ -21,6 +21,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
 from ..setup.open_case import saved_case, unsaved_parts
+from ..setup.sample_task import task_lines
 from ..state import from_scene, pose_evidence, workbench
 from ..state.events import areas
 from ..state.scene_files import Stamp, known_stamp
@@ -125,13 +126,13 @@ def _draw() -> None:
     if context.area != max(views, key=lambda area: area.width, default=None):
         return
     try:
-        line, in_doubt = status(scene)
+        (line, in_doubt), task = status(scene), task_lines(scene)
     except InputError:
         return  # the panel Set up says what is wrong with the pose
     strokes = Strokes()
     low, high = uncovered_rectangle(context.area)
     at = np.array([low[0] + 10 * strokes.unit, high[1] - 16 * strokes.unit])
-    for text, colour in ((line, PLAIN), *((text, DOUBT) for text in in_doubt)):
+    for text, colour in (*((text, PLAIN) for text in (line, *task)), *((text, DOUBT) for text in in_doubt)):
         room = (high[0] - at[0] - 10 * strokes.unit) / max(strokes.width_of(text), 1.0)
         for each in textwrap.wrap(text, max(20, int(len(text) * room)), drop_whitespace=True):
             strokes.text(at, each, colour)

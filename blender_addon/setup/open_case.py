@@ -23,6 +23,9 @@ from ..ui.question import Asking, ask_first
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """The sample in the built extension; a checkout has none."""
 
+TRUE, UNALIGNED = "case.toml", "unaligned.toml"
+"""Its case files: with the pose of its frame, and without, for the user to find."""
+
 QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
 
 _WORDS = {
@@ -124,7 +127,7 @@ class ONEFRAME_OT_open_case(OpensFile):
 
 
 class ONEFRAME_OT_open_sample(Asking):
-    """Open the sample case: a drilled temporal bone with its frame, K and structures"""
+    """Open the sample case: a drilled temporal bone with its frame, K and structures, to be aligned"""
 
     bl_label = "Open Sample Case"
 
@@ -133,7 +136,7 @@ class ONEFRAME_OT_open_sample(Asking):
         return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
 
     def run(self, context: bpy.types.Context) -> None:
-        call("open_case", filepath=str(copied_sample(_own_folder()) / "case.toml"))
+        call("open_case", filepath=str(copied_sample(_own_folder()) / UNALIGNED))
 
 
 def copied_sample(folder: Path) -> Path:

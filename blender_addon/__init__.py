@@ -61,7 +61,7 @@ _MODULES = tuple(
     import_module(f".{name}", __name__)
     for name in (
         "state.properties",
-        "state.scene_files",
+        "ui.question",
         "landmarks.tool",
         "move.operators",
         "volume.properties",
@@ -81,6 +81,7 @@ _MODULES = tuple(
         "video.shown_frame",
         "video.operators",
         "setup.open_case",
+        "setup.sample_task",
         "setup.frame",
         "setup.operators",
         "setup.save_case",

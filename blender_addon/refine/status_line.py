@@ -21,9 +21,11 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
 from ..setup.open_case import saved_case, unsaved_parts
+from ..setup.sample_task import task_lines
 from ..state import from_scene, pose_evidence, workbench
 from ..state.events import areas
 from ..state.scene_files import Stamp, known_stamp
+from ..ui.keymap import binding
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, uncovered_rectangle
 from . import operator
@@ -100,11 +102,11 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if found is not None and not found.accepted and not operator.is_taken(scene):
         return f"Refused: {found.objection}; bring the surface nearer" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
-        return "O: the other pose"
+        return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
     if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:
         return "Next: drag pins, or pick landmarks"
     if record.get("method") != "refined":
-        return "Next: F refines it against the image"
+        return f"Next: {binding('oneframe.refine') or 'Refine Pose'} refines it against the image"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 
@@ -126,13 +128,13 @@ def _draw() -> None:
     if context.area != max(views, key=lambda area: area.width, default=None):
         return
     try:
-        line, in_doubt = status(scene)
+        (line, in_doubt), task = status(scene), task_lines(scene)
     except InputError:
         return  # the panel Set up says what is wrong with the pose
     strokes = Strokes()
     low, high = uncovered_rectangle(context.area)
     at = np.array([low[0] + 10 * strokes.unit, high[1] - 16 * strokes.unit])
-    for text, colour in ((line, PLAIN), *((text, DOUBT) for text in in_doubt)):
+    for text, colour in (*((text, PLAIN) for text in (line, *task)), *((text, DOUBT) for text in in_doubt)):
         room = (high[0] - at[0] - 10 * strokes.unit) / max(strokes.width_of(text), 1.0)
         for each in textwrap.wrap(text, max(20, int(len(text) * room)), drop_whitespace=True):
             strokes.text(at, each, colour)

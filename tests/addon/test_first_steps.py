@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from blender_addon.state import from_scene, to_scene
 from oneframe.case.case_file import read_case
+from oneframe.case.case_writer import write_case
 from oneframe.transforms import transform_points
 
 
@@ -121,16 +123,24 @@ def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
 
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
     from blender_addon.setup import open_case as sample
+    from blender_addon.setup.sample_task import task_lines
 
     with pytest.raises(RuntimeError, match="oneframe sample"):
         bpy.ops.oneframe.open_sample()
     monkeypatch.setattr(sample, "SHIPPED", folder)
+    case = read_case(folder / sample.TRUE)
+    write_case(folder / sample.UNALIGNED, replace(case, posed=False))
     copy = sample.copied_sample(tmp_path / "mine")
     (copy / "case.toml").write_text("changed")
     assert (sample.copied_sample(copy) / "case.toml").read_text() == "changed"
     assert (copy / "surface.ply").read_bytes() == (folder / "surface.ply").read_bytes()
     bpy.ops.oneframe.open_sample()
-    assert bpy.context.scene.oneframe.surface is not None
+    scene = bpy.context.scene
+    assert "px" not in task_lines(scene)[3].partition(":")[2]
+    bpy.ops.oneframe.open_case(filepath=str(folder / sample.TRUE))
+    assert task_lines(scene) == ()
+    bpy.ops.oneframe.save_case(filepath=str(folder / sample.UNALIGNED))
+    assert "the bone is 0 px from its true pose" in task_lines(scene)[3]
 
 
 def test_k_typed_before_the_frame_gets_the_frames_size(addon, folder):

@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from tests.window import session
+from tests.window.conftest import PICTURES
 
 FOLDER = os.environ.get("ONEFRAME_SCREENSHOTS", "")
 pytestmark = [pytest.mark.window, pytest.mark.skipif(not FOLDER, reason="make screenshots takes them")]
@@ -45,6 +46,13 @@ def test_take_the_pictures(blender, resources, sample, run_oneframe, tmp_path):
         pictures[name] = Image.open(shots / f"{name}.png").crop((left, top, left + width, top + height))
     for name, picture in pictures.items():
         picture.save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
+
+
+def test_take_the_pictures_of_the_first_session(play):
+    play(Path(__file__).with_name("scenario_first_session.py"), TIMEOUT_S)
+    shots = (PICTURES / "first_session").glob("*.png")
+    for number, path in enumerate(sorted(shots), start=1):
+        Image.open(path).save(Path(FOLDER, f"first_session_{number}.jpg"), "JPEG", **QUALITY)
 
 
 def first_page(case: Path, dataset: Path) -> Image.Image:

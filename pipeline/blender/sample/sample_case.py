@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,8 @@ from ...surface.structure_colour import structure_colour
 from .photograph import take_photographs
 
 STRUCTURES = ("facial_nerve", "chorda_tympani", "ossicles")
-HELD_OUT = "held_out.json"
-_NAMES = r"surface\.ply|structures|frame\.png|case\.toml|held_out|held_out\.json"
+HELD_OUT, UNALIGNED = "held_out.json", "unaligned.toml"
+_NAMES = r"surface\.ply|structures|frame\.png|case\.toml|unaligned\.toml|held_out|held_out\.json"
 COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
 
 
@@ -39,8 +40,8 @@ def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_
     elif read_content(case, "a case file") != text.encode():
         raise InputError(f"{case}: expected no such file or the sample's, found another case; choose another folder")
     images = ("frame.png", *(_held_out_views() if held_out else ()))
-    names = ["surface.ply", *map(_structure_file, STRUCTURES), *images, "case.toml", *([HELD_OUT] if held_out else [])]
-    check_outputs([folder / name for name in names], {})
+    names = ["surface.ply", *map(_structure_file, STRUCTURES), *images, UNALIGNED, "case.toml"]
+    check_outputs([folder / name for name in (*names, *([HELD_OUT] if held_out else []))], {})
 
 
 def write_sample_case(
@@ -48,7 +49,8 @@ def write_sample_case(
 ) -> Iterator[Path]:
     """Write the sample case and photographs of it.
 
-    The files are ``surface.ply``, ``structures/*.ply``, ``frame.png``, ``case.toml``, and, to judge novel views,
+    The files are ``surface.ply``, ``structures/*.ply``, ``frame.png``, ``case.toml``, the same without its pose to
+    practise with, ``unaligned.toml``, and, to judge novel views,
     ``held_out/view_*.png`` with ``held_out.json``: a list of ``image`` (path) and ``cam_from_mesh`` (4x4, mm, OpenCV
     axes, in the frame of the mesh file).
 
@@ -86,10 +88,11 @@ def write_sample_case(
         with writing(folder / HELD_OUT):
             write_bytes_atomically(folder / HELD_OUT, _held_out_list())
         yield folder / HELD_OUT
-    path = folder / "case.toml"
-    with writing(path):
-        write_case(path, _case(folder, camera), comment=COMMENT)
-    yield path
+    case = _case(folder, camera)
+    for path, written in ((folder / UNALIGNED, replace(case, posed=False)), (folder / "case.toml", case)):
+        with writing(path):
+            write_case(path, written, comment=COMMENT)
+        yield path
 
 
 def _structure_file(name: str) -> str:

@@ -9,6 +9,7 @@ from ..pipeline.errors import InputError
 from ..state import from_scene, workbench
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
+from ..ui.keymap import LANDMARK_TOOL, active_tool
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import free_rectangle
 from . import gestures, next_click, solve, tool, uncertainty_drawing
@@ -137,7 +138,8 @@ def _draw_view() -> None:
         if not scene.oneframe_ct.drilling:
             _draw_next_step(context)
         return
-    if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
+    is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
+    if not scene.oneframe.show_landmarks or not is_used or not from_scene.is_set_up(scene):
         return
     if scene.oneframe.aligned_path:
         # they are of another frame

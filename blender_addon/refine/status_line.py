@@ -100,7 +100,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if operator.is_previewed(scene):
         return "Esc: go back" if found is not None and found.can_be_taken else "Enter: keep it, Esc: go back"
     if found is not None and not found.accepted and not operator.is_taken(scene):
-        return f"Refused: {found.objection}; bring the surface nearer" if found.objection else found.message
+        return f"Refused: {found.objection}; add landmarks at the green ring" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
     if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:

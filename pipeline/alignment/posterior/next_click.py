@@ -6,13 +6,17 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
-from ...transforms import transform_points
+from ...projection.z_buffer import rasterise_depth
+from ...surface.mesh import TriangleMesh
+from ...transforms import inverse_rigid, transform_points
 from ..landmarks.align_landmarks import complete_landmarks, landmark_arrays
 from ..pose_uncertainty import PoseMode, PoseUncertainty
 from ..reprojection import jacobian_at
 
 ROUGH_DEG, ROUGH_RELATIVE_DEPTH = 10.0, 0.1
 """How far off a rough pose is taken to be."""
+
+GRID = 32
 
 
 def next_click(
@@ -55,6 +59,15 @@ def gains_px2(points_model: np.ndarray, camera: PinholeCamera, mode: PoseMode, c
     spreads = jacobians @ across + click_sigma_px**2 * np.eye(2)
     lowered = np.swapaxes(across, -1, -2) @ surface @ across
     return np.trace(np.linalg.solve(spreads, lowered), axis1=1, axis2=2)
+
+
+def visible_points(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` points of a surface, mm, seen on a grid of :data:`GRID` pixels across the frame."""
+    small = camera.resized(GRID, max(round(GRID * camera.height / camera.width), 1))
+    inverse_depth = rasterise_depth(mesh, small, cam_from_model).inverse_depth
+    seen = inverse_depth > 0
+    points_cam = small.rays_cam(small.pixel_grid())[seen] / inverse_depth[seen][:, None]
+    return transform_points(inverse_rigid(cam_from_model), points_cam)
 
 
 def rough_mode(

@@ -17,7 +17,7 @@ from ...files.numbers import format_two_digits
 from ...transforms import transform_points
 from ..confidence_region import f_survival
 from ..landmarks.align_landmarks import LANDMARKS, Alignment, align_landmarks, complete_landmarks, landmark_arrays
-from ..landmarks.covariance import REGION_PRIOR_DOF, NoiseEstimate
+from ..landmarks.covariance import SELECTION_PRIOR_DOF, NoiseEstimate
 from ..landmarks.degeneracy import UndeterminedPose
 from ..landmarks.hypotheses import NOISE_PRIOR_DOF
 from ..landmarks.outliers import FALSE_ALARM_PROBABILITY
@@ -208,7 +208,7 @@ def _joined(
     chosen, pivot, stated = pairs[inliers], pairs.pivot_model, given.uncertainty
     points, precision = chosen.offsets + pivot, np.linalg.inv(stated.covariance)
     root, mean, pose = np.linalg.cholesky(precision).T, Poses.of(given.cam_from_model[None], pivot), start
-    noise, scale = NoiseEstimate(click_sigma_px**2, 0, REGION_PRIOR_DOF), 1.0
+    noise, scale = NoiseEstimate(click_sigma_px**2, 0, SELECTION_PRIOR_DOF), 1.0
     for _ in range(NOISE_ROUNDS):
         prior = PosePrior(mean, noise.sigma_px / math.sqrt(scale) * root)
         fitted, _ = fit_poses(chosen, Poses.of(pose[None], pivot), prior=prior)
@@ -218,7 +218,7 @@ def _joined(
         covariance = np.linalg.inv(normal / noise.variance + precision / scale)
         share = float(np.trace(covariance @ normal)) / noise.variance / 6
         squared_px = float((_residuals_px(chosen, pose) ** 2).sum())
-        noise = NoiseEstimate.of(squared_px, 2 * len(chosen) - 6 * share, click_sigma_px, REGION_PRIOR_DOF)
+        noise = NoiseEstimate.of(squared_px, 2 * len(chosen) - 6 * share, click_sigma_px, SELECTION_PRIOR_DOF)
         if math.isfinite(stated.dof):
             apart = twist_between(given.cam_from_model, pose, pivot)
             scale = (stated.dof + float(apart @ precision @ apart)) / (stated.dof + 6 * share)

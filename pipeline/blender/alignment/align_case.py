@@ -11,10 +11,12 @@ from ...alignment.landmarks.align_landmarks import (
     landmark_distances,
     off_surface,
 )
-from ...alignment.landmarks.degeneracy import UndeterminedPose
+from ...alignment.landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
+from ...alignment.pose_uncertainty import PoseMode
 from ...alignment.posterior.evidence import PoseEvidence
+from ...alignment.posterior.next_click import next_click, rough_mode, visible_points
 from ...alignment.posterior.report import joined_record
 from ...alignment.posterior.solve import pose_posterior
 from ...alignment.refinement.refine import refine_pose
@@ -23,7 +25,7 @@ from ...alignment.refinement.verdict import Refinement
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, check_pose
 from ...errors import InputError
-from ...transforms import inverse_rigid
+from ...transforms import inverse_rigid, transform_points
 from ..case.load_case import load_case
 from .overlay_picture import frame_overlay
 
@@ -111,9 +113,12 @@ def align_case(
         frame, model_from_mesh = loaded.frame, inverse_rigid(loaded.surface.mesh_from_model)
         refinement = refine_pose(frame.image, frame.valid, case.camera, loaded.surface.mesh, frame.cam_from_model)
         took_refused = take_refused and refinement.can_be_taken
-        if not refinement.accepted and not took_refused and alignment is None:
-            advice = " --take-refused takes what it has found." if refinement.can_be_taken else ""
-            raise InputError(f"{case.path.name}: {refinement.message}{advice}")
+        if not refinement.accepted and not took_refused:
+            advice = _next_place(loaded, alignment, click_sigma_px) if refinement.objection else ""
+            messages = (*messages, *([advice] if advice else []))
+            if alignment is None:
+                taken = " --take-refused takes what it has found." if refinement.can_be_taken else ""
+                raise InputError(f"{case.path.name}: {refinement.message} {advice}{taken}")
         record = refinement_record(refinement, loaded.case.alignment or {"method": "manual"}, tool, date)
         if refinement.evidence is not None:
             image = refinement.evidence.reframed(model_from_mesh)
@@ -124,6 +129,24 @@ def align_case(
             loaded = _with_pose(loaded, refinement.found @ model_from_mesh, record)
     found = alignment.estimate.messages if alignment is not None and not took_refused else ()
     return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
+
+
+def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:
+    """Where the next landmark gains most, in a sentence; empty where the frame shows nothing of the surface."""
+    case, mesh_from_model = loaded.case, loaded.surface.mesh_from_model
+    points = visible_points(loaded.surface.mesh, case.camera, loaded.frame.cam_from_model)
+    if not len(points):
+        return ""
+    points = transform_points(mesh_from_model, points)
+    mode = rough_mode(case.cam_from_mesh, case.landmarks, points, case.camera, click_sigma_px)
+    if alignment is not None:
+        found = alignment.estimate
+        mode = PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers)
+    point = points[next_click(points, case.camera, [mode], click_sigma_px)]
+    u, v = case.camera.project(transform_points(case.cam_from_mesh, point[None]))[0]
+    count = len(complete_landmarks(case.landmarks))
+    few = f"Fewer than 4 landmarks ({count}) determine no pose: a" if count < FEWEST_CORRESPONDENCES else "A"
+    return f"{few} landmark near pixel ({u:.0f}, {v:.0f}) gains most."
 
 
 def alignment_picture(aligned: AlignedCase) -> np.ndarray:

@@ -3,7 +3,7 @@
 Trials: a microscope (f = 12 800 px, 300 mm), points in 30x20x12 mm, rotations uniform over SO(3); with --case also
 points on the surface that the case's frame shows, at its pose. Errors: the angle of the rotation error, and the mean
 displacement of the whole surface in the image. Refused trials count in "all" with their best candidate. The solver
-always assumes a click noise of 2 px. Times are for one processor core.
+always assumes a click noise of 2 px. Then landmarks with an image's pose, and clicks at the places that the add-on marks. Times are for one processor core.
 """
 
 import argparse
@@ -18,9 +18,12 @@ from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.case.case_file import read_case
 
 from .alignment.landmark_accuracy import LandmarkFigures, VisibleSurface, measure_landmarks
+from .alignment.landmark_trials import MICROSCOPE, box_trial
+from .alignment.posterior_trials import clicks_needed, coverages
 from .charts.landmark_chart import landmark_accuracy_charts
 from .figures import expected, read_figures, write_figures
 
+CLICKED_TRIALS = 40
 QUICK = {"trials": 20, "noise_px": [2.0]}
 
 
@@ -37,6 +40,11 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     """Measure everything."""
     cv2.setNumThreads(1)
     surface = visible_surface(arguments.case) if arguments.case else None
+    report("landmarks and image in one solve: coverage of the 95 % region")
+    for row in coverages(box_trial, MICROSCOPE, arguments.trials, arguments.noise_px):
+        report(f"  {row}")
+    if surface is not None:
+        clicks_needed(surface, min(arguments.trials, CLICKED_TRIALS), report)
     write_figures(arguments.out, asdict(measure_landmarks(arguments.trials, arguments.noise_px, surface, report)))
 
 

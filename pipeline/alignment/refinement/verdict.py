@@ -32,6 +32,9 @@ the whole: of the sample's refinements with 3 to 3.6 px both were right, of thos
 MAX_ERROR_PX, MAX_ERROR_LEVEL_PX = 2.0, 0.7
 """Estimated error, in pixels of the full image and of the finest level; the larger bound applies."""
 
+MAX_BIAS_PX, MAX_BIAS_LEVEL_PX = 3.0, 1.0
+"""The same for the error that all parts of the image share."""
+
 MAX_ERROR_DEG, MAX_ERROR_RELATIVE_DEPTH = 1.0, 0.01
 """Standard deviations of the rotation about its least certain axis, and of the distance. On small objects pixels hide
 both: of 20 objects of LM-O, from 3 degrees off, 13 were accepted by pixels alone with 4 to 14 degrees of error, and one
@@ -133,12 +136,15 @@ def judged(
     moved_px = mean_distance_px(camera, points, start, pose)
     rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
     uncertainty = jackknife(levels[-1], pose, points, camera)
-    error_px = np.inf if uncertainty is None else root_mean_square_px(uncertainty, points, camera, pose)
+    own_px = np.inf if uncertainty is None else root_mean_square_px(uncertainty, points, camera, pose)
+    error_px = float(np.hypot(own_px, bias_px))
     if uncertainty is not None and bias_px > 0:
-        larger = float(np.hypot(error_px, bias_px)) / max(error_px, 1e-12)
-        error_px *= larger
-        uncertainty = replace(uncertainty, covariance=larger**2 * uncertainty.covariance)
+        # shadows draw the surface across the view
+        drawn_mm = bias_px * uncertainty.pivot_cam[2] / np.array([camera.fx, camera.fy])
+        bias = np.diag([*(drawn_mm**2 / 2), 0, 0, 0, 0])
+        uncertainty = replace(uncertainty, covariance=uncertainty.covariance + bias)
     limit_error_px = max(MAX_ERROR_PX, MAX_ERROR_LEVEL_PX * levels[-1].px)
+    limit_bias_px = max(MAX_BIAS_PX, MAX_BIAS_LEVEL_PX * levels[-1].px)
     limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * levels[-1].px)
     what = "the shape with the shadows of a side light" if bias_px > 0 else "the shape"
     explained = f"{what} explains {after:.0%} of the image's variation ({before:.0%} before)"
@@ -157,11 +163,13 @@ def judged(
             f"{explained}, but the poses from two halves of the image differ by {tests.split_half_px:.1f} px "
             f"(at most {limit_px:.1f} px)"
         )
-    elif error_px > limit_error_px:
+    elif own_px > limit_error_px:
         objection = (
-            f"{explained}, but without parts of the image the surface would move by {_px(error_px)} "
+            f"{explained}, but without parts of the image the surface would move by {_px(own_px)} "
             f"(at most {limit_error_px:.1f} px)"
         )
+    elif bias_px > limit_bias_px:
+        objection = f"{explained}, but may be drawn {_px(bias_px)} off by these (at most {limit_bias_px:.1f} px)"
     elif uncertainty is not None and uncertainty.largest_rotation_deg > MAX_ERROR_DEG:
         objection = (
             f"{explained}, but leaves a rotation uncertain by ± {format_two_digits(uncertainty.largest_rotation_deg)}° "

@@ -61,7 +61,7 @@ _MODULES = tuple(
     import_module(f".{name}", __name__)
     for name in (
         "state.properties",
-        "state.scene_files",
+        "ui.question",
         "landmarks.tool",
         "move.operators",
         "volume.properties",

@@ -1,7 +1,6 @@
 """Operators that project the frame's colours on the surface, show them, and export the coloured surface."""
 
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal
 
 import bpy
@@ -23,12 +22,6 @@ MODES = [
     ("vertex", "Vertex Colours", "One colour per vertex: as fine as the mesh"),
     ("texture", "UV Texture", "A texture made of the frame's pixels: full detail"),
 ]
-FORMATS = [
-    ("glb", "GLB", "glTF in one file, in metres, y up: for viewers and game engines"),
-    ("obj", "OBJ", "With its texture in a file next to it, in the frame and units of your mesh file"),
-    ("ply", "PLY", "In the frame and units of your mesh file"),
-]
-
 UNSEEN = [
     ("neutral", "Neutral", "Grey"),
     ("fill", "Fill", "The observed colours, continued smoothly over the surface"),
@@ -98,35 +91,21 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile):
     bl_label = "Export Coloured Surface"
     bl_options = {"REGISTER"}
 
+    filename_ext = ".glb"
     usual_name = "surface.glb"
+    # the name says which of the three it is
+    check_extension = None
     filter_glob: str = prop(StringProperty, default="*.glb;*.obj;*.ply", options={"HIDDEN"})
-    file_format: str = prop(EnumProperty, "Format", "Kind of file", items=FORMATS, default="glb")
     mode: Literal["texture", "vertex"] = prop(
         EnumProperty, "Colours", "How the file holds the colours", items=MODES, default="texture"
     )
     unseen: str = prop(EnumProperty, "Unseen", "Surface that the frame did not see", items=UNSEEN, default="neutral")
-
-    @property
-    def filename_ext(self) -> str:
-        """The extension that the file dialog appends to the name."""
-        return f".{self.file_format}"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         record = colour_record(from_scene.surface_of(context.scene))
         if record is not None:
             self.mode = record["mode"]
         return super().invoke(context, event)
-
-    def check(self, context: bpy.types.Context) -> bool:
-        """Called by the file dialog after every change: the chosen format sets the extension of the name."""
-        path = Path(self.filepath)
-        if path.suffix.lower() == self.filename_ext:
-            return False
-        known = path.suffix.lower()[1:] in {name for name, _, _ in FORMATS}
-        self.filepath = str(path.with_suffix(self.filename_ext) if known else path) + (
-            "" if known else self.filename_ext
-        )
-        return True
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
@@ -135,11 +114,8 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile):
                 f"{path}: expected Blender's glTF exporter, found it disabled; enable the add-on "
                 '"glTF 2.0 format" in the preferences, or export OBJ or PLY'
             )
-        try:
-            loaded = from_scene.loaded_case(context.scene)
-            messages = export_coloured_surface(loaded, path, colour=self.mode, unseen=self.unseen)
-        except OSError as error:
-            raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
+        loaded = from_scene.loaded_case(context.scene)
+        messages = export_coloured_surface(loaded, path, colour=self.mode, unseen=self.unseen)
         return (*messages, f"saved {path}")
 
 
@@ -162,16 +138,12 @@ def show_colour(surface: bpy.types.Object) -> None:
     """
     record = colour_record(surface)
     for space in spaces_of(surface):
-        _show_in(space.shading, record)
-
-
-def _show_in(shading: bpy.types.View3DShading, record: dict | None) -> None:
-    set_here = ("VERTEX", "TEXTURE")
-    if record is not None:
-        shading.light = "FLAT"
-        shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
-    elif shading.light == "FLAT" and shading.color_type in set_here:
-        shading.light, shading.color_type = "STUDIO", "OBJECT"
+        shading = space.shading
+        if record is not None:
+            shading.light = "FLAT"
+            shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
+        elif shading.light == "FLAT" and shading.color_type in ("VERTEX", "TEXTURE"):
+            shading.light, shading.color_type = "STUDIO", "OBJECT"
 
 
 def _check_object_mode(surface: bpy.types.Object) -> None:

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 import bpy
 import gpu
 import numpy as np
-from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import class_registration, cursor
 from ..pipeline.alignment.manual.picking import asked_half
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
-from ..ui.strokes import Strokes, in_window_pixels
+from ..ui.strokes import Colour, Strokes, in_window_pixels
 from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
 from ..view.zoom import free_rectangle
 from . import gestures, tool
@@ -40,6 +39,8 @@ DISTANCE_PX = 28
 
 TARGET_PX = 24
 """The loupe keeps this distance from places where the next click is expected, at interface scale 1."""
+
+WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 _PICTURE_KEY = -1
 
@@ -121,12 +122,14 @@ def _draw(
     composite = Composite(mode, loupe_view, image, picture, contour, tuple(low), target_encodes=False)
     composite.draw(view, tuple(low), tuple(low + size))
     with in_window_pixels():
-        _draw_cross(low[0], low[1], size)
+        strokes = Strokes()
+        strokes.line(low + size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]]), WHITE, width=1.0, closed=True)
+        # a gap at the centre
+        strokes.cross(low + size / 2, size / 15 / strokes.unit, size / 2 / strokes.unit, WHITE, width=1.0)
         if dragged and loupe_view is not None:
             u, v = frame_view.px_from_region(at)
-            strokes = Strokes()
-            strokes.text(low + 6 * strokes.unit, f"{u:.1f}, {v:.1f} px", (1.0, 1.0, 1.0, 1.0))
-            strokes.draw()
+            strokes.text(low + 6 * strokes.unit, f"{u:.1f}, {v:.1f} px", WHITE)
+        strokes.draw()
 
 
 def corner(area: bpy.types.Area, at: np.ndarray, size: int, avoided: Sequence[np.ndarray]) -> np.ndarray:
@@ -147,24 +150,6 @@ def corner(area: bpy.types.Area, at: np.ndarray, size: int, avoided: Sequence[np
         if cost < least:
             best, least = low, cost
     return np.round(np.clip(best, free_low, np.maximum(free_high - size, free_low)))
-
-
-def _draw_cross(low_x: float, low_y: float, size: int) -> None:
-    """Draw the border and a cross-hair with a gap at its centre; dark under bright, readable on any picture."""
-    x, y, high_x, high_y = low_x + size / 2, low_y + size / 2, low_x + size, low_y + size
-    gap = size / 15
-    cross = [(low_x, y), (x - gap, y), (x + gap, y), (high_x, y), (x, low_y), (x, y - gap), (x, y + gap), (x, high_y)]
-    rim = [(low_x, low_y), (high_x, low_y), (high_x, low_y), (high_x, high_y)]
-    rim += [(high_x, high_y), (low_x, high_y), (low_x, high_y), (low_x, low_y)]
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-    gpu.state.blend_set("ALPHA")
-    batch = batch_for_shader(shader, "LINES", {"pos": cross + rim})
-    for width, colour in ((3.0, (0.0, 0.0, 0.0, 0.6)), (1.0, (1.0, 1.0, 1.0, 0.9))):
-        gpu.state.line_width_set(width)
-        shader.uniform_float("color", colour)
-        batch.draw(shader)
-    gpu.state.line_width_set(1.0)
-    gpu.state.blend_set("NONE")
 
 
 register, unregister = class_registration(__name__, cursor(draw_loupe))

@@ -10,13 +10,14 @@ from ..class_registration import class_registration, prop
 from ..pipeline.alignment.refinement.refine import explained
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
+from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
+from ..pipeline.surface.mesh import TriangleMesh
 from ..state import events, from_scene, pose_evidence, to_scene
 from ..state.scene_files import input_files
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import (
-    Asking,
     Messages,
     NeedsAlignment,
     OpensFile,
@@ -25,6 +26,7 @@ from ..ui.operator import (
     SavesFile,
     available,
 )
+from ..ui.question import Asking
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -241,10 +243,7 @@ class ONEFRAME_OT_other_pose(_HasLandmarks, Reporting):
         count = len(solved.doubtful)
         if count < 2:
             raise InputError("expected landmarks that fit several poses, found none or one pose; there is no other")
-        loaded = from_scene.loaded_case(scene, aligned=False)
-        fits = explained(
-            loaded.frame.image, loaded.frame.valid, loaded.case.camera, loaded.surface.mesh, solved.doubtful
-        )
+        fits = _fits(from_scene.loaded_case(scene, aligned=False), solved)
         shown = solve.shown_pose(scene, solved)
         number = 0 if shown is None else (shown + 1) % count
         solve.take_doubtful(scene, solved, number, fits[number])
@@ -255,6 +254,20 @@ class ONEFRAME_OT_other_pose(_HasLandmarks, Reporting):
                 for each, (probability, fit) in enumerate(zip(solved.probabilities, fits, strict=True))
             ),
         )
+
+
+_fitted: tuple[tuple[np.ndarray | TriangleMesh, ...], tuple[float, ...]] | None = None
+"""Of the latest press: frame, surface and poses, which are the same objects while nothing changes, and their fits."""
+
+
+def _fits(loaded: LoadedCase, solved: solve.Solution) -> tuple[float, ...]:
+    """How the image fits each of the doubtful poses: found once for all presses."""
+    global _fitted
+    frame, mesh, poses = loaded.frame, loaded.surface.mesh, solved.doubtful
+    inputs: tuple[np.ndarray | TriangleMesh, ...] = (frame.image, mesh, *poses)
+    if _fitted is None or list(map(id, _fitted[0])) != list(map(id, inputs)):
+        _fitted = inputs, explained(frame.image, frame.valid, loaded.case.camera, mesh, poses)
+    return _fitted[1]
 
 
 class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
@@ -293,15 +306,12 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile):
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         path = self.chosen_file()
-        try:
-            write_landmarks(
-                path,
-                from_scene.landmarks_mesh(scene),
-                mm_per_unit=MM_PER_UNIT[scene.oneframe.units],
-                inputs=input_files(scene),
-            )
-        except OSError as error:
-            raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
+        write_landmarks(
+            path,
+            from_scene.landmarks_mesh(scene),
+            mm_per_unit=MM_PER_UNIT[scene.oneframe.units],
+            inputs=input_files(scene),
+        )
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
 
 

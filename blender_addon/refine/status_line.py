@@ -25,6 +25,7 @@ from ..setup.sample_task import task_lines
 from ..state import from_scene, pose_evidence, workbench
 from ..state.events import areas
 from ..state.scene_files import Stamp, known_stamp
+from ..ui.keymap import binding
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, uncovered_rectangle
 from . import operator
@@ -99,11 +100,11 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if found is not None and not found.accepted and not operator.is_taken(scene):
         return f"Refused: {found.objection}; bring the surface nearer" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
-        return "O: the other pose"
+        return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
     if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:
         return "Next: drag pins, or pick landmarks"
     if record.get("method") != "refined":
-        return "Next: F refines it against the image"
+        return f"Next: {binding('oneframe.refine') or 'Refine Pose'} refines it against the image"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 

@@ -9,7 +9,8 @@ from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene, workbench
-from ..ui.operator import Asking, ChosenFiles, OperatorResult, call
+from ..ui.operator import ChosenFiles, OperatorResult, call
+from ..ui.question import Asking
 from ..video.operators import VIDEOS
 from ..volume.slice_areas import plane_of
 from .frame import IMAGES

@@ -18,7 +18,8 @@ from ..pipeline.errors import InputError
 from ..state import from_scene, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose, set_initial_pose
-from ..ui.operator import Asking, Messages, OpensFile, OperatorResult, call
+from ..ui.operator import Messages, OpensFile, OperatorResult, call
+from ..ui.question import Asking, ask_first
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """The sample in the built extension; a checkout has none."""
@@ -121,9 +122,8 @@ class ONEFRAME_OT_open_case(OpensFile):
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not self.discard and unsaved_text(context.scene):
-            # an operator of its own: the file dialog would show what this one draws
-            bpy.ops.oneframe.discard_case("INVOKE_DEFAULT", filepath=self.filepath)  # type: ignore[attr-defined]
+        if not self.discard and (question := unsaved_text(context.scene)):
+            ask_first((QUESTION, question, ANSWER), "open_case", discard=True, filepath=self.filepath)
             return {"CANCELLED"}
         return self.execute(context) if self.filepath else super().invoke(context, event)
 
@@ -136,25 +136,6 @@ class ONEFRAME_OT_open_case(OpensFile):
             *loaded.messages,
             f"{self.filepath}: frame {width} x {height} px, {len(loaded.surface.mesh.faces)} triangles",
         )
-
-
-class ONEFRAME_OT_discard_case(Asking):
-    """Ask whether to open another case, although the present one has changes that its file lacks"""
-
-    bl_label = "Open Another Case"
-    bl_options = {"INTERNAL"}
-
-    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return not bpy.app.background
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return self.ask(context, QUESTION, unsaved_text(context.scene), ANSWER)
-
-    def run(self, context: bpy.types.Context) -> None:
-        call("open_case", "INVOKE_DEFAULT", discard=True, filepath=self.filepath)
 
 
 class ONEFRAME_OT_open_sample(Asking):

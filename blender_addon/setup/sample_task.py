@@ -31,7 +31,7 @@ def task_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
         There is no camera or surface, or no valid pose.
     """
     path = Path(bpy.path.abspath(scene.oneframe.case_path))
-    true = path.with_name(TRUE)
+    true = path.parent / TRUE
     if path.name != UNALIGNED or known_stamp(true) == (0, 0):
         return ()
     error = "as soon as the bone has moved, this line says how far it is from its true pose"

@@ -17,8 +17,9 @@ from ..pipeline.case.case_writer import case_output
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene
 from ..state.events import redraw
-from ..state.scene_files import forget_stamp, input_files, usual_folder
-from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, SavesFile, call
+from ..state.scene_files import forget_stamps, input_files, usual_folder
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, SavesFile
+from ..ui.question import ask_first
 from .alignment_record import doubts, recorded_case
 from .kept_files import keep_beside
 
@@ -51,8 +52,9 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         settings = context.scene.oneframe
-        if not self.in_doubt and _doubts(context.scene):
-            call("save_in_doubt", "INVOKE_DEFAULT", save_as=self.save_as)
+        if not self.in_doubt and (doubtful := _doubts(context.scene)):
+            texts = "Save in Doubt?", " ".join(doubtful), "Save"
+            ask_first(texts, "save_case", save_as=self.save_as, in_doubt=True)
             return {"CANCELLED"}
         known = bpy.path.abspath(settings.case_path)
         usual = usual_folder(context.scene) / "case.toml"
@@ -73,7 +75,9 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         other, before = " and ".join(_other_case(scene, path)), input_files(scene)
         if other and not self.replace:
             if self.options.is_invoke and not bpy.app.background:
-                call("replace_case", "INVOKE_DEFAULT", filepath=str(path), collect=self.collect, other=other)
+                question = f"{path.name} is the case of {other}. Replace it by the present one?"
+                settings = {"filepath": str(path), "collect": self.collect, "replace": True}
+                ask_first(("Replace Another Case?", question, "Replace"), "save_case", "EXEC_DEFAULT", **settings)
                 return ()
             raise InputError(
                 f"{path}: expected no file or a case of this frame and surface, found one of {other}; "
@@ -83,53 +87,12 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         kept = keep_beside(scene, path.parent, collect=self.collect, replace=is_own)
         update_case(path, _with_kept_record(recorded_case(scene, path)))
         to_scene.remember_file(scene, read_case(path))
-        forget_stamp(from_scene.absolute_path(scene.oneframe.case_path))
+        forget_stamps()
         redraw()
         if input_files(scene) != before:
             # else undo would bring back the file before, for the next save
             bpy.ops.ed.undo_push(message=self.bl_label)
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
-
-
-class ONEFRAME_OT_save_in_doubt(Asking):
-    """Ask whether to save a case whose size or pose is in doubt"""
-
-    bl_label = "Save Case in Doubt"
-    bl_options = {"INTERNAL"}
-
-    save_as: bool = prop(BoolProperty, options={"SKIP_SAVE", "HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return not bpy.app.background
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return self.ask(context, "Save in Doubt?", " ".join(_doubts(context.scene)), "Save")
-
-    def run(self, context: bpy.types.Context) -> None:
-        call("save_case", "INVOKE_DEFAULT", save_as=self.save_as, in_doubt=True)
-
-
-class ONEFRAME_OT_replace_case(Asking):
-    """Ask whether to save over a case of another frame or surface"""
-
-    bl_label = "Replace Case"
-    bl_options = {"INTERNAL"}
-
-    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
-    collect: bool = prop(BoolProperty, options={"SKIP_SAVE", "HIDDEN"})
-    other: str = prop(StringProperty, description="Its frame and surface", options={"SKIP_SAVE", "HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return not bpy.app.background
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        question = f"{Path(self.filepath).name} is the case of {self.other}. Replace it by the present one?"
-        return self.ask(context, "Replace Another Case?", question, "Replace")
-
-    def run(self, context: bpy.types.Context) -> None:
-        call("save_case", filepath=self.filepath, collect=self.collect, replace=True)
 
 
 def _doubts(scene: bpy.types.Scene) -> tuple[str, ...]:

@@ -1,15 +1,15 @@
 """The files that a scene was made of: which they are, whether they last, and whether they have changed."""
 
 import tempfile
+import time
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import bpy
 
-from ..class_registration import at_end, class_registration, start_timer, timers
 from ..pipeline.errors import InputError
 from . import from_scene
-from .events import redraw
 
 WATCH_S = 2.0
 
@@ -17,10 +17,6 @@ Stamp = tuple[int, int]
 """Modification time and size; (0, 0) for a file that cannot be read."""
 
 _SESSION = "oneframe-session-"
-
-_stamps: dict[Path, Stamp] = {}
-_asked: set[Path] = set()
-"""Files asked for since the timer last looked; it forgets all others."""
 
 
 def input_files(scene: bpy.types.Scene) -> dict[str, Path]:
@@ -71,39 +67,18 @@ def check_lasting(files: Mapping[str, Path]) -> None:
 
 
 def known_stamp(path: Path) -> Stamp:
-    """The file's stamp, at most :data:`WATCH_S` old, for drawing: a drive on the network may take seconds to answer.
-
-    Looks at the disk only for a file that nobody asked for lately.
-    """
-    _asked.add(path)
-    if path not in _stamps:
-        _stamps[path] = _stamp(path)
-        start_timer(_watch, WATCH_S)
-    return _stamps[path]
+    """The file's stamp, at most :data:`WATCH_S` old, for drawing: a drive on the network may take seconds to answer."""
+    return _stamp(path, int(time.monotonic() / WATCH_S))
 
 
-def forget_stamp(path: Path) -> None:
-    """Look again at a file that was just written."""
-    _stamps.pop(path, None)
-
-
-def _stamp(path: Path) -> Stamp:
+@lru_cache(maxsize=32)
+def _stamp(path: Path, _period: int) -> Stamp:
     try:
         return from_scene.stamp(path)
     except InputError:
         return 0, 0
 
 
-def _watch() -> float | None:
-    """Timer: look at the files, and draw again what depends on one that has changed."""
-    found = {path: _stamp(path) for path in _asked}
-    changed = any(_stamps.get(path) != stamp for path, stamp in found.items())
-    _stamps.clear()
-    _stamps.update(found)
-    _asked.clear()
-    if changed:
-        redraw()
-    return WATCH_S if _stamps else None
-
-
-register, unregister = class_registration(__name__, timers(_watch), at_end(_stamps.clear, _asked.clear))
+def forget_stamps() -> None:
+    """Look again at files of which one was just written."""
+    _stamp.cache_clear()

@@ -1,7 +1,6 @@
 """Base classes of the add-on's operators: an error becomes one message in the status bar and changes nothing."""
 
 import os
-import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
@@ -15,10 +14,6 @@ from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 from ..state.events import redraw
 from ..state.scene_files import usual_folder
-from .panel import CHARACTER_PX
-
-DIALOG_PX = 400
-"""Width of a question, at scale 1."""
 
 Messages = Iterable[str] | None
 """Messages for the status bar."""
@@ -65,29 +60,6 @@ class Reporting(bpy.types.Operator):
             self.report({"INFO"}, message)
         redraw()
         return {"FINISHED"}
-
-
-class Asking(Reporting):
-    """Mixin: asks before something of the user's is lost. Return cancels, as the safe answer."""
-
-    _question = ""
-
-    def ask(self, context: bpy.types.Context, title: str, question: str, answer: str) -> OperatorResult:
-        """Open the question; the button ``answer`` runs the operator. For ``invoke`` to return."""
-        self._question = question
-        # invoke_confirm has no safe default
-        return context.window_manager.invoke_props_dialog(
-            self, width=DIALOG_PX, title=title, confirm_text=answer, cancel_default=True
-        )
-
-    def draw(self, context: bpy.types.Context) -> None:
-        column = self.layout.column(align=True)
-        for number, line in enumerate(textwrap.wrap(self._question, int(DIALOG_PX / CHARACTER_PX) - 8)):
-            column.label(text=line, icon="BLANK1" if number else "ERROR")
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        self._question = ""  # it is answered: Adjust Last Operation would show it again
-        return super().execute(context)
 
 
 class ReportingFile(Reporting):

@@ -14,7 +14,6 @@ from ..class_registration import attached, class_registration, prop
 from ..state import camera_view, from_scene
 from ..state.events import redraw
 from ..state.initial_pose import is_sought
-from ..ui.frame_view import FrameView
 from ..ui.keymap import Key, keys
 from ..ui.operator import OperatorResult
 from .zoom import FrameTool
@@ -80,7 +79,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
         BoolProperty, "Wireframe", "Show the surface as a wireframe", get=_wireframe, set=_set_wireframe
     )
     contour: bool = prop(
-        BoolProperty, "Contour", "Draw outlines and creases of the surface over the frame", default=True
+        BoolProperty, "Contour", "Draw outlines and creases of the surface over the frame", default=True, update=redraw
     )
     crease_deg: float = prop(
         FloatProperty,
@@ -102,7 +101,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
         max=1,
         default=(1.0, 0.9, 0.15),
     )
-    comparison: str = prop(EnumProperty, "Compare", "Compare surface and frame", items=COMPARISONS)
+    comparison: str = prop(EnumProperty, "Compare", "Compare surface and frame", items=COMPARISONS, update=redraw)
     split: float = prop(
         FloatProperty,
         "Line",
@@ -125,82 +124,24 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     )
 
 
-class _Toggle(FrameTool):
-    bl_options = {"REGISTER", "UNDO"}
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        self.toggle(context, context.scene.oneframe_view)
-        redraw()
-        return {"FINISHED"}
-
-    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        """Change the setting."""
-        raise NotImplementedError
+def toggling(name: str, value: str = "") -> tuple[tuple[str, object], ...]:
+    """Settings with which Blender's operators toggle a setting of the view, or an item of it."""
+    path = ("data_path", f"scene.oneframe_view.{name}")
+    return (path, ("value_1", "NONE"), ("value_2", value)) if value else (path,)
 
 
-class ONEFRAME_OT_cycle_opacity(_Toggle):
+class ONEFRAME_OT_cycle_opacity(FrameTool):
     """Cycle the opacity of the surface: 100, 60, 30, 0 %"""
 
     bl_label = "Cycle Opacity"
+    bl_options = {"REGISTER", "UNDO"}
 
-    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        view = context.scene.oneframe_view
         lower = [opacity for opacity in OPACITIES if opacity < view.opacity - 0.01]
         view.opacity = lower[0] if lower else OPACITIES[0]
-
-
-class ONEFRAME_OT_toggle_wireframe(_Toggle):
-    """Show the surface as a wireframe or solid"""
-
-    bl_label = "Wireframe"
-
-    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        view.wireframe = not view.wireframe
-
-
-class ONEFRAME_OT_toggle_contour(_Toggle):
-    """Draw outlines and creases of the surface over the frame"""
-
-    bl_label = "Contour"
-
-    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        view.contour = not view.contour
-
-
-class _Compare(_Toggle):
-    comparison = ""
-
-    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        view.comparison = "NONE" if view.comparison == self.comparison else self.comparison
-
-
-class ONEFRAME_OT_toggle_blink(_Compare):
-    """Alternate between frame and surface twice a second: what jumps is not aligned"""
-
-    bl_label = "Blink"
-    comparison = "BLINK"
-
-
-class ONEFRAME_OT_toggle_swipe(_Compare):
-    """Show the frame to the left and the surface to the right of a line; the key puts the line under the pointer"""
-
-    bl_label = "Swipe"
-    comparison = "SWIPE"
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if context.region.type == "WINDOW":
-            frame_view = FrameView.of(context.scene, context.region, context.region_data)
-            column_px = frame_view.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
-            fraction = (column_px + 0.5) / frame_view.camera.width
-            if context.scene.oneframe_view.comparison != "SWIPE" and 0 < fraction < 1:
-                context.scene.oneframe_view.split = fraction
-        return self.execute(context)
-
-
-class ONEFRAME_OT_toggle_difference(_Compare):
-    """Show where frame and surface differ"""
-
-    bl_label = "Difference"
-    comparison = "DIFFERENCE"
+        redraw()
+        return {"FINISHED"}
 
 
 class ONEFRAME_OT_show_frame(bpy.types.Operator):
@@ -223,11 +164,11 @@ register, unregister = class_registration(
     attached(bpy.types.Scene, "oneframe_view", ONEFRAME_PG_view),
     keys(
         Key("oneframe.cycle_opacity", "ONE"),
-        Key("oneframe.toggle_wireframe", "TWO"),
-        Key("oneframe.toggle_contour", "THREE"),
-        Key("oneframe.toggle_blink", "FOUR"),
-        Key("oneframe.toggle_swipe", "FIVE"),
-        Key("oneframe.toggle_difference", "SIX"),
+        Key("wm.context_toggle", "TWO", properties=toggling("wireframe")),
+        Key("wm.context_toggle", "THREE", properties=toggling("contour")),
+        Key("wm.context_toggle_enum", "FOUR", properties=toggling("comparison", "BLINK")),
+        Key("wm.context_toggle_enum", "FIVE", properties=toggling("comparison", "SWIPE")),
+        Key("wm.context_toggle_enum", "SIX", properties=toggling("comparison", "DIFFERENCE")),
         Key("oneframe.zoom_frame", "WHEELINMOUSE", properties=(("factor", 1.25),)),
         Key("oneframe.zoom_frame", "WHEELOUTMOUSE", properties=(("factor", 0.8),)),
         Key("oneframe.zoom_frame", "SEVEN", properties=(("magnification", 1.0),)),

@@ -7,7 +7,7 @@ from ..pipeline.errors import InputError
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
-from .operators import ONEFRAME_PG_view
+from .operators import ONEFRAME_PG_view, toggling
 from .overlay import frame_image_of
 from .second_view import second_view
 
@@ -38,19 +38,27 @@ class ONEFRAME_PT_view(AlignmentPanel):
         row.prop(view, "opacity", slider=True)
         row.operator("oneframe.cycle_opacity", text="", icon="FILE_REFRESH")
         draw_key(row, "oneframe.cycle_opacity")
-        _draw_toggle(layout, "oneframe.toggle_wireframe", view.wireframe, "MOD_WIREFRAME")
-        _draw_toggle(layout, "oneframe.toggle_contour", view.contour, "MOD_EDGESPLIT")
+        for name, icon in (("wireframe", "MOD_WIREFRAME"), ("contour", "MOD_EDGESPLIT")):
+            row = layout.row(align=True)
+            row.prop(view, name, icon=icon, toggle=True)
+            draw_key(row, "wm.context_toggle", **dict(toggling(name)))
         if view.contour:
             row = layout.row(align=True)
             row.prop(view, "contour_color", text="")
             row.prop(view, "crease_deg", text="Crease (°)")
         if frame_image_of(context.scene) is None:
             draw_text(layout, "No frame is loaded, or its file has moved. Load the frame.", icon="INFO")
-        _draw_toggle(layout, "oneframe.toggle_blink", view.comparison == "BLINK", "HIDE_OFF")
-        _draw_toggle(layout, "oneframe.toggle_swipe", view.comparison == "SWIPE", "ARROW_LEFTRIGHT")
+        for value, icon in (
+            ("NONE", "X"),
+            ("BLINK", "HIDE_OFF"),
+            ("SWIPE", "ARROW_LEFTRIGHT"),
+            ("DIFFERENCE", "SELECT_DIFFERENCE"),
+        ):
+            row = layout.row(align=True)
+            row.prop_enum(view, "comparison", value, icon=icon)
+            draw_key(row, "wm.context_toggle_enum", **dict(toggling("comparison", value)))
         if view.comparison == "SWIPE":
             layout.prop(view, "split", slider=True)
-        _draw_toggle(layout, "oneframe.toggle_difference", view.comparison == "DIFFERENCE", "SELECT_DIFFERENCE")
         if view.comparison == "DIFFERENCE":
             layout.prop(view, "gain")
         self._draw_zoom(layout)
@@ -66,12 +74,6 @@ class ONEFRAME_PT_view(AlignmentPanel):
         column.enabled = False
         column.label(text="Wheel: Zoom to Pointer")
         column.label(text="Shift + Middle Button: Pan")
-
-
-def _draw_toggle(layout: bpy.types.UILayout, operator: str, is_on: bool, icon: str) -> None:
-    row = layout.row(align=True)
-    row.operator(operator, icon=icon, depress=is_on)
-    draw_key(row, operator)
 
 
 register, unregister = class_registration(__name__)

@@ -4,14 +4,14 @@ from collections.abc import Iterable
 from typing import Literal
 
 import bpy
-import gpu
-from gpu_extras.presets import draw_circle_2d
+import numpy as np
 
 from ..class_registration import class_registration
 from ..state import from_scene
 from ..state.events import redraw
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.operator import OperatorResult, WholeView
+from ..ui.strokes import Strokes
 
 GRIP_PX = 9.0
 """Radius of the grip at interface scale 1; the mouse catches it within 1.5 times this."""
@@ -23,20 +23,16 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
     def draw(self, context: bpy.types.Context) -> None:
         grip = _grip(context)
         colour = (1.0, 0.75, 0.2, 1.0) if self.is_highlight or self.is_modal else (1.0, 1.0, 1.0, 1.0)
-        gpu.state.blend_set("ALPHA")
-        gpu.state.line_width_set(3.0)
-        draw_circle_2d(grip, (0.0, 0.0, 0.0, 0.6), _radius(context) + 1)
-        gpu.state.line_width_set(2.0)
-        draw_circle_2d(grip, colour, _radius(context))
-        draw_circle_2d(grip, colour, _radius(context) / 3)
-        gpu.state.line_width_set(1.0)
-        gpu.state.blend_set("NONE")
+        strokes = Strokes()
+        strokes.circle(np.array(grip), GRIP_PX, colour)
+        strokes.circle(np.array(grip), GRIP_PX / 3, colour)
+        strokes.draw()
 
     def test_select(self, context: bpy.types.Context, location: Iterable[int]) -> int:
         grip_x, grip_y = _grip(context)
         x, y = location
-        near = (x - grip_x) ** 2 + (y - grip_y) ** 2 < (1.5 * _radius(context)) ** 2
-        return 0 if near else -1
+        reach = 1.5 * GRIP_PX * context.preferences.system.ui_scale
+        return 0 if (x - grip_x) ** 2 + (y - grip_y) ** 2 < reach**2 else -1
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         self._before = context.scene.oneframe_view.split
@@ -77,10 +73,6 @@ def _grip(context: bpy.types.Context) -> tuple[float, float]:
     width = frame_view.camera.width
     x = frame_view.region_from_px([context.scene.oneframe_view.split * width - 0.5, 0.0])[0]
     return float(x), context.region.height / 2
-
-
-def _radius(context: bpy.types.Context) -> float:
-    return GRIP_PX * context.preferences.system.ui_scale
 
 
 register, unregister = class_registration(__name__)

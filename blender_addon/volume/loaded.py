@@ -1,4 +1,4 @@
-"""The voxels in memory. The scene stores paths only: after undo, redo or opening a file, they are read again."""
+"""The voxels in memory. The scene stores paths only: for a file that is opened, the panel offers to read them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,16 +7,14 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
-from ..class_registration import at_end, class_registration, listening, start_timer, timers
+from ..class_registration import at_end, class_registration
 from ..pipeline.errors import InputError
 from ..pipeline.volume.reading.label_map import on_grid, read_labels
 from ..pipeline.volume.reading.volume_reader import read_volume
 from ..pipeline.volume.slices.slice_planes import SlicePlane, slice_planes
 from ..pipeline.volume.volume import LabelMap, Volume
 from ..state import from_scene
-from ..ui.frame_view import window_region
 
 Key = tuple[str, int, str]
 """Path of the CT, number of its series, and path of the labels; empty for none."""
@@ -53,11 +51,6 @@ class LoadedCT:
 
 _loaded: dict[Key, LoadedCT] = {}
 """One CT: two may not fit into memory."""
-
-_failed: set[object] = set()
-"""What could not be read again: the panel offers to try."""
-
-DRAWN_S = 0.2
 
 
 def key_of(scene: bpy.types.Scene) -> Key | None:
@@ -97,7 +90,6 @@ def keep(scene: bpy.types.Scene, ct: LoadedCT) -> None:
     _loaded.clear()
     if key is not None:
         _loaded[key] = ct
-        _failed.discard(key)
 
 
 def reader(key: Key) -> Callable[[Callable[[float], None]], LoadedCT]:
@@ -130,41 +122,4 @@ def centre_mm(volume: Volume) -> np.ndarray:
     return volume.grid.bounds_mm.mean(axis=0)
 
 
-def _wanted(scene: bpy.types.Scene) -> bool:
-    return key_of(scene) is not None and ct_of(scene) is None and key_of(scene) not in _failed
-
-
-@persistent
-def _after_change(*_: object) -> None:
-    if not bpy.app.background:
-        start_timer(_read, DRAWN_S)
-
-
-@persistent
-def _after_load(*_: object) -> None:
-    _failed.clear()
-    _after_change()
-
-
-def _read() -> None:
-    """Timer: start reading, as the button does."""
-    for window in bpy.context.window_manager.windows:
-        if not _wanted(window.scene):
-            continue
-        view = next((area for area in window.screen.areas if area.type == "VIEW_3D"), None)
-        if view is None:
-            continue
-        _failed.add(key_of(window.scene))
-        with bpy.context.temp_override(window=window, area=view, region=window_region(view)):
-            bpy.ops.oneframe.read_ct("INVOKE_DEFAULT")  # type: ignore[attr-defined]
-        return
-
-
-register, unregister = class_registration(
-    __name__,
-    listening(bpy.app.handlers.undo_post, _after_change),
-    listening(bpy.app.handlers.redo_post, _after_change),
-    listening(bpy.app.handlers.load_post, _after_load),
-    timers(_read),
-    at_end(_loaded.clear, _failed.clear),
-)
+register, unregister = class_registration(__name__, at_end(_loaded.clear))

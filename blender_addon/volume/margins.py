@@ -10,7 +10,8 @@ from ..pipeline.volume.bone.structures import structure_names, without_bone
 from ..pipeline.volume.drill.drill_plan import LARGEST_MARGIN_MM
 from ..state import from_scene
 from ..state.events import redraw
-from ..ui.operator import DIALOG_PX, Messages, OperatorResult, Reporting, available
+from ..ui.operator import Messages, OperatorResult, Reporting, available
+from ..ui.question import DIALOG_PX
 from . import drill_strokes
 from .loaded import LoadedCT, ct_of
 

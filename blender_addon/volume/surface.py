@@ -28,7 +28,8 @@ from ..state.initial_pose import renew_initial_pose
 from ..state.scene_files import session_folder
 from ..state.structures import put_structures
 from ..ui.background_operator import InBackground, Work
-from ..ui.operator import Asking, Messages, OperatorResult, call
+from ..ui.operator import Messages, OperatorResult
+from ..ui.question import ask_first
 from . import drill_session, drill_strokes
 from .loaded import LoadedCT, key_of, loaded_ct
 from .margins import structures_of
@@ -92,7 +93,8 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         scene = context.scene
         if not self.replace and from_scene.present_surface(scene) is not None and not is_from_ct(scene):
-            bpy.ops.oneframe.replace_surface("INVOKE_DEFAULT")  # type: ignore[attr-defined]
+            question = "The present surface was not made from this CT. Its pose, landmarks and structures go with it."
+            ask_first(("Replace the Surface?", question, "Replace"), "make_surface", replace=True)
             return {"CANCELLED"}
         return self.start(context)
 
@@ -161,24 +163,6 @@ def strokes_text(record: Mapping[str, Any]) -> str:
 def _inputs(scene: bpy.types.Scene) -> tuple[object, ...]:
     settings = scene.oneframe_ct
     return key_of(scene), settings.threshold_hu, settings.strokes_text, settings.margins_text
-
-
-class ONEFRAME_OT_replace_surface(Asking):
-    """Ask whether to replace a surface that was not made from this CT"""
-
-    bl_label = "Replace Surface"
-    bl_options = {"INTERNAL"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return not bpy.app.background and from_scene.present_surface(context.scene) is not None
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        question = "The present surface was not made from this CT. Its pose, landmarks and structures go with it."
-        return self.ask(context, "Replace the Surface?", question, "Replace")
-
-    def run(self, context: bpy.types.Context) -> None:
-        call("make_surface", "INVOKE_DEFAULT", replace=True)
 
 
 register, unregister = class_registration(__name__)

@@ -1,8 +1,9 @@
 """A plugin of mypy: what the stubs of Blender's modules (fake-bpy-module) cannot know, or get wrong.
 
 The stubs are generated from Blender's documentation. It does not say which pointers are never empty, so that all may be
-``None``; what a name in a call stands for (a kind of node, an enumeration that is made at runtime); or that a sequence
-of numbers may be a numpy array. And the properties that the add-on hangs on Blender's types are the add-on's.
+``None``: here none is when it is read. Nor does it say what a name in a call stands for (a kind of node, an enumeration
+that is made at runtime), or that a sequence of numbers may be a numpy array. And the properties that the add-on hangs
+on Blender's types are the add-on's.
 """
 
 from collections.abc import Callable
@@ -24,41 +25,6 @@ from mypy.types import (
     UnionType,
     get_proper_type,
 )
-
-NEVER_NONE = frozenset(
-    f"bpy.types.{name}"
-    for name in (
-        # where the add-on's callbacks are called: in a window, mostly in its 3D view
-        "Context.area",
-        "Context.preferences",
-        "Context.region",
-        "Context.region_data",
-        "Context.scene",
-        "Context.screen",
-        "Context.window_manager",
-        "Context.workspace",
-        "Operator.layout",  # while it draws
-        "Panel.layout",
-        # parts that their owners always have
-        "ID.original",
-        "Image.colorspace_settings",
-        "Material.node_tree",
-        "NodeSocket.node",
-        "NodeTree.interface",
-        "RenderSettings.ffmpeg",
-        "Scene.display",
-        "Scene.display_settings",
-        "Scene.eevee",
-        "Scene.sequencer_colorspace_settings",
-        "Scene.view_settings",
-        "SceneDisplay.shading",
-        "SpaceView3D.region_3d",
-        "ViewLayer.depsgraph",
-        "UIPopupMenu.layout",
-        "World.node_tree",
-    )
-)
-"""Attributes that are not None although the stubs say that they may be."""
 
 ANY = frozenset(
     f"bpy.types.{name}"
@@ -157,7 +123,7 @@ def _attribute(fullname: str, context: AttributeContext) -> Type:
     found = get_proper_type(context.default_attr_type)
     if fullname in ANY:
         return _ANYTHING
-    if isinstance(found, UnionType) and fullname in NEVER_NONE:
+    if isinstance(found, UnionType) and not context.is_lvalue:
         return UnionType.make_union([part for part in found.items if not isinstance(get_proper_type(part), NoneType)])
     if isinstance(found, Instance) and found.type.name == "bpy_prop_array":
         # the stub knows no item of it, and that a tuple may be assigned

@@ -42,6 +42,11 @@ def load(name, path):
     assert getattr(bpy.ops.oneframe, f"load_{name}")(filepath=str(path)) == {"FINISHED"}
 
 
+def take_frame(film):
+    bpy.ops.oneframe.open_video(filepath=str(film))
+    assert bpy.ops.oneframe.take_frame() == {"FINISHED"}
+
+
 def drop(folder):
     files = [{"name": name} for name in ("frame.png", "surface.ply")]
     assert bpy.ops.oneframe.drop_files(directory=str(folder), files=files) == {"FINISHED"}
@@ -49,7 +54,7 @@ def drop(folder):
 
 WAYS = {
     "frame": lambda folders: load("frame", folders / "second" / "frame.png"),
-    "frame of a video": lambda folders: load("video_frame", folders / "film.avi"),
+    "frame of a video": lambda folders: take_frame(folders / "film.avi"),
     "surface": lambda folders: load("surface", folders / "second" / "surface.ply"),
     "dropped": lambda folders: drop(folders / "second"),
 }
@@ -117,7 +122,7 @@ def test_files_beside_another_case_stay(opened):
     dispatch([*map(str, line), "--camera", str(opened / "first" / "case.toml"), "--out", str(folder)])
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     shutil.copy(opened / "film.avi", opened / "second")
-    load("video_frame", opened / "second" / "film.avi")
+    take_frame(opened / "second" / "film.avi")
     with pytest.raises(
         RuntimeError, match=r"frame.png: expected no such file or that of this case.*choose another folder"
     ):

@@ -1,5 +1,7 @@
 """How the camera view shows surface and frame: drawings agree with K, and no view operator moves an object."""
 
+from functools import partial
+
 import bpy
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from mathutils import Matrix
 from oneframe.camera.pinhole import PinholeCamera
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
-OPERATORS = ("cycle_opacity", "toggle_wireframe", "toggle_contour", "toggle_blink", "toggle_swipe", "toggle_difference")
+OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")
+COMPARED = ("BLINK", "SWIPE", "DIFFERENCE")
 
 
 @pytest.fixture
@@ -214,10 +217,13 @@ def test_a_loupe_magnifies_about_its_centre(at, times, size, point):
     np.testing.assert_allclose(seen(whole.magnified(*at, times, *size)), expected, atol=1e-3 * times, rtol=1e-4)
 
 
-@pytest.mark.parametrize("operator", OPERATORS)
-def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, operator):
-    before, call = poses(scene), getattr(bpy.ops.oneframe, operator)
-    view = scene.oneframe_view
+@pytest.mark.parametrize("toggled", [(), ("wireframe",), ("contour",), *(("comparison", name) for name in COMPARED)])
+def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, toggled):
+    from blender_addon.view.operators import toggling
+
+    before, view = poses(scene), scene.oneframe_view
+    operator = bpy.ops.wm.context_toggle_enum if len(toggled) == 2 else bpy.ops.wm.context_toggle
+    call = partial(operator, **dict(toggling(*toggled))) if toggled else bpy.ops.oneframe.cycle_opacity
 
     def state():
         return (
@@ -235,6 +241,14 @@ def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, operator):
     assert passed[0] != passed[1]
     assert passed[0] == passed[4]
     assert all((a == b).all() for a, b in zip(poses(scene), before, strict=True))
+
+
+def test_one_comparison_replaces_another(in_view, scene):
+    from blender_addon.view.operators import toggling
+
+    for name in COMPARED:
+        bpy.ops.wm.context_toggle_enum(**dict(toggling("comparison", name)))
+        assert scene.oneframe_view.comparison == name
 
 
 @pytest.mark.gl
@@ -280,21 +294,23 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
 
 def test_view_operators_are_disabled_in_other_views(in_view, scene):
     in_view.region_3d.view_perspective = "PERSP"
-    for operator in (*OPERATORS, "zoom_frame"):
+    for operator in OPERATORS:
         assert not getattr(bpy.ops.oneframe, operator).poll()
     assert bpy.ops.oneframe.show_frame() == {"FINISHED"}
-    assert all(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "zoom_frame"))
+    assert all(getattr(bpy.ops.oneframe, operator).poll() for operator in OPERATORS)
     scene.oneframe.surface = None
-    assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "zoom_frame", "show_frame"))
+    assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "show_frame"))
 
 
-def test_every_view_operator_has_its_own_key(addon):
+def test_every_comparison_has_its_own_key(addon):
     from blender_addon.ui.keymap import binding
+    from blender_addon.view.operators import toggling
 
-    keys = [binding(f"oneframe.{operator}") for operator in OPERATORS]
+    keys = [binding("oneframe.cycle_opacity"), binding("oneframe.zoom_frame", magnification=1.0)]
+    keys += [binding("wm.context_toggle", **dict(toggling(name))) for name in ("wireframe", "contour")]
+    keys += [binding("wm.context_toggle_enum", **dict(toggling("comparison", name))) for name in COMPARED]
     assert all(keys)
     assert len(set(keys)) == len(keys)
-    assert binding("oneframe.zoom_frame", magnification=1.0) not in ("", *keys)
 
 
 def test_keys_of_other_tools_and_editors_stay_blenders(addon):

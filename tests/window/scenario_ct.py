@@ -155,12 +155,13 @@ def scenario(user):
     case = part("pipeline.case.case_file").read_case(user.folder / "case.toml")
     assert case.alignment == {"method": "initial guess"}
 
-    # in a file that is opened again, the voxels are read again
+    # in a file that is opened again, the panel reads the voxels again
     bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "kept.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(user.folder / "kept.blend"))
     yield 1.0
     loaded._loaded.clear()
-    part("volume.loaded")._after_load()
+    with user.context():
+        bpy.ops.oneframe.read_ct("INVOKE_DEFAULT")
     yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT read again", 60)
     assert strokes(user) == 2
     yield from user.picture("6_read_again")

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
 
 import bpy
 import numpy as np
@@ -92,15 +91,8 @@ class SurfaceScene:
     def __enter__(self) -> "SurfaceScene":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Remove the scene and all its data."""
-        own, self._own = self._own, []
-        remove_data(own)
+    def __exit__(self, *_: object) -> None:
+        remove_data(self._own)
 
     @contextmanager
     def owning(self) -> Iterator[None]:

@@ -125,7 +125,7 @@ class SceneTrials:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bare.close()
+        self._bare.__exit__()
 
     def run(self, configuration: Configuration, *, judge: bool) -> None:
         """Run the command once, and judge its views if asked.

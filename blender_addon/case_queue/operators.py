@@ -23,8 +23,8 @@ from ..pipeline.video.frame_folder import write_frame
 from ..setup.alignment_record import pose_record
 from ..setup.frame import IMAGES
 from ..setup.open_case import load_into_scene, unsaved_parts
-from ..state import from_scene, pose_evidence
-from ..state.scene_files import forget_stamp
+from ..state import camera_view, from_scene, pose_evidence
+from ..state.scene_files import forget_stamps
 from ..ui.background_operator import InBackground, Work
 from ..ui.keymap import Key, keys
 from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OperatorResult, Reporting, available, call, open_beside
@@ -97,7 +97,7 @@ class _InQueue(Reporting):
 
 
 class ONEFRAME_OT_queue_step(_InQueue):
-    """Save this case and go to another one of the queue; surface, view and tool stay, and so does a pose to start from"""
+    """Save this case and open another one of the queue; surface, view and tool stay, and the pose as a start"""
 
     bl_label = "Next Frame"
     bl_options = {"UNDO"}
@@ -129,8 +129,10 @@ class ONEFRAME_OT_queue_check(_InQueue):
         case = read_case(path)
         record = case.alignment | {"checked": datetime.date.today().isoformat()}
         update_case(path, replace(case, alignment=record))
-        forget_stamp(path)
-        pose_evidence.remember(scene, record, from_scene.cam_from_model(scene), pose_evidence.remembered_uncertainty(scene))
+        forget_stamps()
+        pose_evidence.remember(
+            scene, record, from_scene.cam_from_model(scene), pose_evidence.remembered_uncertainty(scene)
+        )
         if queued.position(scene) + 1 == len(queued.queue_of(scene)):
             return ("checked; this is the last frame of the queue",)
         call("queue_step")
@@ -151,7 +153,7 @@ def add_to_queue(scene: bpy.types.Scene, frames: list[tuple[Path, tuple[str, int
         path = folder / Path(scene.oneframe.frame_path).stem / CASE
         call("save_case", filepath=str(made_folder(path)))
     added = add_frames(folder, read_case(path, posed=False), frames)
-    forget_stamp(folder)
+    forget_stamps()
     return added
 
 
@@ -174,7 +176,12 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     mesh, pose = from_scene.absolute_path(surface.oneframe.mesh_path), from_scene.cam_from_model(scene)
     name, was_start = Path(scene.oneframe.frame_path).name, is_start(scene)
     case = read_case(path, posed=False)
+    spaces = [area.spaces.active for area in camera_view.views(context)]
+    through = [space for space in spaces if space.region_3d.view_perspective == "CAMERA"]
     load_into_scene(context, case)
+    for space in through:  # the camera is a new one: Blender has left it
+        space.region_3d.view_perspective = "CAMERA"
+        camera_view.aim(scene, space)
     if case.posed or not case.mesh.samefile(mesh):
         return
     record: dict[str, object] = {"method": OTHER_FRAME, "doubt": f"found in another frame ({name})"}

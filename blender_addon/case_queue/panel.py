@@ -46,11 +46,10 @@ class ONEFRAME_PT_queue(AlignmentPanel):
             row.template_icon(0 if entry.image is None else _picture(str(entry.image)), scale=1.6)
             cell = row.column(align=True)
             cell.scale_y = 1.6
-            step = cell.operator(
-                "oneframe.queue_step", text=entry.path.parent.name, icon=ICONS.get(entry.state, "CANCEL"),
-                depress=at == here,
-            )  # fmt: skip
-            step.step = at - here
+            icon = ICONS.get(entry.state, "CANCEL")
+            cell.operator("oneframe.queue_step", text=entry.path.parent.name, icon=icon, depress=at == here).step = (
+                at - here
+            )
         for name, step, icon in (("Previous", -1, "TRIA_UP"), ("Next", 1, "TRIA_DOWN")):
             row = layout.row(align=True)
             row.operator("oneframe.queue_step", text=name, icon=icon).step = step

@@ -50,10 +50,10 @@ def scenario(user):
         poses[entry.path] = pose(scene)
         yield from user.key("PAGE_DOWN", user.middle(), ctrl=True)
         actions += 1
-        yield from user.until(lambda: queued.queue_of(scene)[number].state == "checked", "the frame to be checked")
+        yield from user.until(lambda now=number: checked(scene) == now + 1, "the frame to be checked")
         assert actions <= MOST_ACTIONS
         if number + 1 < len(entries):
-            yield from user.until(lambda: queued.position(scene) == number + 1, "the next frame")
+            yield from user.until(lambda now=number: queued.position(scene) == now + 1, "the next frame")
             assert np.array_equal(pose(scene), poses[entry.path])
             assert len(scene.oneframe.landmarks) == 0
         yield from user.redraw()
@@ -71,6 +71,10 @@ def scenario(user):
     assert all("checked" in case.alignment for case in cases)
     assert len({case.image for case in cases}) == len(entries)
     yield from user.picture("4_back")
+
+
+def checked(scene):
+    return [entry.state for entry in queued.queue_of(scene)].count("checked")
 
 
 def pose(scene):

@@ -114,6 +114,7 @@ _MODULES = tuple(
         "dataset.panel",
         "landmarks.solve",
         "landmarks.gestures",
+        "landmarks.next_click",
         "landmarks.operators",
         "landmarks.drawing",
         "landmarks.panel",

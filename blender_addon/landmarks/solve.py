@@ -1,4 +1,4 @@
-"""The pose from the landmarks, cached by their content and therefore never stale, even after undo."""
+"""The pose from the landmarks and the image, cached by their content and therefore never stale, even after undo."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,7 +9,6 @@ import numpy as np
 from ..class_registration import at_end, class_registration, listening
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
-    align_landmarks,
     complete_landmarks,
     is_ambiguous,
     landmark_arrays,
@@ -18,13 +17,15 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
 from ..pipeline.alignment.landmarks.align_landmarks import off_surface as off_surface_warning
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
+from ..pipeline.alignment.posterior.pulls import pulls_px
+from ..pipeline.alignment.posterior.solve import pose_posterior
 from ..pipeline.alignment.reprojection import twist_between
 from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
-from ..state import events, from_scene, pose_evidence, workbench
+from ..state import events, from_scene, image_evidence, pose_evidence, workbench
 from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
@@ -89,7 +90,7 @@ class Departure:
 
 
 def solution(scene: bpy.types.Scene) -> Solution:
-    """Solve for the pose from the scene's landmarks, or return the cached solution if they have not changed.
+    """Solve for the pose from the scene's landmarks and image, or return the cached solution if nothing has changed.
 
     Landmarks of another frame give none.
 
@@ -100,25 +101,62 @@ def solution(scene: bpy.types.Scene) -> Solution:
     """
     if scene.oneframe.aligned_path:
         return Solution(None, workbench.next_step(scene))
+    found = solved(*evidence(scene))
+    if not isinstance(found, UndeterminedPose):
+        return Solution(found, "")
+    if is_ambiguous(found):
+        return Solution(None, str(found), found.candidates, found.probabilities)
+    return Solution(None, str(found), found.candidates[:1] if found.kind == "no fit" else ())
+
+
+Evidence = tuple[tuple[Landmark, ...], PinholeCamera, float, str]
+"""Landmarks, K, click noise in px, and what :func:`.image_evidence.held` returns."""
+
+
+def evidence(scene: bpy.types.Scene) -> Evidence:
+    """All evidence in a scene that takes part.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface.
+    """
+    settings = scene.oneframe
+    landmarks = from_scene.landmarks_model(scene) if settings.use_landmarks else ()
+    image = image_evidence.held(scene) if settings.use_image else ""
     # six digits: a property holds 0.2 as 0.20000000298
-    solved = _solved(
-        from_scene.landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
-    )
-    if not isinstance(solved, UndeterminedPose):
-        return Solution(solved, "")
-    if is_ambiguous(solved):
-        return Solution(None, str(solved), solved.candidates, solved.probabilities)
-    return Solution(None, str(solved), solved.candidates[:1] if solved.kind == "no fit" else ())
+    return landmarks, from_scene.camera(scene), round(settings.click_sigma_px, 6), image
 
 
 @lru_cache(maxsize=128)
-def _solved(
-    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float
+def solved(
+    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float, image: str
 ) -> Alignment | UndeterminedPose:
+    """The pose from :data:`Evidence`, or why it determines none."""
+    others = (image_evidence.parsed(image)[0],) if image else ()
     try:
-        return align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px)
+        return pose_posterior(landmarks, camera, others, click_sigma_px=click_sigma_px)
     except UndeterminedPose as refusal:
         return refusal.with_traceback(None)
+
+
+def pulls(scene: bpy.types.Scene) -> dict[str, float | None]:
+    """Kind of evidence -> how far it pulls the pose, px; ``None`` where the rest determines none. See :func:`pulls_px`.
+
+    Empty without a solution.
+    """
+    return {} if scene.oneframe.aligned_path else _pulls(*evidence(scene))
+
+
+@lru_cache(maxsize=128)
+def _pulls(
+    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float, image: str
+) -> dict[str, float | None]:
+    found = solved(landmarks, camera, click_sigma_px, image)
+    if isinstance(found, UndeterminedPose):
+        return {}
+    others = (image_evidence.parsed(image)[0],) if image else ()
+    return pulls_px(found, others, found.estimate.uncertainty.points_around)
 
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
@@ -144,6 +182,8 @@ def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
         return None
     present, wanted = from_scene.cam_from_model(scene), solved.alignment.estimate.cam_from_model
     camera, points = from_scene.camera(scene), solved.alignment.points
+    if not len(points):
+        points = solved.alignment.estimate.uncertainty.points_around
     shifts_px = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
     largest = float(np.max(np.linalg.norm(np.where(np.isfinite(shifts_px), shifts_px, np.inf), axis=1)))
     if largest <= SAME_POSE_PX:
@@ -241,18 +281,21 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
 def follow(scene: bpy.types.Scene) -> None:
     """Move the surface to the solution after a change of the landmarks, if *Live* is on and there is one.
 
-    A pose that was refined against the image stays: it is better than the landmarks', and only *Solve* replaces it.
-    Where several poses fit, it moves to the one near the current pose, else to the most probable; where none fits, to
-    the one that comes nearest, if that is nearer than the current pose.
+    A refined pose stays if nothing else is known of the image, as in an opened case, and a pose by pins that the
+    image contradicts: only *Solve* replaces them. Where several poses fit, it moves to the one near the current pose,
+    else to the most probable; where none fits, to the one that comes nearest, if that is nearer than the current pose.
     """
     if not scene.oneframe.live_solve or not from_scene.is_set_up(scene):
         return
     try:
         # raises for a scaled surface, which the panel Set up reports
-        if pose_evidence.is_refined(scene):
+        if pose_evidence.is_refined(scene) and not image_evidence.held(scene):
             return
         solved = solution(scene)
     except InputError:
+        return
+    found = solved.estimate
+    if found is not None and len(found.inliers) and not found.inliers.any():
         return
     is_rough = solved.estimate is None and len(solved.doubtful) == 1
     if is_rough and rms_px(scene, solved.doubtful[0]) >= rms_px(scene, from_scene.cam_from_model(scene)):
@@ -262,5 +305,5 @@ def follow(scene: bpy.types.Scene) -> None:
 
 
 register, unregister = class_registration(
-    __name__, at_end(_solved.cache_clear), listening(events.landmark_listeners, follow)
+    __name__, at_end(solved.cache_clear), listening(events.landmark_listeners, follow)
 )

@@ -125,11 +125,12 @@ def _samples(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> np.ndarray:
     """``(N, 3)`` visible surface points (model frame, mm), far from each other and from the edges of the frame."""
     camera = from_scene.camera(scene)
     seen = visible_surface(from_scene.surface_of(scene), camera, cam_from_model)
-    inner = np.flatnonzero(_is_inner(seen.pixels, camera))
+    inner = np.flatnonzero(is_inner(seen.pixels, camera))
     return seen.points_model[inner[_spread(seen.pixels[inner], SAMPLES)]]
 
 
-def _is_inner(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+def is_inner(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+    """``(N,)`` bool: which of ``(N, 2)`` pixels are not near the edges of the frame."""
     margin = EDGE_MARGIN * max(camera.size_wh)
     return ((pixels > margin) & (pixels < np.array(camera.size_wh) - margin)).all(axis=1)
 

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 import bpy
 
 from ..class_registration import class_registration
+from ..landmarks import solve
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record
-from ..state import pose_evidence
+from ..state import image_evidence, pose_evidence
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from . import operator
@@ -78,6 +79,7 @@ class ONEFRAME_PT_evidence(AlignmentPanel):
         except InputError:
             return  # the panel Set up says what is wrong with the pose
         layout.label(text=title, icon=icon)
+        _draw_kinds(layout, scene)
         if "doubt" in record:
             draw_text(layout, f"In doubt: {record['doubt']}", icon="ERROR")
         if "refused" in record:
@@ -92,6 +94,21 @@ class ONEFRAME_PT_evidence(AlignmentPanel):
         origin = ", ".join(str(record[key]) for key in ("tool", "date") if key in record)
         if pose_evidence.remembered(scene) and origin:
             draw_text(layout, origin)
+
+
+def _draw_kinds(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """Each kind of evidence: whether it takes part, and how far it pulls the pose."""
+    column, pulls = layout.column(align=True), solve.pulls(scene)
+    for kind, is_there in (
+        ("landmarks", len(scene.oneframe.landmarks) > 0),
+        ("image", bool(image_evidence.held(scene))),
+    ):
+        row = column.row(align=True)
+        row.enabled = is_there
+        row.prop(scene.oneframe, f"use_{kind}")
+        pull = pulls.get(kind, 0.0)
+        text = "decides alone" if pull is None else f"pulls {format_two_digits(pull)} px" if kind in pulls else ""
+        row.label(text=text)
 
 
 def record_lines(record: Mapping[str, object]) -> list[str]:

@@ -85,6 +85,8 @@ def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, 
     """How a pose with this record was found, in words, and the icon for it."""
     method = str(record.get("method", ""))
     title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
+    if str(record.get("evidence", "")).startswith("landmarks"):
+        title = "From landmarks and image"
     is_given = pose_evidence.remembered(scene) == {} and method == "manual"
     return "Given by the case, origin unknown" if is_given else title, icon
 

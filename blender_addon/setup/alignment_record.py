@@ -9,11 +9,13 @@ import bpy
 from ..landmarks import solve
 from ..pipeline import __version__
 from ..pipeline.alignment.landmarks.report import alignment_record
+from ..pipeline.alignment.posterior.evidence import IMAGE
+from ..pipeline.alignment.posterior.report import joined_record
 from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from ..pipeline.case.case_file import Case
-from ..state import from_scene, pose_evidence
+from ..state import from_scene, image_evidence, pose_evidence
 from ..state.initial_pose import has_initial_pose
 from .operators import doubt_of_size
 
@@ -36,6 +38,9 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
         if has_initial_pose(scene):
             return {"method": INITIAL_GUESS}
         return {"method": "manual", "tool": tool, "date": date}
+    if IMAGE in solved.alignment.kinds:
+        image, refinement = image_evidence.parsed(image_evidence.held(scene))
+        return joined_record(refinement, image, solved.alignment, tool, date)
     return alignment_record(solved.alignment, tool, date)
 
 
@@ -59,8 +64,15 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:
-    """Store the pose that a refinement has found, and how; ``start`` is the record of its initial pose."""
+    """Store the pose that a refinement has found, how, and what it says of the pose, apart from it.
+
+    ``start`` is the record of the initial pose.
+    """
     record = refinement_record(refinement, start, *_tool_and_date())
+    if refinement.evidence is None:
+        image_evidence.drop(scene)
+    else:
+        image_evidence.hold(scene, refinement.evidence, record)
     uncertainty = refinement.uncertainty if refinement.verified else None
     pose_evidence.remember(scene, record, refinement.found, uncertainty)
 

@@ -6,7 +6,7 @@ movement of the surface can leave it stale.
 """
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -17,6 +17,7 @@ from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.case.alignment_record import OTHER_FRAME, scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene
+from .image_evidence import uncertainty_from, uncertainty_table
 
 EVIDENCE, POSE = "oneframe_evidence", "oneframe_evidence_pose"
 """Custom properties of the surface: the record and the uncertainty as JSON, and the exact pose."""
@@ -129,21 +130,10 @@ def _store(
     cam_from_model: np.ndarray,
     uncertainty: PoseUncertainty | None,
 ) -> None:
-    numbers = None
-    if uncertainty is not None:
-        numbers = {
-            key: value.tolist() if isinstance(value, np.ndarray) else value
-            for key, value in asdict(uncertainty).items()
-        }
+    numbers = None if uncertainty is None else uncertainty_table(uncertainty)
     surface[EVIDENCE] = json.dumps({"record": record, "uncertainty": numbers})
     set_exact(surface, POSE, cam_from_model)
 
 
 def _uncertainty(stored: dict[str, Any]) -> PoseUncertainty | None:
-    if stored["uncertainty"] is None:
-        return None
-    numbers: dict[str, Any] = {
-        key: np.array(value) if isinstance(value, list) else float(value)
-        for key, value in stored["uncertainty"].items()
-    }
-    return PoseUncertainty(**numbers)
+    return None if stored["uncertainty"] is None else uncertainty_from(stored["uncertainty"])

@@ -145,10 +145,14 @@ class PoseUncertainty:
         jacobians = jacobian_at(points_model, camera, cam_from_model, self.pivot_model)
         return jacobians @ self.covariance @ np.swapaxes(jacobians, -1, -2)
 
+    @property
+    def points_around(self) -> np.ndarray:
+        """``(6, 3)`` points all around the pivot, at the radius, that stand for the surface."""
+        return self.pivot_model + self.radius_mm * np.concatenate([np.eye(3), -np.eye(3)])
+
     def spread_px(self, camera: PinholeCamera, cam_from_model: np.ndarray) -> float:
         """Root mean square displacement in the image of points all around the pivot, at the radius, px."""
-        points = self.pivot_model + self.radius_mm * np.concatenate([np.eye(3), -np.eye(3)])
-        covariances = self.pixel_covariances(points, camera, cam_from_model)
+        covariances = self.pixel_covariances(self.points_around, camera, cam_from_model)
         return float(np.sqrt(np.trace(covariances, axis1=1, axis2=2).mean()))
 
     def ellipse_scale(self, level: float = REGION_LEVEL) -> float:

@@ -167,6 +167,26 @@ def test_flat_points_show_both_poses_and_a_key_goes_from_one_to_the_other(scene)
         assert "standard_deviation_deg" not in record
 
 
+def test_the_next_click_is_marked_on_the_surface_and_gains(scene, pairs):
+    from blender_addon.landmarks import next_click, solve
+    from blender_addon.state import from_scene
+
+    # far from a pose, the rough one guides
+    add(pairs[0][:1], pairs[1][:1])
+    seen, camera = [], from_scene.camera(scene)
+    for count in range(2, 9):
+        point = next_click.best_point(scene)
+        pixel = camera.project(transform_points(pose_of(scene), point[None]))[0]
+        assert all(np.linalg.norm(pixel - other) > next_click.APART * camera.width for other in seen), count
+        assert np.array_equal(next_click.best_point(scene), point)
+        seen.append(pixel)
+        add([point], [pixel])
+        if count == 6:
+            before = solve.solution(scene).estimate.uncertainty
+    after = solve.solution(scene).estimate.uncertainty
+    assert np.linalg.det(after.covariance) < np.linalg.det(before.covariance)
+
+
 def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
     from blender_addon.setup.alignment_record import pose_record
 

@@ -164,14 +164,18 @@ def evidence_of(scene) -> list[str]:
     return panel.record_lines(record.pose_record(scene))
 
 
-def test_landmarks_do_not_replace_a_refined_pose_unasked(opened, gather, tmp_path):
-    """Neither its pose nor its figures: those shown are always of the current pose."""
+def test_landmarks_and_image_are_solved_together(opened, gather, refine, case_folder, tmp_path):
+    """No change of the landmarks throws the image away, and figures shown are always of the current pose."""
     solve = importlib.import_module("blender_addon.landmarks.solve")
     drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
 
     def uncertainty_px(scene):
         found = drawing.current_uncertainty(scene, solve.solution(scene))
         return None if found is None else found[0].translation_mm.tolist()
+
+    def current(scene):
+        assert solve.is_current(scene, solve.solution(scene))
+        return gather.cam_from_model(scene)
 
     true = TRUE_POSE @ gather.mesh_from_model_of(gather.surface_of(opened))
     clicks_px = np.array([[40.0, 30], [280, 40], [270, 200], [50, 210], [160, 120], [100, 70]])
@@ -181,36 +185,49 @@ def test_landmarks_do_not_replace_a_refined_pose_unasked(opened, gather, tmp_pat
     pixels = CAMERA.project(transform_points(true, np.array(points))) + rng.normal(0, 2, clicks_px.shape)
     for point, pixel in zip(points, pixels, strict=True):
         bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [319, 239]))
-    by_landmarks = gather.cam_from_model(opened)
-    assert np.array_equal(by_landmarks, solve.solution(opened).estimate.cam_from_model)
-    of_landmarks = uncertainty_px(opened)
+    by_landmarks, of_landmarks = current(opened), uncertainty_px(opened)
     assert any("6 correspondences" in line for line in evidence_of(opened))
+    assert solve.pulls(opened) == {"landmarks": None}
 
     bpy.ops.oneframe.refine()
-    refined = gather.cam_from_model(opened)
-    assert not np.array_equal(refined, by_landmarks)
-    assert uncertainty_px(opened) not in (None, of_landmarks)
-    assert not solve.is_current(opened, solve.solution(opened))
-    # a case that is opened keeps it too
-    saved(opened, tmp_path / "refined.toml")
-    for again in (False, True):
-        if again:
-            bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
-        scene = bpy.context.scene
-        scene.oneframe.landmarks[0].pixel = np.array(scene.oneframe.landmarks[0].pixel) + 1
-        bpy.ops.oneframe.landmark_toggle(index=2)
-        bpy.ops.oneframe.landmark_toggle(index=2)
-        assert np.allclose(gather.cam_from_model(scene), refined, rtol=0, atol=1e-9)
-        assert any("Off by about" in line for line in evidence_of(scene))
-        assert any("landmarks, 6 pairs" in line for line in evidence_of(scene))
+    joint, refined = current(opened), refine.outcome(opened).found
+    assert not np.array_equal(joint, by_landmarks)
+    assert np.less(uncertainty_px(opened), of_landmarks).all()
+    assert any("6 correspondences" in line for line in evidence_of(opened))
+    record = refine.pose_record(opened)
+    assert (record["method"], record["evidence"], record["pairs"]) == ("refined", "landmarks, image", 6)
+    pulls = solve.pulls(opened)
+    assert 0 < pulls["landmarks"] < pulls["image"]
+    # each can be switched off
+    opened.oneframe.use_image = False
+    assert np.array_equal(current(opened), by_landmarks)
+    opened.oneframe.use_image, opened.oneframe.use_landmarks = True, False
+    assert np.array_equal(current(opened), refined)
+    opened.oneframe.use_landmarks = True
+    assert np.array_equal(current(opened), joint)
+    # deleting landmarks leads to the image's pose
+    for count in range(6, 0, -1):
+        bpy.ops.oneframe.landmark_remove(index=0)
+        assert "image" in solve.solution(opened).alignment.kinds, count
+    assert np.array_equal(current(opened), refined)
+    for point, pixel in zip(points[:2], pixels[:2], strict=True):
+        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [319, 239]))
     # moved by hand: no figure holds any more
     bpy.ops.oneframe.nudge(axis="x")
-    assert uncertainty_px(scene) is None
-    assert evidence_of(scene) == []
-    bpy.ops.oneframe.nudge(axis="x", step_px=-1.0)
+    assert uncertainty_px(opened) is None
+    assert evidence_of(opened) == []
     bpy.ops.oneframe.solve_landmarks()
-    assert solve.is_current(scene, solve.solution(scene))
-    assert any("6 correspondences" in line for line in evidence_of(scene))
+    two = current(opened)
+    # another frame's image says nothing of it
+    saved(opened, tmp_path / "refined.toml")
+    bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
+    assert solve.pulls(opened) == {}
+    # a case that is opened keeps the pose, of which the image is no longer known
+    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
+    scene = bpy.context.scene
+    bpy.ops.oneframe.landmark_toggle(index=1)
+    assert np.allclose(gather.cam_from_model(scene), two, rtol=0, atol=1e-9)
+    assert any("Off by about" in line for line in evidence_of(scene))
 
 
 def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, case_folder, tmp_path):

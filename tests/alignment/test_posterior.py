@@ -64,7 +64,8 @@ def test_evidence_is_fused_as_two_normal_densities_are_about_any_pivot():
         each.uncertainty.pixel_covariances(points, MICROSCOPE, each.cam_from_model) for each in (found, fused(moved))
     ]
     np.testing.assert_allclose(*seen, rtol=1e-5)
-    assert joint_dof([0.5, 0.5], [6.0, 6.0]) == 12.0
+    assert joint_dof(np.full((2, 6), 0.5), [6.0, 6.0]) == 12.0
+    assert joint_dof(np.array([[1.0, 0.0], [0.0, 1.0]]), [3.0, 6.0]) == pytest.approx(4.0)
 
 
 def test_a_kind_left_out_leaves_the_others_and_no_landmark_is_needed_for_the_image():

@@ -12,6 +12,8 @@ from ..reprojection import apply_twist, twist_between
 
 Kind = Literal["image", "distance", "roll"]
 
+IMAGE: Kind = "image"
+
 UNKNOWN = 10.0
 """Standard deviation of what a prior does not say, in distances and in radians: wide enough to say nothing."""
 
@@ -82,21 +84,21 @@ def fused(evidence: Sequence[PoseEvidence]) -> PoseEvidence:
     covariance = np.linalg.inv(precisions.sum(axis=0))
     mean = covariance @ np.einsum("kij,kj->i", precisions, np.array(twists))
     pose = apply_twist(mean, first.cam_from_model, pivot)
-    shares = np.einsum("ij,kji->k", covariance, precisions) / 6
+    shares = np.linalg.eigvals(covariance @ precisions).real
     dof = joint_dof(shares, [spread.dof for spread in spreads])
     uncertainty = replace(spreads[0], covariance=covariance, dof=dof, pivot_cam=transform_points(pose, pivot))
     return PoseEvidence(first.kind, pose, uncertainty)
 
 
-def joint_dof(shares: Sequence[float] | np.ndarray, dofs: Sequence[float]) -> float:
-    """Degrees of freedom of a sum of variances, each estimated with its own: Welch and Satterthwaite's.
+def joint_dof(shares: np.ndarray, dofs: Sequence[float]) -> float:
+    """Degrees of freedom of a sum of covariances, each estimated with its own: Welch and Satterthwaite's.
 
     Parameters
     ----------
     shares
-        Fractions of the sum, 0..1.
+        ``(K, D)`` fractions of the sum, 0..1, in each of D directions; the inverses of theirs are averaged.
     dofs
-        Of each.
+        ``(K,)`` of each.
     """
-    total = sum(share**2 / dof for share, dof in zip(shares, dofs, strict=True))
+    total = float((shares**2 / np.array(dofs)[:, None]).sum(axis=0).mean())
     return 1 / total if total > 0 else np.inf

@@ -144,8 +144,9 @@ def _weighed(
         apart = twist_between(given.cam_from_model, mode.cam_from_model, pivot)
         right = spread.covariance + given.uncertainty.covariance
         wrong = right + np.diag(_wrong_deviations(given.uncertainty) ** 2)
-        shares = [np.trace(np.linalg.solve(right, each.covariance)) / 6 for each in (spread, given.uncertainty)]
-        log_right = _log_density(apart, right, joint_dof(shares, [spread.dof, given.uncertainty.dof]))
+        shares = np.linalg.eigvals(np.linalg.solve(right, spread.covariance)).real
+        dof = joint_dof(np.stack([shares, 1 - shares]), [spread.dof, given.uncertainty.dof])
+        log_right = _log_density(apart, right, dof)
         log_wrong = _log_density(apart, wrong, np.inf)
         joint = _joined(pairs, given, mode.cam_from_model, mode.inliers, click_sigma_px)
         log_share = math.log(max(mode.probability, 1e-300))
@@ -199,32 +200,32 @@ def _joined(
 ) -> PoseMode:
     """The pose from some of the correspondences and the other evidence, from a start ``(4, 4)``.
 
-    The click noise is estimated from the residuals, with as many degrees of freedom as the correspondences keep: of the
-    six of the pose, the other evidence has determined a part.
+    The noise of both is estimated from how far they lie from the joint pose, together with what is stated of it. Of the
+    six degrees of freedom of the pose, each has determined its share, and keeps the rest for its noise.
     """
     if not inliers.any():
         return PoseMode(given.cam_from_model, given.uncertainty, 1.0, inliers)
-    chosen, pivot = pairs[inliers], pairs.pivot_model
-    points, precision = chosen.offsets + pivot, np.linalg.inv(given.uncertainty.covariance)
-    root = np.linalg.cholesky(precision).T
-    mean, pose = Poses.of(given.cam_from_model[None], pivot), start
-    noise = NoiseEstimate(click_sigma_px**2, 0, REGION_PRIOR_DOF)
+    chosen, pivot, stated = pairs[inliers], pairs.pivot_model, given.uncertainty
+    points, precision = chosen.offsets + pivot, np.linalg.inv(stated.covariance)
+    root, mean, pose = np.linalg.cholesky(precision).T, Poses.of(given.cam_from_model[None], pivot), start
+    noise, scale = NoiseEstimate(click_sigma_px**2, 0, REGION_PRIOR_DOF), 1.0
     for _ in range(NOISE_ROUNDS):
-        fitted, _ = fit_poses(chosen, Poses.of(pose[None], pivot), prior=PosePrior(mean, noise.sigma_px * root))
+        prior = PosePrior(mean, noise.sigma_px / math.sqrt(scale) * root)
+        fitted, _ = fit_poses(chosen, Poses.of(pose[None], pivot), prior=prior)
         pose = fitted.matrix(0, pivot)
         jacobian = jacobian_at(points, pairs.camera, pose, pivot).reshape(-1, 6)
         normal = jacobian.T @ jacobian
-        covariance = np.linalg.inv(normal / noise.variance + precision)
+        covariance = np.linalg.inv(normal / noise.variance + precision / scale)
         share = float(np.trace(covariance @ normal)) / noise.variance / 6
         squared_px = float((_residuals_px(chosen, pose) ** 2).sum())
         noise = NoiseEstimate.of(squared_px, 2 * len(chosen) - 6 * share, click_sigma_px, REGION_PRIOR_DOF)
-    covariance = np.linalg.inv(normal / noise.variance + precision)
-    share = float(np.trace(covariance @ normal)) / noise.variance / 6
-    uncertainty = replace(
-        given.uncertainty,
-        covariance=covariance,
-        dof=joint_dof([share, 1 - share], [noise.region_dof, given.uncertainty.dof]),
-        sigma_px=noise.sigma_px,
-        pivot_cam=transform_points(pose, pivot),
-    )
+        if math.isfinite(stated.dof):
+            apart = twist_between(given.cam_from_model, pose, pivot)
+            scale = (stated.dof + float(apart @ precision @ apart)) / (stated.dof + 6 * share)
+    covariance = np.linalg.inv(normal / noise.variance + precision / scale)
+    shares = np.linalg.eigvals(covariance @ normal).real / noise.variance
+    # where the other evidence decides alone, nothing was learned of its noise
+    dof = joint_dof(np.stack([shares, 1 - shares]), [noise.region_dof, stated.dof])
+    pivot_cam = transform_points(pose, pivot)
+    uncertainty = replace(stated, covariance=covariance, dof=dof, sigma_px=noise.sigma_px, pivot_cam=pivot_cam)
     return PoseMode(pose, uncertainty, 1.0, inliers)

@@ -1,0 +1,70 @@
+"""Where on the surface the next landmark gains most."""
+
+import bpy
+import numpy as np
+
+from ..class_registration import at_end, class_registration
+from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
+from ..pipeline.alignment.landmarks.degeneracy import UndeterminedPose
+from ..pipeline.alignment.pose_uncertainty import PoseMode
+from ..pipeline.alignment.posterior.next_click import next_click, rough_mode
+from ..pipeline.blender.alignment.surface_object import visible_surface
+from ..state import from_scene
+from . import gestures, solve
+from .uncertainty_drawing import is_inner
+
+APART = 0.02
+"""Least distance from a landmark, in widths of the frame: another feature."""
+
+_last: tuple[tuple, np.ndarray | None] | None = None
+"""The latest answer, and what it was computed from."""
+
+
+def best_point(scene: bpy.types.Scene) -> np.ndarray | None:
+    """``(3,)`` point of the visible surface, model frame, mm; ``None`` where none is seen, and during a drag.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or no valid pose.
+    """
+    global _last
+    if gestures.running() is not None:
+        return None
+    pose, surface = from_scene.cam_from_model(scene), from_scene.surface_of(scene)
+    known = (*solve.evidence(scene), pose.tobytes(), surface.name_full, surface.oneframe.mesh_path)
+    if _last is None or _last[0] != known:
+        _last = known, _best_point(scene, pose)
+    return _last[1]
+
+
+def _best_point(scene: bpy.types.Scene, pose: np.ndarray) -> np.ndarray | None:
+    landmarks, camera, click_sigma_px, _ = solve.evidence(scene)
+    seen = visible_surface(from_scene.surface_of(scene), camera, pose)
+    free = is_inner(seen.pixels, camera)
+    for landmark in complete_landmarks(landmarks).values():
+        free &= np.linalg.norm(seen.pixels - np.array(landmark.pixel), axis=1) > APART * camera.width
+    points = seen.points_model[free]
+    if not len(points):
+        return None
+    return points[next_click(points, camera, _modes(scene, pose, points), click_sigma_px)]
+
+
+def _modes(scene: bpy.types.Scene, pose: np.ndarray, points_model: np.ndarray) -> tuple[PoseMode, ...]:
+    landmarks, camera, click_sigma_px, _ = evidence = solve.evidence(scene)
+    solved = solve.solved(*evidence)
+    if isinstance(solved, UndeterminedPose):
+        if len(solved.modes) > 1:
+            return solved.modes
+    elif solve.is_current(scene, solve.solution(scene)):
+        found = solved.estimate
+        return (PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers),)
+    return (rough_mode(pose, landmarks, points_model, camera, click_sigma_px),)
+
+
+def _forget() -> None:
+    global _last
+    _last = None
+
+
+register, unregister = class_registration(__name__, at_end(_forget))

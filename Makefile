@@ -11,7 +11,7 @@ RUN = $(VENV)/bin/python
 # a file's tests in one process, in the order of the folders: few of those that take long come last
 PYTEST = $(RUN) -m pytest --dist loadgroup --no-loadscope-reorder
 
-.PHONY: setup demo extension dist addon-dev test test-all test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module and the commands; again when pyproject.toml has changed
@@ -53,8 +53,11 @@ addon-dev: setup
 test: $(VENV)/.ready-to-test
 	$(PYTEST) --numprocesses auto -m "not long" $(PYTEST_FLAGS)
 
-# all tests: then those that take long, two at a time; in a Blender program and its window if BLENDER is set
-test-all: test
+# all tests
+test-all: test test-long
+
+# those that take long, two at a time; in a Blender program and its window if BLENDER is set
+test-long: $(VENV)/.ready-to-test
 	$(PYTEST) --numprocesses 2 -m long --durations 50 $(PYTEST_FLAGS)
 
 # tests/outside in full: hundreds of interruptions and mutations; `make test-all` runs a sample

@@ -1,9 +1,9 @@
 """The Blender add-on: align a frame to a surface, assess the alignment, colour the surface, render a dataset.
 
-Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup`` with ``video``,
-``view``, ``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them
-to and from the pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin:
-they read the scene, call one function of the pipeline and report.
+Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup`` with ``video`` and
+``case_queue``, ``view``, ``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties
+and converts them to and from the pipeline's types; ``ui`` holds the drawing and input code that the topics share.
+Operators are thin: they read the scene, call one function of the pipeline and report.
 
 The extension contains the pipeline inside this package. In a checkout it lies next to it, and ``.pipeline`` is an alias
 for the package ``oneframe``, which scripts and tests import: the same modules.
@@ -88,6 +88,9 @@ _MODULES = tuple(
         "setup.drop",
         "setup.panel",
         "video.panel",
+        "case_queue.queued",
+        "case_queue.operators",
+        "case_queue.panel",
         "view.zoom",
         "view.operators",
         "view.overlay_mesh",

@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..case_queue.queued import position, queue_of
 from ..class_registration import at_end, class_registration, drawing
 from ..dataset import background_job
 from ..landmarks import solve
@@ -55,6 +56,8 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
     """
     settings = scene.oneframe
     name = bpy.path.basename(settings.case_path or settings.frame_path) or "New case"
+    if entries := queue_of(scene):
+        name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
     parts = unsaved_parts(scene, _saved_case)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
     line = f"{name}, {saved}  |  {pose_text(scene)}"

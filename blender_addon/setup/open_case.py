@@ -13,6 +13,7 @@ from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import differing_fields
+from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..state import from_scene, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
@@ -89,6 +90,24 @@ def _aligned_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
     return tuple(parts if is_initial else ["pose", *parts])
 
 
+def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
+    """Load a case into the workbench; the views stay as they are.
+
+    Raises
+    ------
+    InputError
+        A file of the case cannot be read; nothing has changed then.
+    """
+    loaded = load_case(case, aligned=False)
+    scene = workbench.enter(context)
+    to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
+    if not case.posed:
+        set_initial_pose(scene, from_scene.surface_of(scene))
+    # holds while the surface keeps that pose
+    pose_evidence.remember(scene, loaded.case.alignment, loaded.frame.cam_from_model)
+    return loaded
+
+
 class ONEFRAME_OT_open_case(OpensFile):
     """Open a case file: frame, K, surface, structures, pose and landmarks"""
 
@@ -109,14 +128,7 @@ class ONEFRAME_OT_open_case(OpensFile):
         return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
-        case = read_case(self.chosen_file(), posed=False)
-        loaded = load_case(case, aligned=False)
-        scene = workbench.enter(context)
-        to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
-        if not case.posed:
-            set_initial_pose(scene, from_scene.surface_of(scene))
-        # holds while the surface keeps that pose
-        pose_evidence.remember(scene, loaded.case.alignment, loaded.frame.cam_from_model)
+        loaded = load_into_scene(context, read_case(self.chosen_file(), posed=False))
         show_shape(context)
         look_through_camera(context)
         width, height = loaded.case.camera.size_wh

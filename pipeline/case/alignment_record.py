@@ -16,6 +16,7 @@ KEYS = (
     "method",
     "tool",
     "date",
+    "checked",
     "evidence",
     "doubt",
     "refused",
@@ -44,6 +45,8 @@ KEYS = (
     :data:`OTHER_FRAME`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
+``checked``
+    Day on which a person has looked at the pose and found it right.
 ``evidence``
     The kinds of evidence that a refined pose comes from: "image", or "landmarks, image".
 ``doubt``
@@ -79,7 +82,7 @@ OTHER_FRAME = "another frame"
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
-_TEXTS = ("method", "tool", "date", "evidence", "doubt", "refused", "start_method", "weakest")
+_TEXTS = ("method", "tool", "date", "checked", "evidence", "doubt", "refused", "start_method", "weakest")
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:

@@ -55,6 +55,11 @@ def test_take_the_pictures_of_the_first_session(play):
         Image.open(path).save(Path(FOLDER, f"first_session_{number}.jpg"), "JPEG", **QUALITY)
 
 
+def test_take_the_picture_of_the_queue(play):
+    play(Path(__file__).with_name("scenario_queue.py"), TIMEOUT_S)
+    Image.open(PICTURES / "queue" / "2_next_frame.png").save(Path(FOLDER, "queue.jpg"), "JPEG", **QUALITY)
+
+
 def first_page(case: Path, dataset: Path) -> Image.Image:
     """The frame and, next to it, the overlay and three views of the dataset at half its size."""
     views = [dataset / "train_synt" / "000000" / "rgb" / f"{number:06d}.png" for number in SHOWN_VIEWS]

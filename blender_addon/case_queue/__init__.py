@@ -1,0 +1,1 @@
+"""Panel *Queue*: many frames of one surface, one after the other."""

@@ -3,7 +3,7 @@
 Trials: a microscope (f = 12 800 px, 300 mm), points in 30x20x12 mm, rotations uniform over SO(3); with --case also
 points on the surface that the case's frame shows, at its pose. Errors: the angle of the rotation error, and the mean
 displacement of the whole surface in the image. Refused trials count in "all" with their best candidate. The solver
-always assumes a click noise of 2 px. Then landmarks with an image's pose, and clicks at the places that the add-on marks. Times are for one processor core.
+always assumes a click noise of 2 px. Times are for one processor core.
 """
 
 import argparse

@@ -17,7 +17,7 @@ from ...files.numbers import format_two_digits
 from ...transforms import transform_points
 from ..confidence_region import f_survival
 from ..landmarks.align_landmarks import LANDMARKS, Alignment, align_landmarks, complete_landmarks, landmark_arrays
-from ..landmarks.covariance import SELECTION_PRIOR_DOF, NoiseEstimate
+from ..landmarks.covariance import REGION_PRIOR_DOF, SELECTION_PRIOR_DOF, NoiseEstimate
 from ..landmarks.degeneracy import UndeterminedPose
 from ..landmarks.hypotheses import NOISE_PRIOR_DOF
 from ..landmarks.outliers import FALSE_ALARM_PROBABILITY
@@ -222,6 +222,8 @@ def _joined(
         if math.isfinite(stated.dof):
             apart = twist_between(given.cam_from_model, pose, pivot)
             scale = (stated.dof + float(apart @ precision @ apart)) / (stated.dof + 6 * share)
+    # the region allows for a stated noise that is wrong
+    noise = NoiseEstimate.of(squared_px, 2 * len(chosen) - 6 * share, click_sigma_px, REGION_PRIOR_DOF)
     covariance = np.linalg.inv(normal / noise.variance + precision / scale)
     shares = np.linalg.eigvals(covariance @ normal).real / noise.variance
     # where the other evidence decides alone, nothing was learned of its noise

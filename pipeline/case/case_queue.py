@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import InputError
-from .alignment_record import INITIAL_GUESS, OTHER_FRAME
+from .alignment_record import OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
 
@@ -35,11 +35,6 @@ def state_of(case: Case) -> str:
     if ("doubt" in record and method != OTHER_FRAME) or "refused" in record:
         return DOUBTFUL
     return ALIGNED if method in ("landmarks", "refined") else ROUGH
-
-
-def is_begun(case: Case) -> bool:
-    """Whether somebody has worked on the pose: it is neither missing, nor a guess, nor that of another frame."""
-    return case.posed and case.alignment.get("method") not in (INITIAL_GUESS, OTHER_FRAME)
 
 
 def add_frames(folder: Path, like: Case, frames: Sequence[tuple[Path, tuple[str, int] | None]]) -> list[Path]:

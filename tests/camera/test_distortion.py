@@ -17,17 +17,6 @@ coefficients = st.tuples(
 )
 
 
-@pytest.mark.parametrize("position", range(5))
-def test_each_coefficient_is_opencvs(position):
-    values = np.zeros(5)
-    values[position] = 0.13
-    points = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))
-    expected = cv2.projectPoints(np.c_[points, np.ones(50)], np.zeros(3), np.zeros(3), np.eye(3), values)[0][:, 0]
-    distorted = Distortion(*values).distort(points)
-    assert np.abs(distorted - expected).max() < 1e-12
-    assert np.abs(distorted - points).max() > 1e-3
-
-
 @given(coefficients)
 def test_distortion_is_opencvs(values):
     points = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))

@@ -14,7 +14,7 @@ from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case, Structure, read_case
 from oneframe.case.case_update import differing_fields, update_case
-from oneframe.case.case_writer import relative_name, toml_value, write_case
+from oneframe.case.case_writer import relative_name, write_case
 from oneframe.case.landmarks import Landmark
 from oneframe.case.posed_frame import UnreadFrame
 from oneframe.dataset.description import object_name
@@ -140,11 +140,6 @@ def test_lengths_keep_every_bit_in_any_unit(value_mm, mm_per_unit):
     text = length_text(value_mm, mm_per_unit)
     read = tomllib.loads(f"value = {text}", parse_float=WrittenFloat)["value"]
     assert millimetres(read, mm_per_unit) == value_mm
-
-
-@given(value=toml_values)
-def test_values_are_toml(value):
-    assert tomllib.loads(f"value = {toml_value(value)}")["value"] == value
 
 
 def simple_case(folder: Path) -> Case:

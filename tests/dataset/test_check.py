@@ -414,11 +414,3 @@ def test_links_that_lead_out_are_named(copied, tmp_path, run, capsys, name):
     there.symlink_to(elsewhere)
     assert run(copied) == 1
     assert f"{name}: expected a part of the dataset, found a link that leads out" in capsys.readouterr().out
-
-
-def test_missing_views_are_shown_as_ranges(copied):
-    edit(copied / "dataset.json", lambda content: content.update(count=30_000))
-    assert any(
-        "expected 30000 views, found 4 with a record: 4-29999 are missing" in line
-        for line in check_dataset(copied, stream=io.StringIO()).findings.shown()
-    )

@@ -59,15 +59,6 @@ def test_a_finished_folder_holds_the_record_alone(tmp_path):
     assert json.loads((out / "dataset.json").read_text()) == IDENTITY
 
 
-def test_a_stopped_run_is_resumed_and_its_leftovers_removed(tmp_path):
-    with RunFolder(tmp_path, IDENTITY, WHOLE):
-        record = write_record(tmp_path, 0)
-        partial = leave_partial(record)
-    with RunFolder(tmp_path, IDENTITY, WHOLE):
-        assert record.exists()
-        assert not partial.exists()
-
-
 @pytest.mark.parametrize(("one", "other"), [(WHOLE, WHOLE), (WHOLE, Shard(0, 2)), (Shard(1, 2), Shard(1, 2))], ids=str)
 def test_two_runs_of_the_same_views_are_kept_apart(tmp_path, one, other):
     with RunFolder(tmp_path, IDENTITY, one):
@@ -123,23 +114,6 @@ def test_a_lock_on_a_removed_file_is_none(tmp_path, monkeypatch):
         assert next(removals, None) is None
         with pytest.raises(RunError, match="another process"):
             RunFolder(tmp_path, IDENTITY, WHOLE)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [({"options": {"seed": 1, "scale": 1.0}}, "options.seed"), ({"inputs_sha256": {"frame": "cd"}}, "the frame")],
-    ids=["seed", "frame"],
-)
-def test_another_runs_dataset_is_not_touched(tmp_path, values, message):
-    with RunFolder(tmp_path, IDENTITY, WHOLE) as folder:
-        write_record(tmp_path, 0)
-        folder.finish()
-    leave_partial(tmp_path / "poses.csv")
-    before = tree(tmp_path)
-    with pytest.raises(RunError, match=f"holds the dataset of another run .*{message}.*; undo the change to resume it"):
-        RunFolder(tmp_path, IDENTITY | values, WHOLE)
-    assert tree(tmp_path) == before
-    assert not (tmp_path / ".work").exists()
 
 
 def test_a_file_in_place_of_a_folder_is_reported(tmp_path):

@@ -1,7 +1,5 @@
 """Implicit solids: shapes, carving and their meshes against closed forms."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,23 +9,12 @@ from oneframe.sample.distance_field import (
     ImplicitGrid,
     ball,
     largest_component,
-    polyline,
-    smooth_minimum,
     subtract_burrs,
     tube,
 )
 from tests.volume.solids import enclosed_mm3, is_closed
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
-
-
-@given(st.floats(-5, 5), st.floats(-5, 5), st.just(0.0) | st.floats(0.01, 3))
-def test_smooth_minimum_is_below_minimum_and_equal_beyond_blend(a, b, blend):
-    smooth = float(smooth_minimum(np.float64(a), np.float64(b), blend))
-    assert min(a, b) - blend / 4 - 1e-6 <= smooth <= min(a, b)
-    # rounding decides at the very end of the blend
-    if abs(a - b) > blend * (1 + 1e-9):
-        assert smooth == min(a, b)
 
 
 def test_filled_ball_has_volume_of_ball_and_faces_outward():
@@ -39,33 +26,11 @@ def test_filled_ball_has_volume_of_ball_and_faces_outward():
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices - [0.1, -0.2, 0.3], axis=1), 1.2, atol=0.005)
 
 
-def test_polyline_distance_agrees_with_dense_samples():
-    rng = np.random.default_rng(6)
-    corners, points = rng.uniform(-2, 2, (5, 3)), rng.uniform(-3, 3, (50, 3))
-    dense = np.concatenate([np.linspace(a, b, 2001) for a, b in pairwise(corners)])
-    nearest = np.linalg.norm(points[:, None] - dense, axis=2).min(axis=1)
-    np.testing.assert_allclose(polyline(*points.T, corners), nearest, atol=2e-3)
-
-
-def test_interpolation_on_the_grid_is_exact_for_linear_values():
-    grid = ImplicitGrid(LOWER, UPPER, 0.25)
-    x, y, z = np.ix_(*grid.axes)
-    points = np.random.default_rng(7).uniform(-2, 2, (100, 3))
-    np.testing.assert_allclose(grid.at(x - 2 * y + 0.5 * z + 1, points), points @ [1, -2, 0.5] + 1, atol=1e-5)
-
-
 def test_tube_is_closed_and_has_the_volume_of_its_cylinder():
     mesh = tube(np.linspace([0, 0, 0], [30, 4, 0], 6), 0.5, sides=64)
     assert is_closed(mesh)
     caps = 2 * np.pi * 0.5**2 * 0.25 / 3
     assert enclosed_mm3(mesh) == pytest.approx(np.pi * 0.5**2 * np.hypot(30, 4) + caps, rel=0.005)
-
-
-def test_largest_component_drops_the_smaller_part():
-    grid = ImplicitGrid(LOWER, UPPER, 0.1, solid=False)
-    for at, radius in ((-1.0, 0.9), (1.0, 0.6)):
-        grid.fill(lambda x, y, z, a=at, r=radius: ball(x, y, z, (a, 0, 0), (r, r, r)))
-    assert largest_component(*grid.surface()).bounds[1, 0] == pytest.approx(-0.1, abs=0.01)
 
 
 @given(st.integers(0, 1000))

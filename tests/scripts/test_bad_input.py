@@ -3,7 +3,6 @@
 import dataclasses
 import io
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -18,7 +17,6 @@ from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector
 
@@ -48,11 +46,6 @@ def edit(path: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert text.count(old) == 1
     path.write_text(text.replace(old, new))
-
-
-def change_mesh(folder: Path, change: Callable[[TriangleMesh], TriangleMesh]) -> None:
-    mesh, _ = read_mesh(folder / "surface.ply")
-    write_ply(folder / "surface.ply", change(mesh))
 
 
 # --- the frame ------------------------------------------------------------------------------------------------------
@@ -103,35 +96,6 @@ def test_a_frame_of_another_size_than_the_cameras_is_refused(case):
     message = r"expected a frame of 64x48 px as in \[camera\] size, frame\.png has 128x96; .*give the K of this image"
     with pytest.raises(InputError, match=message):
         opened(case)
-
-
-# --- the surface ----------------------------------------------------------------------------------------------------
-
-
-MESHES = {
-    "cut off": (lambda folder: (folder / "surface.ply").write_bytes((folder / "surface.ply").read_bytes()[:5000]), "."),
-    "missing": (lambda folder: (folder / "surface.ply").unlink(), "expected a mesh file, it does not exist; correct"),
-    "all faces flat": (
-        lambda folder: change_mesh(folder, lambda mesh: dataclasses.replace(mesh, faces=mesh.faces[:, [0, 0, 1]])),
-        "found 1500 faces, all with zero area",
-    ),
-}
-
-
-@pytest.mark.parametrize("what", MESHES)
-def test_bad_meshes_are_refused(case, what):
-    damage, message = MESHES[what]
-    damage(case.parent)
-    with pytest.raises(InputError, match=rf"surface\.ply.*: .*({message})"):
-        opened(case)
-
-
-def test_faces_without_area_are_dropped_and_reported(case):
-    change_mesh(
-        case.parent,
-        lambda mesh: dataclasses.replace(mesh, faces=np.concatenate([mesh.faces, [[0, 0, 1], [5, 5, 5]]]).astype("i4")),
-    )
-    assert "surface.ply: dropped 2 of 1502 faces with zero area" in run_here(case)
 
 
 # --- frame, surface and pose together -------------------------------------------------------------------------------

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from oneframe import __version__
 from oneframe.commands.__main__ import COMMANDS, EPILOG, dispatch
 from oneframe.commands.render import GROUPS
 from oneframe.dataset.options import option_names
@@ -79,12 +78,6 @@ def test_help_needs_neither_blender_nor_numpy(run_command):
     assert ended.stdout.count("oneframe") >= len(lines)
 
 
-def test_the_program_lists_its_commands_in_the_order_of_the_data(run_oneframe):
-    helped = run_oneframe("--help").stdout
-    assert tuple(re.findall(r"^ {4}(\w+)", helped.partition("commands:")[2], re.MULTILINE)) == COMMANDS
-    assert run_oneframe("--version").stdout == f"oneframe {__version__}\n"
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -102,10 +95,6 @@ def test_the_program_lists_its_commands_in_the_order_of_the_data(run_oneframe):
 def test_mistyped_commands_and_options_are_named(arguments, message):
     with pytest.raises(InputError, match=re.escape(message)):
         dispatch(arguments)
-
-
-def test_a_mistyped_command_is_one_line(run_oneframe):
-    assert_one_line(run_oneframe("rendr"), 2, "unknown command 'rendr'")
 
 
 def test_a_missing_package_is_named(run_command, tmp_path):

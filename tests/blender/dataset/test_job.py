@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -32,7 +31,7 @@ from oneframe.errors import InputError, RunError
 from oneframe.images.png import encode_png
 from oneframe.progress import read_progress
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
-from tests.waiting import children, is_alive, wait_until
+from tests.waiting import children, wait_until
 
 pytestmark = pytest.mark.render
 
@@ -208,28 +207,6 @@ def start() -> Iterator:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-
-
-@linux_only
-def test_killed_runs_resume_to_the_same_dataset(case, reference, tmp_path, render_command, run_command, start, rng):
-    out = tmp_path / "out"
-    command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
-    endings = []
-    for views in (0, *rng.integers(1, 6, size=3)):
-        before = finished_views(out)
-        process = start(command)
-        wait_until(lambda least=before + views: (out / ".work").exists() and finished_views(out) >= least, process)
-        time.sleep(rng.uniform(0, 0.02))
-        workers = children(process.pid)
-        process.kill()
-        endings.append(process.wait())
-        wait_until(lambda pids=workers: not any(map(is_alive, pids)))
-        assert finished_views(out) >= before
-    # on a busy machine one may end before it is killed
-    assert endings.count(-signal.SIGKILL) >= 2
-    ended = run_command(command)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert_same_dataset(out, reference)
 
 
 @linux_only

@@ -57,22 +57,6 @@ def test_views_are_those_of_cycles(
                 assert_those_of_cycles(tracer.render(pose), cycles, camera)
 
 
-@pytest.mark.parametrize("mode", ["projective", "texture"])
-def test_the_frames_own_pose_gives_the_frame_back(mode, bumpy_mesh, oblique_pose, sharp_image, loaded_case):
-    image = sharp_image(FRAME)
-    source = reference_view_of(loaded_case(bumpy_mesh, image, oblique_pose, FRAME), "raster")
-    for samples in (1, 4):
-        tracer = RayTracer(
-            source.mesh, FRAME, colours_of(source, mode)[0][0], samples=samples, pivot_model=source.pivot_model
-        )
-        view = tracer.render(oblique_pose)
-        assert view.observed.sum() > 0.85 * view.mask.sum()
-        assert np.mean((np.rint(view.rgb * 255) == np.rint(image * 255))[view.observed]) > (
-            0.9 if samples > 1 else 0.999
-        )
-        assert (view.rgb[~view.mask] == 0).all()
-
-
 def blob(subdivisions: int, radius_mm: float) -> TriangleMesh:
     """A closed surface of 20 x 4^``subdivisions`` faces, with bumps."""
     ball = trimesh.creation.icosphere(subdivisions)
@@ -117,20 +101,3 @@ def test_a_camera_inside_the_surfaces_sphere_sees_what_a_ray_cast_sees(bumpy_mes
     assert np.count_nonzero((depth > 0) != view.mask) <= 2
     both = (depth > 0) & view.mask
     assert np.quantile(np.abs(view.depth_mm - depth)[both], 0.999) < 1e-3
-
-
-@pytest.mark.parametrize("samples", [1, 4])
-def test_a_view_depends_on_its_pose_alone(samples, bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case):
-    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(FRAME), frontal_pose, FRAME), "raster")
-    farther = rigid(translation=[0.0, 0.0, 150.0]) @ oblique_pose
-
-    def views(*poses: np.ndarray) -> list[RenderedView]:
-        tracer = RayTracer(bumpy_mesh, SMALL, source.view, samples=samples, pivot_model=source.pivot_model)
-        return [tracer.render(pose) for pose in poses]
-
-    first, _, again = views(oblique_pose, farther, oblique_pose)
-    _, other = views(farther, oblique_pose)
-    for view in (again, other):
-        assert np.array_equal(view.rgb, first.rgb)
-        assert np.array_equal(view.depth_mm, first.depth_mm)
-        assert np.array_equal(view.observed, first.observed)

@@ -37,7 +37,7 @@ MAX_BIAS_PX, MAX_BIAS_LEVEL_PX = 3.0, 1.0
 
 MAX_ERROR_DEG, MAX_ERROR_RELATIVE_DEPTH = 1.0, 0.01
 """Standard deviations of the rotation about its least certain axis, and of the distance. On small objects pixels hide
-both: of 20 objects of LM-O, from 3 degrees off, 13 were accepted by pixels alone with 4 to 14 degrees of error, and one
+both: of 20 objects of LM-O, from 3 degrees off, 14 were accepted by pixels alone with 4 to 14 degrees of error, and one
 of 4 with these bounds. The sample and bloster state at most 0.6 degrees."""
 
 

@@ -18,9 +18,11 @@ import pytest
 
 from oneframe.commands.__main__ import dispatch
 from oneframe.dataset.check.check_dataset import check_dataset
+from oneframe.dataset.check.comparison import require_equal
 from oneframe.dataset.layout import SPLIT, ViewPaths
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.view import file_sums, write_view
+from oneframe.errors import InputError
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
@@ -414,3 +416,14 @@ def test_links_that_lead_out_are_named(copied, tmp_path, run, capsys, name):
     there.symlink_to(elsewhere)
     assert run(copied) == 1
     assert f"{name}: expected a part of the dataset, found a link that leads out" in capsys.readouterr().out
+
+
+def test_tables_of_tables_may_differ_by_rounding_and_by_nothing_else():
+    """Another numpy gives other last digits, deep within the list of frames too."""
+
+    def frames(value: float) -> dict:
+        return {"frames": [{"file": "a.png", "matrix": [[1.0, 94.90095480038687], [0.5, value]]}, {"file": "b.png"}]}
+
+    require_equal(frames(2.0), frames(np.nextafter(2.0, 3.0)), "table", relative=1e-9)
+    with pytest.raises(InputError, match=r"frames\[0\]"):
+        require_equal(frames(2.0), frames(2.001), "table", relative=1e-9)

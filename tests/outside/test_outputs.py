@@ -102,9 +102,9 @@ def writing_commands(case: Path, target: Path) -> Iterator[tuple[CommandLine, li
         )
     for line in (("overlay", case, "--out", target), new_case(case, target)):
         yield line, [target], own
-    for command in ("compare", "evaluate"):
-        line = (command, case, folder / "held_out.json", "--out", target)
-        yield line, [target], {*own, "held_out.json", "photo.png"}
+    line = ("evaluate", case, folder / "held_out.json", "--out", target)
+    yield line, [target], {*own, "held_out.json", "photo.png"}
+    yield ("agree", case, case, "--out", target), [target], own
     yield ("render", case, "--out", target, "--count", "1"), [target], own
 
 
@@ -129,7 +129,7 @@ def refused_lines(case: Path, other: Path) -> Iterator[CommandLine]:
                 yield line
     for place in (folder, other / "way"):
         yield "sample", "--out", place
-        yield "compare", case, folder / "held_out.json", "--out", place
+        yield "agree", case, case, "--out", place
         yield "evaluate", case, folder / "held_out.json", "--out", place
         yield "render", case, "--out", place, "--count", "1"
     yield "render", case, "--out", other, "--count", "1"
@@ -139,7 +139,7 @@ def refused_lines(case: Path, other: Path) -> Iterator[CommandLine]:
 def test_no_command_replaces_an_input(case, tmp_path, run_all):
     before = hashes(case.parent)
     lines = list(refused_lines(case, tmp_path))
-    assert {line[0] for line in lines} >= {"colour", "align", "overlay", "case", "compare", "render", "sample"}
+    assert {line[0] for line in lines} >= {"colour", "align", "overlay", "case", "agree", "render", "sample"}
     for line, (code, errors) in zip(lines, run_all(lines), strict=True):
         assert_sentence(code, errors, line)
         assert hashes(case.parent) == before, line
@@ -182,7 +182,7 @@ FAILING = {
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "pack": "pack /no/dataset --out /no/packed",
     "report": "report /no/dataset --out /no/report.html",
-    "compare": "compare /no/case.toml /no/list.json --out /no/out",
+    "agree": "agree /no/a.toml /no/b.toml --out /no/out",
     "evaluate": "evaluate /no/case.toml /no/list.json --out /no/out",
     "colour": "colour /no/case.toml --out /no/surface.ply",
 }  # fmt: skip
@@ -213,21 +213,15 @@ def test_temporary_folders_with_strange_names(case, tmp_path, run_command):
 
 
 @pytest.mark.render
-@pytest.mark.parametrize(("command", "number"), [("render", signal.SIGTERM), ("compare", signal.SIGHUP)])
-def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_path, command, number):
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_path, number):
     if signal.getsignal(number) == signal.SIG_IGN:
         pytest.skip(f"this run ignores {number.name}, as under nohup, and so do its commands")
-    folder, temporary = case.parent, tmp_path / "tmp"
+    temporary, out = tmp_path / "tmp", tmp_path / "out"
     temporary.mkdir()
-    listed = [{"image": "frame.png", "cam_from_mesh": POSE}] * 2000
-    (folder / "long.json").write_text(json.dumps(listed))
-    out = tmp_path / "out"
-    lines = {
-        "render": ["render", case, "--out", out, "--count", "5000", "--workers", "2", "--progress-seconds", "0.1"],
-        "compare": ["compare", case, folder / "long.json", "--out", out],
-    }
+    line = ["render", case, "--out", out, "--count", "5000", "--workers", "2", "--progress-seconds", "0.1"]
     process = subprocess.Popen(
-        [*PROGRAM, *map(str, lines[command])], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [*PROGRAM, *map(str, line)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"TMPDIR": str(temporary)}, start_new_session=True,
     )  # fmt: skip
     for _ in range(3):

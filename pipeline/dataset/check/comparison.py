@@ -121,6 +121,7 @@ def _difference(found: object, expected: object, name: str, relative: float) -> 
             near = relative if isinstance(other, dict | list) else 0.0
             if difference := _difference(one, other, f"{name}[{number}]" if len(found) > 1 else name, near):
                 return difference
+        return ""
     return f"{name} is {shortened(found)}, expected {shortened(expected)}"
 
 

@@ -234,10 +234,13 @@ def joined(wheels: Sequence[Path]) -> Path:
     files[record] = "".join(line + "\n" for line in records.values()).encode()
     package, version, *_, platforms = wheels[0].name.split("-")
     path = wheels[0].with_name(f"{package}-{version}-py3-none-{platforms}")
-    with zipfile.ZipFile(path, "w") as archive:
+    # another build may be reading it
+    partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
+    with zipfile.ZipFile(partial, "w") as archive:
         for name, data in files.items():
             # no date, so that the same wheels make the same one
             archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
+    os.replace(partial, path)
     return path
 
 

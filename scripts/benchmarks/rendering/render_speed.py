@@ -124,7 +124,7 @@ def measure_workers(folder: Path, report: Callable[[str], None]) -> dict[str, fl
 
 def measure_start(folder: Path, report: Callable[[str], None]) -> dict[str, float]:
     """Seconds from the command to the first view on disk by engine, median of three runs."""
-    case, figures, views = write_benchmark_case(folder / "start"), {}, 8
+    case, figures, views = write_benchmark_case(folder / "start"), {}, 2
     for engine in EXACT:
         seconds = []
         for _ in range(3):

@@ -1,8 +1,9 @@
 """The Blender add-on: align a frame to a surface, assess the alignment, colour the surface, render a dataset.
 
-Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup`` with ``video`` and
-``case_queue``, ``view``, ``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties
-and converts them to and from the pipeline's types; ``ui`` holds the drawing and input code that the topics share.
+Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup`` with ``mask``,
+``video`` and ``case_queue``, ``view``, ``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds
+the properties and converts them to and from the pipeline's types; ``ui`` holds the drawing and input code that the
+topics share.
 Operators are thin: they read the scene, call one function of the pipeline and report.
 
 The extension contains the pipeline inside this package. In a checkout it lies next to it, and ``.pipeline`` is an alias
@@ -87,6 +88,8 @@ _MODULES = tuple(
         "setup.save_case",
         "setup.drop",
         "setup.panel",
+        "mask.operators",
+        "mask.brush",
         "video.panel",
         "case_queue.queued",
         "case_queue.operators",

@@ -32,7 +32,6 @@ class ONEFRAME_PT_setup(SidebarPanel):
         row = column.row(align=True)
         row.operator("oneframe.load_frame", icon="IMAGE_DATA")
         row.operator("oneframe.open_video", text="", icon="FILE_MOVIE")
-        row.operator("oneframe.load_mask", text="", icon="MOD_MASK")
         if settings.frame_path:
             column.label(text=bpy.path.basename(settings.frame_path))
         column.operator("oneframe.load_camera", icon="CAMERA_DATA")

@@ -150,6 +150,9 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     """Everything that the add-on stores in a scene."""
 
     case_path: str = prop(StringProperty, "Case", "The case file that was opened or saved", subtype="FILE_PATH")
+    mask_brush_px: float = prop(
+        FloatProperty, "Brush", "Radius of the brush of the tool Mask, pixels of the frame", min=1, max=2000, default=20
+    )
     case_files_text: str = prop(
         StringProperty, description="Frame and surface that the case file names (JSON)", options={"HIDDEN"}
     )

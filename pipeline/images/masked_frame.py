@@ -70,6 +70,37 @@ def joined_mask(valid: np.ndarray, shown: np.ndarray, frame: str, mask: str) -> 
     return joined
 
 
+def painted(shown: np.ndarray, way_px: np.ndarray, radius_px: float, *, shows: bool) -> np.ndarray:
+    """What a frame shows after a round brush went along a way.
+
+    Parameters
+    ----------
+    shown
+        ``(H, W)`` bool.
+    way_px
+        ``(N, 2)`` pixels (x, y), N at least 1; the brush goes straight from one to the next.
+    radius_px
+        Of the brush.
+    shows
+        Whether the brush shows or hides.
+
+    Returns
+    -------
+    ``(H, W)`` bool.
+    """
+    result = shown.copy()
+    for start, end in zip(way_px, np.concatenate([way_px[1:], way_px[-1:]]), strict=True):
+        first = np.floor(np.minimum(start, end) - radius_px).astype(int).clip(0)
+        last = np.ceil(np.maximum(start, end) + radius_px).astype(int).clip(0)
+        part = result[first[1] : last[1] + 1, first[0] : last[0] + 1]
+        rows, columns = np.indices(part.shape)
+        from_start = np.stack([columns, rows], axis=-1) + first - start
+        along = end - start
+        share = np.clip(from_start @ along / max(along @ along, 1e-12), 0, 1)
+        part[np.linalg.norm(from_start - share[..., None] * along, axis=-1) <= radius_px] = shows
+    return result
+
+
 def with_mask_tinted(colours: np.ndarray, valid: np.ndarray, tint: tuple[float, float, float]) -> np.ndarray:
     """``(H, W, 3)`` float32 code values of a frame, with :data:`TINT` of a colour (0..1) where ``valid`` is False."""
     result = colours.astype(np.float32, copy=True)

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 
 from .film_reader import SMALL_WIDTH
-from .frame_measures import view_of
+from .frame_measures import normalised_lab, view_of
+from .obstruction import ObstructionFinder
 from .passage import ComparedFrame, registered
-from .view_circle import Circle
+from .view_circle import Circle, view_circle
 
 OVEREXPOSED = 250
 """Code value that all three channels reach where the sensor's range ends."""
@@ -40,10 +41,39 @@ def tissue_mask(
     -------
     ``(H, W)`` bool.
     """
-    height, width = image.shape[:2]
-    covered = cv2.resize(
-        _foreign(image, compared, inside).astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR
+    view = view_of(image)
+    found = compared.clear_view.finder().find(*registered(view, compared.placement, inside), compared.gain)
+    foreign = (found.mask | found.glare).astype(np.float32)
+    foreign = cv2.warpAffine(
+        foreign, compared.placement.key_from_view, view.shape[1::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     )
+    return _not_hidden(image, foreign, inside, circle)
+
+
+def single_mask(image: np.ndarray) -> np.ndarray:
+    """As :func:`tissue_mask`, of a frame without its film: metal and gloves by their colour, glare, the view's circle.
+
+    Parameters
+    ----------
+    image
+        ``(H, W, 3)`` uint8 RGB.
+
+    Returns
+    -------
+    ``(H, W)`` bool.
+    """
+    view = view_of(image)
+    everywhere = np.ones(view.shape[:2], bool)
+    # compared with itself nothing differs: what is colder than the frame's own tissue remains
+    cold = ObstructionFinder(normalised_lab(view, 1.0), everywhere).find(view, everywhere, 1.0).mask
+    circle = view_circle(view.mean(axis=2))
+    across, down = image.shape[1] / view.shape[1], image.shape[0] / view.shape[0]
+    return _not_hidden(image, cold.astype(np.float32), None, circle and circle.scaled(across, down))
+
+
+def _not_hidden(image: np.ndarray, foreign: np.ndarray, inside: np.ndarray | None, circle: Circle | None) -> np.ndarray:
+    height, width = image.shape[:2]
+    covered = cv2.resize(_outlined(image, foreign).astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
     margin = 2 * max(1, round(width / 600)) + 1
     bright = (image.min(axis=2) >= OVEREXPOSED).astype(np.uint8)
     hidden = cv2.dilate(((covered > 0.4) | (bright > 0)).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0
@@ -64,19 +94,12 @@ def without_combs(image: np.ndarray) -> np.ndarray:
     return result
 
 
-def _foreign(image: np.ndarray, compared: ComparedFrame, inside: np.ndarray | None) -> np.ndarray:
-    """``(h, w)`` bool, :data:`SMALL_WIDTH` wide at most: instruments, hands, blood, glare."""
-    view = view_of(image)
-    found = compared.clear_view.finder().find(*registered(view, compared.placement, inside), compared.gain)
-    height, width = view.shape[:2]
-    mask = (found.mask | found.glare).astype(np.float32)
-    mask = cv2.warpAffine(
-        mask, compared.placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    )
+def _outlined(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """``(h, w)`` bool, :data:`SMALL_WIDTH` wide at most, of a mask of the view, float32 0..1."""
     scale = min(1.0, SMALL_WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     coarse = cv2.resize(mask, (small.shape[1], small.shape[0]), interpolation=cv2.INTER_LINEAR) > 0.5
-    return _along_colours(small, coarse, max(2, round(_BAND_PX * small.shape[1] / width / 2)))
+    return _along_colours(small, coarse, max(2, round(_BAND_PX * small.shape[1] / mask.shape[1] / 2)))
 
 
 def _along_colours(image: np.ndarray, coarse: np.ndarray, band_px: int) -> np.ndarray:

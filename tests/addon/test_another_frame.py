@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from blender_addon.landmarks import solve
+from blender_addon.mask.operators import frame_of
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
 from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
+from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 
 POINTS = [[1.25, -7.5, 41.0], [10.25, -7.5, 41.0], [1.25, -17.5, 41.0], [15.25, -17.5, 38.0], [8.0, -12.0, 41.0]]
@@ -114,6 +116,11 @@ def test_a_masked_version_of_the_frame_is_the_same_frame(aligned, folder, by):
     if by == "load_mask":
         file.write_bytes(encode_png(mask))
         bpy.ops.oneframe.load_mask(filepath=str(file))
+        bpy.ops.oneframe.guess_mask()
+        assert not frame_of(aligned).shown[:9].any(), "a guess adds to what was hidden"
+        bpy.ops.oneframe.clear_mask()
+        assert frame_of(aligned).shown.all()
+        assert np.array_equal(to_uint8(frame_of(aligned).colours), picture)
         load(folder / "frame.png")
     else:
         file.write_bytes(encode_png(np.dstack([picture, mask]) if by == "alpha" else np.ascontiguousarray(picture)))

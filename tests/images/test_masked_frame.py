@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.images.masked_frame import encoded_frame, joined_mask, shown_by_mask
+from oneframe.images.masked_frame import encoded_frame, joined_mask, painted, shown_by_mask
 
 
 @settings(max_examples=40)
@@ -51,3 +51,19 @@ def test_a_mask_is_its_alpha_or_else_its_grey_values():
         joined_mask(expected, ~expected, "f", "m")
     with pytest.raises(InputError, match="6x4 px, the size of f, found 4x6"):
         joined_mask(expected, expected.T, "f", "m")
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_a_brush_changes_what_lies_within_its_radius_of_its_way(seed):
+    rng = np.random.default_rng(seed)
+    shown = rng.random(rng.integers(1, 40, 2)) < 0.5
+    # it may leave the frame
+    way, radius = rng.uniform(-10, 50, (rng.integers(1, 5), 2)), rng.uniform(1, 8)
+    points = np.concatenate([np.linspace(a, b, 400) for a, b in zip(way, [*way[1:], way[-1]], strict=True)])
+    pixels = np.indices(shown.shape)[::-1].reshape(2, -1).T
+    distance = np.linalg.norm(pixels[:, None] - points, axis=-1).min(axis=1).reshape(shown.shape)
+    for shows in (True, False):
+        result = painted(shown, way, radius, shows=shows)
+        assert (result[distance < radius - 0.02] == shows).all()
+        assert (result == shown)[distance > radius + 0.02].all()

@@ -10,6 +10,7 @@ import pytest
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.video.frame_folder import write_frames
+from oneframe.video.frame_mask import single_mask
 from oneframe.video.frame_scores import best_frames, score_frames
 from oneframe.video.view_circle import Circle
 from tests.video.surgical_film import Event, surgical_film, write_film
@@ -56,13 +57,16 @@ def test_chosen_frames_are_exact_and_their_table_has_all(film, tmp_path):
         write_frames(path, tmp_path / "out", scores, chosen)
 
 
-@pytest.mark.parametrize("kind", ["tool", "glove"])
-def test_the_mask_covers_what_lies_in_front(film, tmp_path, kind):
+@pytest.mark.parametrize(("kind", "known"), [("tool", "film"), ("glove", "film"), ("glove", "frame alone")])
+def test_the_mask_covers_what_lies_in_front(film, tmp_path, kind, known):
     path, images, faultless = film
-    scores = score_frames(path)
     index = 8 * KINDS.index(kind) + 4
-    (written,) = write_frames(path, tmp_path / "out", scores, [scores.frames[index]])
-    hidden = cv2.imread(str(written.masked), cv2.IMREAD_UNCHANGED)[..., 3] == 0
+    if known == "film":
+        scores = score_frames(path)
+        (written,) = write_frames(path, tmp_path / "out", scores, [scores.frames[index]])
+        hidden = cv2.imread(str(written.masked), cv2.IMREAD_UNCHANGED)[..., 3] == 0
+    else:
+        hidden = ~single_mask(images[index])
     foreign = np.abs(images[index].astype(int) - faultless[index]).max(axis=2) > 12
     burnt = cv2.dilate((images[index].min(axis=2) >= 245).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     assert (hidden & foreign).sum() > 0.9 * foreign.sum()

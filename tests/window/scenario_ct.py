@@ -137,7 +137,7 @@ def scenario(user):
     assert len(user.window.scene.oneframe.surface.data.polygons) != faces
     yield from user.picture("4_drilled_surface")
 
-    # what Save Case keeps; the mask hides the left third of the frame
+    # what Save Case keeps; the mask hides the left third of the frame, and what is painted
     scene = user.window.scene
     with user.context():
         bpy.ops.oneframe.load_frame(True, filepath=str(user.case.parent / "frame.png"))
@@ -146,7 +146,8 @@ def scenario(user):
         shown = np.repeat((np.arange(width) > width / 3).astype(np.uint8)[None], height, axis=0)
         (user.folder / "mask.png").write_bytes(part("pipeline.images.png").encode_png(shown))
         bpy.ops.oneframe.load_mask(True, filepath=str(user.folder / "mask.png"))
-    yield from user.redraw()
+    yield from painting(user)
+    scene = user.window.scene
     yield from user.picture("5_masked_frame")
     with user.context():
         bpy.ops.oneframe.save_case("EXEC_DEFAULT", filepath=str(user.folder / "case.toml"), collect=True)
@@ -165,6 +166,34 @@ def scenario(user):
     yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT read again", 60)
     assert strokes(user) == 2
     yield from user.picture("6_read_again")
+
+
+def painting(user):
+    """Hide a strip with the brush, take it back, redo it, and show a spot in its middle again."""
+
+    def shown():
+        return part("mask.operators").frame_of(user.window.scene).shown
+
+    def stroke(start, end, **modifiers):
+        before = user.window.scene.oneframe.frame_path
+        yield from user.drag(user.of_pixel(*start), user.of_pixel(*end), **modifiers)
+        yield from user.until(lambda: user.window.scene.oneframe.frame_path != before, "the painted mask", 20)
+
+    with user.context():
+        bpy.ops.wm.tool_set_by_id(name="oneframe.mask_tool")
+    yield from user.redraw()
+    untouched = shown()
+    yield from stroke((500, 200), (700, 300))
+    strip = shown()
+    assert not strip[[200, 300], [500, 700]].any()
+    assert not (strip & ~untouched).any()
+    yield from user.key("Z", ctrl=True)
+    assert np.array_equal(shown(), untouched)
+    yield from user.key("Z", ctrl=True, shift=True)
+    assert np.array_equal(shown(), strip)
+    yield from stroke((600, 250), (601, 250), ctrl=True)
+    assert shown()[250, 600]
+    assert not shown()[200, 500]
 
 
 def written_ct(path):

@@ -1,0 +1,168 @@
+"""The tool that paints the mask on the frame. A stroke is one operator and one undo step; Esc takes it back."""
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, FloatProperty
+
+from ..class_registration import class_registration, cursor, drawing, prop, tool
+from ..pipeline.blender.colour.surface_colour import UNSEEN
+from ..pipeline.images.masked_frame import painted
+from ..state import from_scene
+from ..state.events import redraw
+from ..ui.frame_view import FrameView, shows_frame
+from ..ui.keymap import MASK_TOOL, TOOLS, Key, ViewTool, active_tool, keys
+from ..ui.operator import Messages, OperatorResult, Reporting
+from ..ui.strokes import Colour, Strokes, in_window_pixels
+from .operators import frame_of, set_mask
+
+HIDES: Colour = (*UNSEEN, 0.6)
+SHOWS: Colour = (1.0, 1.0, 1.0, 0.4)
+WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
+
+_strokes: list["ONEFRAME_OT_mask_stroke"] = []
+"""The stroke under the hand, if there is one."""
+
+
+class ONEFRAME_OT_mask_stroke(Reporting):
+    """Drag: hide what shows no surface"""
+
+    bl_label = "Paint the Mask"
+    bl_options = {"UNDO", "BLOCKING"}
+
+    shows: bool = prop(BoolProperty, "Show", "Show again what is hidden")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return is_ready(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        self.way: list[np.ndarray] = []
+        _strokes.append(self)
+        self._go(context, event)
+        context.workspace.status_text_set("Esc or Right Click: Take Back the Stroke")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS":
+            return self._end(context)
+        if event.type == "WINDOW_DEACTIVATE" or (event.type == "LEFTMOUSE" and event.value == "RELEASE"):
+            self._end(context)
+            return self.execute(context)
+        if event.type == "MOUSEMOVE":
+            self._go(context, event)
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when something else ends the drag."""
+        self._end(context)
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        scene = context.scene
+        way, lens, frame = np.array(self.way), from_scene.distortion(scene), frame_of(scene)
+        if lens is not None:
+            # the mask is that of the file, which the view shows without the lens's distortion
+            camera = from_scene.camera(scene)
+            rays = camera.rays_cam(way)
+            way = lens.distort(rays[:, :2] / rays[:, 2:]) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+        shown = painted(frame.shown, way, scene.oneframe.mask_brush_px, shows=self.shows)
+        return set_mask(scene, replace(frame, shown=shown))
+
+    def _go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
+        view = FrameView.of(context.scene, context.region, context.region_data)
+        self.way.append(view.px_from_region([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5]))
+        redraw()
+
+    def _end(self, context: bpy.types.Context) -> OperatorResult:
+        context.workspace.status_text_set(None)
+        _strokes.clear()
+        redraw()
+        return {"CANCELLED"}
+
+
+class ONEFRAME_OT_mask_brush_size(bpy.types.Operator):
+    """Change the radius of the brush"""
+
+    bl_label = "Size of the Brush"
+    bl_options = {"INTERNAL"}
+
+    factor: float = prop(FloatProperty, "Factor", default=1.25)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return is_ready(context)
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        context.scene.oneframe.mask_brush_px *= self.factor
+        return {"FINISHED"}
+
+
+def is_ready(context: bpy.types.Context) -> bool:
+    """Whether a drag paints: the tool is active in a view of the frame."""
+    return active_tool(context) == MASK_TOOL and shows_frame(context) and bool(context.scene.oneframe.frame_path)
+
+
+def draw_brush(pointer: tuple[int, int]) -> None:
+    """Draw the brush at the pointer (window px); called by Blender for the region under it, whenever it moves."""
+    context = bpy.context
+    if context.region_data is None or not is_ready(context):
+        return
+    view, strokes = FrameView.of(context.scene, context.region, context.region_data), Strokes()
+    radius = context.scene.oneframe.mask_brush_px * view.magnification / strokes.unit
+    with in_window_pixels() as corner:
+        strokes.circle(np.array(pointer) + 0.5 - corner, radius, WHITE, width=1.0)
+        strokes.draw()
+
+
+def draw_stroke() -> None:
+    """Draw the stroke under the hand; called by Blender for each 3D view."""
+    context = bpy.context
+    if not _strokes or not shows_frame(context):
+        return
+    view, strokes = FrameView.of(context.scene, context.region, context.region_data), Strokes()
+    way = view.region_from_px(np.array(_strokes[-1].way))
+    # a click alone is a line too
+    way = np.concatenate([way, way[-1:] + 0.1])
+    width = 2 * context.scene.oneframe.mask_brush_px * view.magnification / strokes.unit
+    strokes.line(way, SHOWS if _strokes[-1].shows else HIDES, width=width)
+    strokes.draw()
+
+
+class MaskTool(ViewTool):
+    """Paint over what shows no surface: instruments, hands, glare"""
+
+    bl_idname = MASK_TOOL
+    bl_label = TOOLS[MASK_TOOL]
+    bl_description = (
+        "Paint over what shows no surface, such as instruments, hands and glare.\n"
+        "Drag: hide. Ctrl + Drag: show again. Ctrl + Wheel, [ and ]: size of the brush"
+    )
+    bl_icon = "ops.gpencil.draw.eraser"
+
+    @staticmethod
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
+        if not is_ready(context):
+            layout.label(text="Look through the frame's camera (Numpad 0)")
+            return
+        layout.prop(context.scene.oneframe, "mask_brush_px")
+        layout.label(text="Drag: Hide    Ctrl + Drag: Show Again    [ ]: Brush")
+
+
+_TOOLS = (MASK_TOOL,)
+_KEYS = keys(
+    Key("oneframe.mask_stroke", "LEFTMOUSE", tools=_TOOLS),
+    Key("oneframe.mask_stroke", "LEFTMOUSE", ctrl=True, properties=(("shows", True),), tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "WHEELUPMOUSE", ctrl=True, properties=(("factor", 1.25),), tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "WHEELDOWNMOUSE", ctrl=True, properties=(("factor", 0.8),), tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "RIGHT_BRACKET", properties=(("factor", 1.25),), tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "LEFT_BRACKET", properties=(("factor", 0.8),), tools=_TOOLS),
+)
+register, unregister = class_registration(
+    __name__,
+    tool(MaskTool, "oneframe.move_tool"),
+    cursor(draw_brush),
+    drawing(bpy.types.SpaceView3D, draw_stroke, "POST_PIXEL"),
+    _KEYS,
+)

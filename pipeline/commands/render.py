@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, TextIO
 
 from ..dataset.options import add_option_arguments
 from ..errors import InputError
-from ..process.arguments import add_cluster_arguments, at_least, check_cluster_arguments, explained_imports, resumable
+from ..process.arguments import (
+    ArgumentParser,
+    add_cluster_arguments,
+    at_least,
+    check_cluster_arguments,
+    explained_imports,
+    resumable,
+)
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
 from ..progress import LINE_SECONDS
@@ -33,13 +40,14 @@ GROUPS = {
 }  # fmt: skip
 """Headings of ``--help`` -> the dataset options under each."""
 
-ABOUT = "Render a dataset of posed views from one aligned frame."
+ABOUT = "Render a dataset of posed views from one aligned frame, or from each of a queue."
 EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 1000
   %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
   %(prog)s case.toml --out dataset --count 100000 --cluster tls://host:8786       (on a Dask cluster)
+  %(prog)s queue --out views --count 500          (500 of each aligned frame, and all as one dataset of BOP)
 
 Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
 separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
@@ -49,7 +57,9 @@ file may hold all options that affect the content, in a table [dataset] (count =
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
+    parser.add_argument(
+        "case", metavar="CASE.toml|QUEUE", type=Path, help="frame, camera, surface and pose; or a folder of such cases"
+    )
     parser.add_argument(
         "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
     )
@@ -88,7 +98,7 @@ def own_command() -> list[str]:
 
 @resumable()
 def run(arguments: argparse.Namespace) -> int:
-    """Render the dataset, or act as one of its worker processes."""
+    """Render the dataset, or those of a queue, or act as one of its worker processes."""
     check_cluster_arguments(arguments, "blender_on_workers", "gather", "send_case")
     if arguments.cluster is not None and arguments.shard != "0/1":
         raise InputError(
@@ -97,6 +107,12 @@ def run(arguments: argparse.Namespace) -> int:
         )
     # the matrices are small: numpy's BLAS threads would only busy-wait on the cores that render
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    render_this = _render_queue if arguments.case.is_dir() else _render_case
+    render_this(arguments, own_output())
+    return 0
+
+
+def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     with explained_imports():
         from ..blender.dataset.job import Job
         from ..blender.dataset.run import run as render
@@ -106,14 +122,13 @@ def run(arguments: argparse.Namespace) -> int:
         from ..dataset.options import merged_options
         from ..dataset.run.run_folder import parse_shard
         from ..files.outputs import check_folder
-    output = own_output()
     case = read_case(arguments.case)
     options = merged_options(case.dataset, arguments, arguments.case)
     check_folder(arguments.out, case.input_files() | ({} if options.poses is None else {"poses": Path(options.poses)}))
     job = Job(case, arguments.out, options, parse_shard(arguments.shard))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output, threads=arguments.threads)
-        return 0
+        return
     if arguments.end_with_input:
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
@@ -128,7 +143,44 @@ def run(arguments: argparse.Namespace) -> int:
             progress_seconds=arguments.progress_seconds,
             elsewhere=elsewhere,
         )
-    return 0
+
+
+def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
+    """Render the aligned cases of a queue, each as its own command would; then join what is complete."""
+    with explained_imports():
+        from ..case.case_file import read_case
+        from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
+        from ..dataset.joined_scenes import join_scenes
+        from ..dataset.layout import CHECKSUMS
+        from ..files.outputs import check_folder, check_own_folder, made_folder, writing
+    out: Path = arguments.out
+    paths = queued_cases(arguments.case)
+    if not paths:
+        raise InputError(f"{arguments.case}: expected a case file, or a queue: a folder of cases; found no case in it")
+    check_own_folder(out, "bop|cases")
+    check_folder(out, {f"case {path.parent.name}": path for path in paths})
+    others = [each for each in arguments.argv if Path(each) != arguments.case]
+    parser, datasets = ArgumentParser(), {}
+    add_arguments(parser)
+    for path in paths:
+        name = path.parent.name
+        if (state := state_of(read_case(path, posed=False))) not in (ALIGNED, CHECKED):
+            output.write(f"{name}: left out, it is {state}\n")
+            continue
+        output.write(f"{name}: {state}\n")
+        datasets[name] = out / "cases" / name
+        argv = [str(path), *others, "--out", str(datasets[name])]
+        own = parser.parse(argv)
+        own.argv = argv
+        _render_case(own, output)
+    if not datasets:
+        raise InputError(f"{arguments.case}: expected cases that are aligned or checked, found none; align them first")
+    if unfinished := [name for name, folder in datasets.items() if not (folder / CHECKSUMS).exists()]:
+        output.write(f"not joined yet: {', '.join(unfinished)} unfinished\n")
+        return
+    with writing(made_folder(out / "bop")):
+        join_scenes(datasets, out / "bop")
+    output.write(f"{out / 'bop'}: the scenes of {len(datasets)} cases\n")
 
 
 @contextmanager

@@ -86,6 +86,7 @@ _MODULES = tuple(
         "setup.frame",
         "setup.operators",
         "setup.save_case",
+        "setup.save_record",
         "setup.drop",
         "setup.panel",
         "mask.operators",

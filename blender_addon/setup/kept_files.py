@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.blender.case.frame_file import read_frame
-from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh
+from ..pipeline.case.case_folder import FRAME, MADE_BY, KeptFile, check_new, keep_files, kept_mesh
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
@@ -17,8 +17,8 @@ from ..state.scene_files import input_files, is_temporary
 from ..volume import drill_strokes
 from ..volume.surface import is_from_ct, made_by
 
-DRILL, MADE_BY = "drill.toml", "surface_made_by.json"
-"""The plan of the drill, and how the surface was made from its CT: without names of files, which may name a patient."""
+DRILL = "drill.toml"
+"""The plan of the drill."""
 
 
 def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace: bool) -> list[Path]:

@@ -26,6 +26,7 @@ class ONEFRAME_PT_setup(SidebarPanel):
         row.operator("oneframe.open_case", icon="FILE_FOLDER")
         row.operator("oneframe.save_case", icon="FILE_TICK")
         row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
+        row.operator("oneframe.save_record", text="", icon="TEXT")
         if settings.case_path:
             layout.label(text=bpy.path.basename(settings.case_path), icon="FILE_TEXT")
         column = layout.column(align=True)

@@ -22,6 +22,8 @@ from .case_writer import case_text, encoded
 from .surface_folder import SURFACE, structure_file
 
 CASE, FRAME, OVERLAY = "case.toml", "frame.png", "overlay.png"
+MADE_BY = "surface_made_by.json"
+"""How the surface was made from its CT: without names of files, which may name a patient."""
 
 _BARE_PLY = re.compile(
     rb"ply\nformat binary_little_endian 1\.0\n"

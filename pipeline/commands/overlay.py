@@ -11,6 +11,7 @@ ABOUT = "Draw surface and structures over the frame, or over each frame of a vid
 EPILOG = """examples:
   %(prog)s case.toml --out overlay.png
   %(prog)s case.toml --out overlay.png --under-instruments
+  %(prog)s case.toml --out record.png --page
   %(prog)s case.toml --video surgery.mp4 --poses poses.json --out overlay.mp4
 
 What the bone hides is dashed, and fainter the deeper it lies below the surface; what is in front of it is solid. The
@@ -41,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--under-instruments", action="store_true",
         help="draw nothing where the frame's alpha is 0: what is there is in front of the bone",
     )  # fmt: skip
+    output.add_argument(
+        "--page", action="store_true",
+        help="write the record of the alignment: an A4 page with the picture, residuals, uncertainty and origin; it "
+        "shows names of files",
+    )  # fmt: skip
     output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
 
 
@@ -51,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"command line: {given}: expected {missing} with it")
     if arguments.video and arguments.under_instruments:
         raise InputError("command line: --under-instruments: expected no --video, whose frames have no alpha")
+    if arguments.video and arguments.page:
+        raise InputError("command line: --page: expected no --video, which has many frames")
     with explained_imports():
         from ..case.case_file import read_case
         from ..files.outputs import check_outputs, made_folder, writing
@@ -81,8 +89,13 @@ def run(arguments: argparse.Namespace) -> int:
             from ..images.png import encode_png
         loaded = load_case(case).with_shown_structures(arguments.only)
         picture = case_picture(loaded, under_instruments=arguments.under_instruments, explained=not arguments.plain)
+        image = picture.image
+        if arguments.page:
+            with explained_imports():
+                from ..blender.alignment.record_page import record_page
+            image = record_page(loaded, image)
         with writing(made_folder(arguments.out)):
-            write_bytes_atomically(arguments.out, encode_png(picture.image))
+            write_bytes_atomically(arguments.out, encode_png(image))
         lines = [*(f"note: {message}" for message in loaded.messages), *picture_lines(loaded, picture)]
     drawn = {structure.name for structure, _ in loaded.surface.structures}
     if left := [structure.name for structure in case.structures if structure.name not in drawn]:

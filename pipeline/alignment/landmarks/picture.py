@@ -1,11 +1,15 @@
 """Landmarks drawn over a picture: where each was clicked, how far off the pose is, how sure. Needs ``cv2``."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
+from ...camera.pinhole import PinholeCamera
+from ...case.landmarks import Landmark
 from ...transforms import transform_points
 from ..confidence_region import ellipse_outlines
-from .align_landmarks import Alignment
+from .align_landmarks import Alignment, landmark_arrays
 
 MAGNIFIED = 10.0
 """Residuals are drawn so many times longer than they are: at their own length they could not be seen."""
@@ -45,6 +49,23 @@ def marked(picture: np.ndarray, alignment: Alignment) -> np.ndarray:
             # an outlier's residual is long enough as it is
             pen.lines([np.stack([place, place + (MAGNIFIED if inlier else 1.0) * apart])], colour)
         pen.text(landmark.name, pixel + size, size / 20, colour)
+    return result
+
+
+def with_residuals(
+    picture: np.ndarray, landmarks: Sequence[Landmark], camera: PinholeCamera, cam_from_mesh: np.ndarray
+) -> np.ndarray:
+    """As :func:`marked`, of complete landmarks (``mesh``) at a pose that is known without its uncertainty."""
+    result = np.ascontiguousarray(picture, np.float32).copy()
+    size = max(picture.shape[:2]) / 100
+    pen = _Pen(result, max(1, round(size / 8)))
+    points, pixels = landmark_arrays(landmarks)
+    shown = camera.project(transform_points(cam_from_mesh, points))
+    for landmark, pixel, place in zip(landmarks, pixels, shown, strict=True):
+        pen.lines(list(pixel + size * _CROSS), INLIER)
+        if np.isfinite(place).all():
+            pen.lines([np.stack([pixel, pixel + MAGNIFIED * (place - pixel)])], INLIER)
+        pen.text(landmark.name, pixel + size, size / 20, INLIER)
     return result
 
 

@@ -8,8 +8,9 @@ VENV ?= .venv
 PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
-# a file's tests in one process, in the order of the folders: few of those that take long come last
-PYTEST = $(RUN) -m pytest --dist loadgroup --no-loadscope-reorder
+# a file's tests in one process, in the order of the folders: few of those that take long come last; threads of numpy's
+# BLAS would only busy-wait on the cores that test
+PYTEST = OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest --dist loadgroup --no-loadscope-reorder
 
 .PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo

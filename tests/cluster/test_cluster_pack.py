@@ -14,7 +14,7 @@ from oneframe.dataset.run.work_folder import run_token
 from oneframe.errors import InputError, RunError
 from oneframe.packing.pack import PackOptions, on_this_machine, pack_dataset
 from tests.dataset.synthetic_dataset import make_dataset
-from tests.different_files import different_files
+from tests.tree import different_files
 
 ROOT = Path(__file__).resolve().parents[2]
 RUN = "0" * 16

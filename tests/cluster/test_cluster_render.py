@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
 from tests.cluster.written_records import records
-from tests.different_files import different_files
+from tests.tree import different_files
 from tests.waiting import is_alive, wait_until
 
 pytestmark = [

@@ -15,7 +15,7 @@ distributed = pytest.importorskip("distributed", reason='needs Dask: pip install
 
 from tests.cluster.test_cluster_render import descendants, render_processes
 from tests.cluster.written_records import records
-from tests.different_files import different_files
+from tests.tree import different_files
 from tests.waiting import wait_until
 
 pytestmark = [

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.tree import tree
 from tests.waiting import wait_until
 
 pytestmark = [
@@ -24,10 +25,6 @@ ARGUMENTS = ("--count", "6", "--seed", "3", "--float-depth", "--video", "--video
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT")
 NEWEST = 6
 """Files that a loss of power may harm, although they were flushed: what disks do that claim too much."""
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.fixture(scope="module")

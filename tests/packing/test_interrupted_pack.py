@@ -8,14 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.tree import tree
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 PROGRAM = Path(__file__).with_name("interrupted_pack.py")
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def run(dataset: Path, out: Path, place: int, workers: int = 1) -> subprocess.CompletedProcess:

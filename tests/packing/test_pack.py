@@ -18,13 +18,10 @@ from oneframe.errors import InputError, RunError
 from oneframe.packing.pack import PackOptions, on_this_machine, pack_dataset
 from oneframe.packing.shard import PackedShard, pack_shard
 from oneframe.packing.verify import verify_pack
+from tests.tree import tree
 
 ROOT = Path(__file__).resolve().parents[2]
 COUNT = 4
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def pack(root: Path, out: Path, **options) -> dict[str, bytes]:

@@ -177,7 +177,7 @@ def _set_up(scene: bpy.types.Scene, files: list[Path], *, width: int, height: in
     render.fps_base = render.fps / fps
     render.use_sequencer, render.use_compositing = True, False
     scene.frame_start, scene.frame_end = 1, len(files)
-    # the same images make the same bytes: Blender would note day, duration, memory and paths in the file
+    # nothing but the images goes into the file: Blender would note day, duration, memory and paths
     for name in dir(render):
         if name.startswith("use_stamp"):
             setattr(render, name, False)

@@ -31,6 +31,7 @@ from oneframe.errors import InputError, RunError
 from oneframe.images.png import encode_png
 from oneframe.progress import read_progress
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
+from tests.tree import tree
 from tests.waiting import children, wait_until
 
 pytestmark = pytest.mark.render
@@ -62,10 +63,6 @@ def run_here(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Sh
     stream = io.StringIO()
     dataset_run.run(Job(read_case(case), out, options, shard), workers=1, worker_command=(), stream=stream)
     return stream.getvalue()
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def times(folder: Path) -> dict[str, int]:
@@ -422,6 +419,8 @@ def test_what_is_lost_or_damaged_is_written_again_and_reported(case, tmp_path):
         reported = f"{len(views)} finished views are no longer whole and are rendered again"
         assert (reported in run_here(case, out, options)) == bool(views)
         assert_same_dataset(out, whole)
+        if "video/trajectory.mp4" in group:
+            check_video(case, out / "video", options)
     # what keeps its size is found by its hash
     (out / "dataset.json").write_text((out / "dataset.json").read_text().replace("\n", "\t"))
     for name in ("models/obj_000001.ply", ViewPaths(out, 1).relative("rgb"), "video/trajectory.mp4"):

@@ -10,7 +10,7 @@ import pytest
 
 from tests.cluster.slurm.slurm_on_this_machine import NODES
 from tests.cluster.written_records import records
-from tests.different_files import different_files
+from tests.tree import different_files
 from tests.waiting import wait_until
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "slurm_array.sh"

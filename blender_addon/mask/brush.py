@@ -4,13 +4,15 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, FloatProperty
+from bpy.props import BoolProperty
 
 from ..class_registration import class_registration, cursor, drawing, prop, tool
 from ..pipeline.blender.colour.surface_colour import UNSEEN
+from ..pipeline.camera.distortion import distorted_pixels
 from ..pipeline.images.masked_frame import painted
 from ..state import from_scene
 from ..state.events import redraw
+from ..ui.brush import BrushSize, BrushStroke, size_keys
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.keymap import MASK_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import Messages, OperatorResult, Reporting
@@ -25,11 +27,10 @@ _strokes: list["ONEFRAME_OT_mask_stroke"] = []
 """The stroke under the hand, if there is one."""
 
 
-class ONEFRAME_OT_mask_stroke(Reporting):
+class ONEFRAME_OT_mask_stroke(BrushStroke, Reporting):
     """Drag: hide what shows no surface"""
 
     bl_label = "Paint the Mask"
-    bl_options = {"UNDO", "BLOCKING"}
 
     shows: bool = prop(BoolProperty, "Show", "Show again what is hidden")
 
@@ -40,55 +41,32 @@ class ONEFRAME_OT_mask_stroke(Reporting):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         self.way: list[np.ndarray] = []
         _strokes.append(self)
-        self._go(context, event)
-        context.workspace.status_text_set("Esc or Right Click: Take Back the Stroke")
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.begin(context, event)
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS":
-            return self._end(context)
-        if event.type == "WINDOW_DEACTIVATE" or (event.type == "LEFTMOUSE" and event.value == "RELEASE"):
-            self._end(context)
-            return self.execute(context)
-        if event.type == "MOUSEMOVE":
-            self._go(context, event)
-        return {"RUNNING_MODAL"}
+    def go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
+        view = FrameView.of(context.scene, context.region, context.region_data)
+        self.way.append(view.px_from_region([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5]))
+        redraw()
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when something else ends the drag."""
-        self._end(context)
+    def end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
+        _strokes.clear()
+        redraw()
+        return {"CANCELLED"} if undo else self.execute(context)
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         way, lens, frame = np.array(self.way), from_scene.distortion(scene), frame_of(scene)
         if lens is not None:
             # the mask is that of the file, which the view shows without the lens's distortion
-            camera = from_scene.camera(scene)
-            rays = camera.rays_cam(way)
-            way = lens.distort(rays[:, :2] / rays[:, 2:]) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+            way = distorted_pixels(from_scene.camera(scene), lens, way)
         shown = painted(frame.shown, way, scene.oneframe.mask_brush_px, shows=self.shows)
         return set_mask(scene, replace(frame, shown=shown))
 
-    def _go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
-        view = FrameView.of(context.scene, context.region, context.region_data)
-        self.way.append(view.px_from_region([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5]))
-        redraw()
 
-    def _end(self, context: bpy.types.Context) -> OperatorResult:
-        context.workspace.status_text_set(None)
-        _strokes.clear()
-        redraw()
-        return {"CANCELLED"}
-
-
-class ONEFRAME_OT_mask_brush_size(bpy.types.Operator):
+class ONEFRAME_OT_mask_brush_size(BrushSize):
     """Change the radius of the brush"""
 
     bl_label = "Size of the Brush"
-    bl_options = {"INTERNAL"}
-
-    factor: float = prop(FloatProperty, "Factor", default=1.25)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -154,10 +132,7 @@ _TOOLS = (MASK_TOOL,)
 _KEYS = keys(
     Key("oneframe.mask_stroke", "LEFTMOUSE", tools=_TOOLS),
     Key("oneframe.mask_stroke", "LEFTMOUSE", ctrl=True, properties=(("shows", True),), tools=_TOOLS),
-    Key("oneframe.mask_brush_size", "WHEELUPMOUSE", ctrl=True, properties=(("factor", 1.25),), tools=_TOOLS),
-    Key("oneframe.mask_brush_size", "WHEELDOWNMOUSE", ctrl=True, properties=(("factor", 0.8),), tools=_TOOLS),
-    Key("oneframe.mask_brush_size", "RIGHT_BRACKET", properties=(("factor", 1.25),), tools=_TOOLS),
-    Key("oneframe.mask_brush_size", "LEFT_BRACKET", properties=(("factor", 0.8),), tools=_TOOLS),
+    *size_keys("oneframe.mask_brush_size", MASK_TOOL),
 )
 register, unregister = class_registration(
     __name__,

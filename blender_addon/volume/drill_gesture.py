@@ -5,11 +5,11 @@ from itertools import groupby
 
 import bpy
 import numpy as np
-from bpy.props import FloatProperty
 
-from ..class_registration import class_registration, prop, tool
+from ..class_registration import class_registration, tool
 from ..pipeline.volume.drill.burr import way_over_bone
 from ..state.events import redraw
+from ..ui.brush import BrushSize, BrushStroke, size_keys
 from ..ui.keymap import DRILL_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import OperatorResult
 from . import drill_session, drill_strokes
@@ -19,11 +19,10 @@ LEAST_STEP, MOST_STEP = 0.12, 0.5
 """Between points of a stroke, in radii; however fast the pointer was, they follow the bone."""
 
 
-class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
+class ONEFRAME_OT_drill_stroke(BrushStroke):
     """Drag: remove bone with the burr"""
 
     bl_label = "Drill"
-    bl_options = {"UNDO", "BLOCKING"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -42,27 +41,14 @@ class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
         self._burr: Burr | None = None
         self._centres: dict[tuple[float, float], np.ndarray | None] = {}
         self._session = session
-        self._drill(context, event)
-        context.workspace.status_text_set("Esc or Right Click: Take Back the Stroke")
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.begin(context, event)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if drill_session.of(context.scene) is not self._session:
-            return self._end(context, undo=False)
-        if event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS":
-            return self._end(context, undo=True)
-        if event.type == "WINDOW_DEACTIVATE" or (event.type == "LEFTMOUSE" and event.value == "RELEASE"):
-            return self._end(context, undo=False)
-        if event.type == "MOUSEMOVE":
-            self._drill(context, event)
-        return {"RUNNING_MODAL"}
+            return self.leave(context, undo=False)
+        return super().modal(context, event)
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when something else ends the drag."""
-        self._end(context, undo=True)
-
-    def _drill(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
+    def go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
         radius = drill_session.burr_radius_mm(context.scene)
         at = np.array([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5])
         start, self._at = at if self._at is None else self._at, at
@@ -92,8 +78,7 @@ class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
             self._centres[at] = self._burr.centre if self._burr is not None and self._burr.has_room else None
         return self._centres[at]
 
-    def _end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
-        context.workspace.status_text_set(None)
+    def end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
         session, drilled_mm3 = self._session, round(self._session.taken_mm3 - self._taken_mm3, 3)
         kept = drilled_mm3 > 0 and not undo
         if kept:
@@ -112,13 +97,10 @@ class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
         return f"the margin of {self._burr.structure.replace('_', ' ')} stops the burr"
 
 
-class ONEFRAME_OT_burr_size(bpy.types.Operator):
+class ONEFRAME_OT_burr_size(BrushSize):
     """Change the diameter of the burr"""
 
     bl_label = "Size of the Burr"
-    bl_options = {"INTERNAL"}
-
-    factor: float = prop(FloatProperty, "Factor", default=1.25)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -156,12 +138,8 @@ class DrillTool(ViewTool):
         layout.label(text="Drag: Remove Bone    [ ]: Burr    Ctrl + Z: Undo Stroke")
 
 
-_TOOLS = (DRILL_TOOL,)
 _KEYS = keys(
-    Key("oneframe.drill_stroke", "LEFTMOUSE", tools=_TOOLS),
-    Key("oneframe.burr_size", "WHEELUPMOUSE", ctrl=True, properties=(("factor", 1.25),), tools=_TOOLS),
-    Key("oneframe.burr_size", "WHEELDOWNMOUSE", ctrl=True, properties=(("factor", 0.8),), tools=_TOOLS),
-    Key("oneframe.burr_size", "RIGHT_BRACKET", properties=(("factor", 1.25),), tools=_TOOLS),
-    Key("oneframe.burr_size", "LEFT_BRACKET", properties=(("factor", 0.8),), tools=_TOOLS),
+    Key("oneframe.drill_stroke", "LEFTMOUSE", tools=(DRILL_TOOL,)),
+    *size_keys("oneframe.burr_size", DRILL_TOOL),
 )
 register, unregister = class_registration(__name__, tool(DrillTool, "oneframe.move_tool"), _KEYS)

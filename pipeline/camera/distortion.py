@@ -95,15 +95,15 @@ def undistort(image: np.ndarray, camera: PinholeCamera, distortion: Distortion) 
     resampled, inside = np.empty_like(image), np.empty(camera.shape_hw, dtype=bool)
     rows = max(1, _BLOCK // camera.width)
     for top in range(0, camera.height, rows):
-        pixels = distorted_pixels(camera, distortion, top, min(top + rows, camera.height))
+        v, u = np.mgrid[top : min(top + rows, camera.height), : camera.width]
+        pixels = distorted_pixels(camera, distortion, np.stack([u, v], axis=-1))
         inside[top : top + rows] = ((pixels >= 0) & (pixels <= [camera.width - 1, camera.height - 1])).all(axis=-1)
         block = resampled[top : top + rows]
         block[...] = sample_bilinear(image, pixels.reshape(-1, 2)).reshape(block.shape)
     return resampled, inside
 
 
-def distorted_pixels(camera: PinholeCamera, distortion: Distortion, top: int, bottom: int) -> np.ndarray:
-    """``(bottom - top, W, 2)``: where in the distorted frame the pixels of these rows of the pinhole image lie, px."""
-    v, u = np.mgrid[top:bottom, : camera.width]
-    rays = camera.rays_cam(np.stack([u, v], axis=-1).astype(np.float64))
+def distorted_pixels(camera: PinholeCamera, distortion: Distortion, pixels: np.ndarray) -> np.ndarray:
+    """``(..., 2)``: where in the distorted frame these pixels of the pinhole image lie, px."""
+    rays = camera.rays_cam(np.asarray(pixels, np.float64))
     return distortion.distort(rays[..., :2]) * [camera.fx, camera.fy] + [camera.cx, camera.cy]

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, TextIO
 from ..dataset.options import add_option_arguments
 from ..errors import InputError
 from ..process.arguments import (
-    ArgumentParser,
     add_cluster_arguments,
     at_least,
     check_cluster_arguments,
@@ -84,6 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "folders, and each finished view is fetched from there"
     )  # fmt: skip
     machines.add_argument("--send-case", action="store_true", help="with --cluster: send the case to each worker, once")
+    # after the arguments of a queue, for a worker at one of its cases
+    machines.add_argument("--queued-case", dest="case", type=Path, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     machines.add_argument("--threads", type=int, default=0, help=argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
@@ -159,9 +160,7 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
         raise InputError(f"{arguments.case}: expected a case file, or a queue: a folder of cases; found no case in it")
     check_own_folder(out, "bop|cases")
     check_folder(out, {f"case {path.parent.name}": path for path in paths})
-    others = [each for each in arguments.argv if Path(each) != arguments.case]
-    parser, datasets = ArgumentParser(), {}
-    add_arguments(parser)
+    datasets = {}
     for path in paths:
         name = path.parent.name
         if (state := state_of(read_case(path, posed=False))) not in (ALIGNED, CHECKED):
@@ -169,10 +168,9 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
             continue
         output.write(f"{name}: {state}\n")
         datasets[name] = out / "cases" / name
-        argv = [str(path), *others, "--out", str(datasets[name])]
-        own = parser.parse(argv)
-        own.argv = argv
-        _render_case(own, output)
+        here = {"case": path, "out": datasets[name]}
+        argv = [*arguments.argv, "--queued-case", str(path), "--out", str(datasets[name])]
+        _render_case(argparse.Namespace(**vars(arguments) | here | {"argv": argv}), output)
     if not datasets:
         raise InputError(f"{arguments.case}: expected cases that are aligned or checked, found none; align them first")
     if unfinished := [name for name, folder in datasets.items() if not (folder / CHECKSUMS).exists()]:

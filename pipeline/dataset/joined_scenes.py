@@ -12,11 +12,9 @@ from pathlib import Path
 from ..errors import InputError
 from ..files.content import create_folder
 from ..files.tables import write_csv, write_json
-from .layout import KINDS, MODEL_FILES, MODEL_FOLDERS, SCENE_TABLES, SPLIT, scene_folder
+from .layout import MODEL_FILES, MODEL_FOLDERS, SCENE_TABLES, SPLIT, TARGETS, scene_folder, view_kinds
 
-SCENES, TARGETS = "scenes.csv", "test_targets_bop19.json"
-_ON_DISK = tuple(kind for kind in KINDS if kind != "frame")
-"""The records of views are OneFrame's own, and stay with their dataset."""
+SCENES = "scenes.csv"
 
 
 def join_scenes(datasets: Mapping[str, Path], out: Path) -> None:
@@ -63,7 +61,8 @@ def _link_scene(scene: Path, to: Path) -> None:
     create_folder(to)
     for name in SCENE_TABLES:
         _link(scene / name, to / name)
-    for kind in _ON_DISK:
+    # the records of views are OneFrame's own, and stay with their dataset
+    for kind in view_kinds(float_depth=True):
         if (scene / kind).is_dir():
             create_folder(to / kind)
             for file in sorted((scene / kind).iterdir()):

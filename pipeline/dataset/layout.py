@@ -27,8 +27,10 @@ MODEL_FOLDERS = ("models", "models_eval")
 MODEL_FILES = tuple(
     f"{folder}/{name}" for folder in MODEL_FOLDERS for name in (f"obj_{OBJECT_ID:06d}.ply", "models_info.json")
 )
+TARGETS = "test_targets_bop19.json"
+"""The views that BOP tests with."""
 TABLES = (
-    "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", "test_targets_bop19.json", "dataset_info.md",
+    "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", TARGETS, "dataset_info.md",
     "overlay.png", "contact_sheet.png",
 )  # fmt: skip
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")

@@ -6,7 +6,7 @@ Source: thodan/bop_toolkit, bop_toolkit_lib/dataset/bop_imagewise.py and bop_web
 import re
 from pathlib import PurePosixPath
 
-from ..dataset.layout import MODEL_FILES, RECORD, ViewPaths
+from ..dataset.layout import MODEL_FILES, RECORD, TARGETS, ViewPaths
 from ..files.content import partial_name
 
 FORMAT = "oneframe pack 1"
@@ -15,7 +15,6 @@ FORMAT = "oneframe pack 1"
 MANIFEST = "pack.json"
 KEY_TO_SHARD = "key_to_shard.json"
 INFO = "dataset_info.md"
-TARGETS = "test_targets_bop19.json"
 WORK = ".work"
 COPIED = (RECORD, "camera.json", *MODEL_FILES)
 """Files of the dataset that a pack holds as they are."""

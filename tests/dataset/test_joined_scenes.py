@@ -14,9 +14,9 @@ from oneframe.dataset.joined_scenes import join_scenes
 from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.transforms import rigid
-from tests.different_files import different_files
+from tests.tree import different_files
 
-OPTIONS = ("--count", "2", "--workers", "1", "--engine", "raster", "--cone-deg", "20")
+OPTIONS = ("--count", "2", "--workers", "2", "--engine", "raster", "--cone-deg", "20")
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Landmarks drawn over a picture: where each was clicked, how far off the pose is, how sure. Needs ``cv2``."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import cv2
 import numpy as np
@@ -32,40 +32,42 @@ def marked(picture: np.ndarray, alignment: Alignment) -> np.ndarray:
     -------
     A copy with the marks.
     """
-    result = np.ascontiguousarray(picture, np.float32).copy()
     estimate = alignment.estimate
-    size = max(picture.shape[:2]) / 100
-    pen = _Pen(result, max(1, round(size / 8)))
     covariances = estimate.uncertainty.pixel_covariances(alignment.points, alignment.camera, estimate.cam_from_model)
     outlines = ellipse_outlines(np.nan_to_num(covariances), estimate.uncertainty.ellipse_scale())
     shown = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points))
-    for landmark, pixel, place, outline, apart, inlier in zip(
-        alignment.landmarks, alignment.pixels, shown, outlines, estimate.residuals_px, estimate.inliers, strict=True
-    ):
-        colour = INLIER if inlier else OUTLIER
-        pen.lines(list(pixel + size * _CROSS), colour)
-        if np.isfinite(place).all():
-            pen.lines([place + outline], ELLIPSE, closed=True)
-            # an outlier's residual is long enough as it is
-            pen.lines([np.stack([place, place + (MAGNIFIED if inlier else 1.0) * apart])], colour)
-        pen.text(landmark.name, pixel + size, size / 20, colour)
-    return result
+    return _marked(picture, alignment.landmarks, shown, outlines, estimate.inliers)
 
 
 def with_residuals(
     picture: np.ndarray, landmarks: Sequence[Landmark], camera: PinholeCamera, cam_from_mesh: np.ndarray
 ) -> np.ndarray:
     """As :func:`marked`, of complete landmarks (``mesh``) at a pose that is known without its uncertainty."""
+    shown = camera.project(transform_points(cam_from_mesh, landmark_arrays(landmarks)[0]))
+    return _marked(picture, landmarks, shown, [None] * len(landmarks), [True] * len(landmarks))
+
+
+def _marked(
+    picture: np.ndarray,
+    landmarks: Sequence[Landmark],
+    shown: np.ndarray,
+    outlines: Iterable[np.ndarray | None],
+    inliers: Iterable[bool],
+) -> np.ndarray:
     result = np.ascontiguousarray(picture, np.float32).copy()
     size = max(picture.shape[:2]) / 100
     pen = _Pen(result, max(1, round(size / 8)))
-    points, pixels = landmark_arrays(landmarks)
-    shown = camera.project(transform_points(cam_from_mesh, points))
-    for landmark, pixel, place in zip(landmarks, pixels, shown, strict=True):
-        pen.lines(list(pixel + size * _CROSS), INLIER)
+    for landmark, pixel, place, outline, inlier in zip(
+        landmarks, landmark_arrays(landmarks)[1], shown, outlines, inliers, strict=True
+    ):
+        colour = INLIER if inlier else OUTLIER
+        pen.lines(list(pixel + size * _CROSS), colour)
         if np.isfinite(place).all():
-            pen.lines([np.stack([pixel, pixel + MAGNIFIED * (place - pixel)])], INLIER)
-        pen.text(landmark.name, pixel + size, size / 20, INLIER)
+            if outline is not None:
+                pen.lines([place + outline], ELLIPSE, closed=True)
+            # an outlier's residual is long enough as it is
+            pen.lines([np.stack([pixel, pixel + (MAGNIFIED if inlier else 1.0) * (place - pixel)])], colour)
+        pen.text(landmark.name, pixel + size, size / 20, colour)
     return result
 
 

@@ -197,4 +197,4 @@ def _resampler(camera: PinholeCamera, distortion: Distortion | None) -> Callable
         return lambda image: image
     from ...video.frame_mask import Resampler
 
-    return Resampler(distorted_pixels(camera, distortion, 0, camera.height))
+    return Resampler(distorted_pixels(camera, distortion, camera.pixel_grid()))

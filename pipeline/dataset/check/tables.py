@@ -8,7 +8,7 @@ from ...files.content import read_content
 from ...files.temporary import temporary_folder, writing_temporary
 from ...surface.mesh import TriangleMesh
 from ..dataset_file import Description
-from ..layout import SCENE_TABLES, scene_count, scene_folder
+from ..layout import SCENE_TABLES, TARGETS, scene_count, scene_folder
 from ..tables.bop import write_camera
 from ..tables.pose_tables import POSE_TABLE_COLUMNS
 from ..tables.view_tables import write_view_tables
@@ -26,7 +26,7 @@ def check_tables(
     """Compare the tables that exist; all records have been read, and ``finest_scale`` is that of their depth images."""
     scenes = map(scene_folder, range(scene_count(description.count)))
     names = [f"{scene}/{table}" for scene in scenes for table in SCENE_TABLES]
-    names += ["camera.json", "poses.csv", "transforms.json", "test_targets_bop19.json"]
+    names += ["camera.json", "poses.csv", "transforms.json", TARGETS]
     scale = _depth_scale(root, finest_scale)
     with temporary_folder() as again:
         with writing_temporary():

@@ -18,7 +18,7 @@ from ...files.tables import write_json
 from ...surface.decimation import reduced_mesh
 from ...surface.mesh import TriangleMesh, diameter
 from ...surface.mesh_writer import write_ply
-from ..layout import OBJECT_ID, ViewPaths
+from ..layout import OBJECT_ID, TARGETS, ViewPaths
 from ..run.resume_record import Box, ViewRecord
 from .coco import coco_table
 
@@ -123,7 +123,7 @@ def write_test_targets(root: Path, views: Iterable[int]) -> None:
 
     Source: thodan/bop_toolkit, scripts/enumerate_test_targets.py.
     """
-    with written_file(root / "test_targets_bop19.json") as file:
+    with written_file(root / TARGETS) as file:
         separator = "[\n"
         for paths in (ViewPaths(root, index) for index in views):
             target = {"im_id": paths.image_id, "inst_count": 1, "obj_id": OBJECT_ID, "scene_id": paths.scene_id}

@@ -10,12 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import InputError
-from .alignment_record import OTHER_FRAME
+from ..images.image_check import check_image, check_image_file
+from .alignment_record import INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
 
 NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
-"""No pose yet; a pose by pins, by hand or of unknown origin; from landmarks or the image; looked at by a person; with
+"""No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks or the image; looked at by a person; with
 a doubt that nobody has checked."""
 
 
@@ -27,7 +28,7 @@ def queued_cases(folder: Path) -> tuple[Path, ...]:
 def state_of(case: Case) -> str:
     """How far the work on a case is."""
     record = case.alignment
-    if not case.posed:
+    if not case.posed or record.get("method") == INITIAL_GUESS:
         return NEW
     if "checked" in record:
         return CHECKED
@@ -56,7 +57,8 @@ def add_frames(folder: Path, like: Case, frames: Sequence[tuple[Path, tuple[str,
     Raises
     ------
     InputError
-        Two frames would have one case, or a file of that name is in the way; nothing is written then.
+        Two frames would have one case, a file of that name is in the way, or an image does not have the size of K;
+        nothing is written then.
     RunError
         A file cannot be written.
     """
@@ -72,6 +74,11 @@ def add_frames(folder: Path, like: Case, frames: Sequence[tuple[Path, tuple[str,
         raise InputError(f"{folder}: expected frames with names of their own, found two called {doubled}")
     fresh = []
     for case in cases:
+        if (size := check_image(check_image_file(case.image, str(case.image)), str(case.image))) != like.camera.size_wh:
+            raise InputError(
+                f"{case.image}: expected {like.camera.width}x{like.camera.height} px, the size that K is for, found "
+                f"{size[0]}x{size[1]}; put it into another queue, with its own K"
+            )
         if not case.path.exists():
             fresh.append(case)
         elif os.path.realpath(read_case(case.path, posed=False).image) != os.path.realpath(case.image):

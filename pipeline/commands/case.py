@@ -12,12 +12,14 @@ ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a c
 EPILOG = """examples:
   %(prog)s --surface surface --frame frames/surgery_frame_001234_masked.png --camera camera.json --out case
   %(prog)s --surface surface --frame surgery.mp4 --frame-number 1234 --mask mask.png --camera camera.yaml --out case
+  %(prog)s --surface surface --frame frames/*_masked.png --camera camera.json --out queue    (a case for each frame)
   %(prog)s --surface bone.stl --structure chorda=ct.ply --frame frame.png --K 12800 12800 959.5 539.5 --out case
 
 The folder gets case.toml, frame.png (colours unchanged, alpha 0 where the frame shows no surface), surface.ply,
 structures/*.ply and overlay.png: the frame with the surface at the pose of the case. Without --pose this is only an
 initial guess, from where the drilled cavity is open; align it next. Names of files, comments and metadata are not
-copied.
+copied. Of several frames, each becomes a case in a folder of its own name, a queue: the first as above, the others
+without a pose, with its surface and K; their images stay where they are.
 """
 
 
@@ -41,7 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--units", choices=("mm", "m"), default="mm", help="unit of the meshes and of --pose (default mm)"
     )
     frame = parser.add_argument_group("frame")
-    frame.add_argument("--frame", metavar="FILE", type=Path, required=True, help="PNG, JPEG, TIFF or BMP; or a video")
+    frame.add_argument(
+        "--frame", metavar="FILE", type=Path, nargs="+", required=True,
+        help="PNG, JPEG, TIFF or BMP, one or more; or a video",
+    )  # fmt: skip
     frame.add_argument("--frame-number", metavar="N", type=at_least(0), help="frame N of the video, counted from 0")
     frame.add_argument(
         "--mask", metavar="FILE", type=Path,
@@ -71,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rescale-camera", action="store_true", help="rescale a K that is for another size of the same picture"
     )
     parser.add_argument("--pose", metavar="FILE", type=Path, help="cam_from_mesh: .npy, text or JSON")
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case")
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case, or of the queue")
     parser.add_argument(
         "--overwrite", action="store_true", help="replace another case, frame or surface in that folder"
     )
@@ -82,13 +87,22 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..blender.alignment.new_case import CaseInputs, make_case
         from ..camera.intrinsics_file import read_camera, typed_camera
-        from ..case.case_file import Structure
+        from ..case.case_file import Structure, read_case
+        from ..case.case_folder import CASE
+        from ..case.case_queue import add_frames
         from ..case.surface_folder import RECORD
         from ..surface.structure_colour import structure_colour
         from ..volume.bone.structures import name_of_file
     for name in ("size", "distortion"):
         if getattr(arguments, name) is not None and arguments.K is None:
             raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
+    frame, *others = arguments.frame
+    for name in ("frame_number", "mask", "pose"):
+        if others and getattr(arguments, name) is not None:
+            raise InputError(
+                f"command line: --{name.replace('_', '-')}: expected one frame with it, found {len(others) + 1}"
+            )
+    out = arguments.out / frame.stem if others else arguments.out
     output = own_output()
     structures: list[Structure] = []
     for text in arguments.structures:
@@ -109,16 +123,20 @@ def run(arguments: argparse.Namespace) -> int:
         structures=tuple(structures),
         only=None if arguments.only is None else tuple(arguments.only),
         units=arguments.units,
-        frame=arguments.frame,
+        frame=frame,
         frame_number=arguments.frame_number,
         mask=arguments.mask,
         camera=camera,
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
     )
-    for line in make_case(given, arguments.out, overwrite=arguments.overwrite):
+    for line in make_case(given, out, overwrite=arguments.overwrite):
         output.write(line + "\n")
-    case, aligned = arguments.out / "case.toml", arguments.out / "aligned.toml"
+    case, aligned = out / CASE, out / "aligned.toml"
+    if others:
+        added = add_frames(arguments.out, read_case(case), [(path, None) for path in others])
+        output.write(f"queue: {len(added) + 1} frames in {arguments.out}\nnext: open {case} in Blender and align it\n")
+        return 0
     output.write(
         f"next: open {case} in Blender and align it, or: oneframe align {case} --landmarks FILE --out {aligned}\n"
     )

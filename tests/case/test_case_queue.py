@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from oneframe.case.case_file import read_case
@@ -17,6 +18,7 @@ from oneframe.case.case_queue import (
 )
 from oneframe.case.case_update import update_case
 from oneframe.errors import InputError
+from oneframe.images.png import encode_png
 
 
 @pytest.fixture
@@ -43,7 +45,9 @@ def test_a_frame_is_added_once_and_never_over_anothers_work(like, tmp_path):
     worked = first.read_bytes()
     add_frames(queue, like, given)
     assert first.read_bytes() == worked
-    for wrong in (frames(like, "c.png", "C.bmp"), [(like.image, None), (tmp_path / "b.png", None)]):
+    (tmp_path / "small.png").write_bytes(encode_png(np.zeros((4, 5, 3), np.uint8)))
+    small = [(tmp_path / "small.png", None)]
+    for wrong in (frames(like, "c.png", "C.bmp"), [(like.image, None), (tmp_path / "b.png", None)], small):
         with pytest.raises(InputError):
             add_frames(queue, like, wrong)
     assert len(queued_cases(queue)) == 2

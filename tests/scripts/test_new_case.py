@@ -12,6 +12,7 @@ import pytest
 from oneframe.blender.bridge.image import read_image
 from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
+from oneframe.case.case_queue import NEW, queued_cases, state_of
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
@@ -257,6 +258,21 @@ def test_meshes_of_others_in_metres_with_a_pose(given, tmp_path, capfd):
         np.sort(loaded.surface.mesh.bounds, axis=0), mesh.moved(-mesh.vertices.mean(axis=0)).bounds, atol=1e-4
     )
     assert SECRET.encode() not in b"".join(path.read_bytes() for path in case.path.parent.glob("*.*"))
+
+
+def test_several_frames_are_a_queue_of_one_surface(given, tmp_path):
+    frames = [given / f"{name}.png" for name in "abc"]
+    for number, path in enumerate(frames):
+        save(path, np.roll(frame_codes(255), number, axis=1))
+    assert dispatch(line(given, frame=frames)) == 0
+    cases = [read_case(path, posed=False) for path in queued_cases(tmp_path / "case")]
+    assert [case.path.parent.name for case in cases] == ["a", "b", "c"]
+    assert [state_of(case) for case in cases] == [NEW] * 3
+    assert len({case.mesh.resolve() for case in cases}) == 1
+    for case, path in zip(cases, frames, strict=True):
+        assert np.array_equal(cv2.imread(str(case.image)), cv2.imread(str(path)))
+    with pytest.raises(InputError, match="--mask: expected one frame with it, found 3"):
+        dispatch(line(given, frame=frames, mask=given / "mask.png", out=tmp_path / "other"))
 
 
 def break_record(given: Path, change) -> None:

@@ -16,8 +16,8 @@ from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
 
 NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
-"""No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks or the image; looked at by a
-person; with a doubt that nobody has checked."""
+"""No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks or the image; looked at
+by a person; with a doubt that nobody has checked."""
 
 
 def queued_cases(folder: Path) -> tuple[Path, ...]:

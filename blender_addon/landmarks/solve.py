@@ -272,7 +272,9 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
         pivot = points.mean(axis=0)
-    pulled = pull_pins(points, pixels, camera, cam_from_model, pivot, held=list(complete).index(held))
+    radius_mm = float(np.linalg.norm(np.array(surface.bound_box) - pivot, axis=1).max())
+    index = list(complete).index(held)
+    pulled = pull_pins(points, pixels, camera, cam_from_model, pivot, held=index, radius_mm=radius_mm)
     set_cam_from_model(scene, pulled)
     record = {"method": "pins", "pairs": len(points), "rms_px": rms_px(scene, pulled)}
     pose_evidence.remember(scene, record, pulled)

@@ -132,3 +132,25 @@ def test_wild_drags_end_in_front_of_the_camera(seed, camera, count):
     assert (transform_points(pulled, points)[:, 2] > 0).all()
     farther = transform_points(pulled, PIVOT)[2] / transform_points(pose, PIVOT)[2]
     assert 1 / MAX_DISTANCE_RATIO - 1e-9 <= farther <= MAX_DISTANCE_RATIO + 1e-9
+
+
+def test_random_drags_never_lose_the_surface(long_form):
+    """Pins set where the surface is seen, dragged anywhere, again, and cleared: it stays whole before the lens."""
+    rng = np.random.default_rng(5)
+    surface = rng.normal(size=(500, 3))
+    surface *= 20 / np.linalg.norm(surface, axis=1, keepdims=True)
+    pose, pins = rigid(translation=[0.0, 0.0, DISTANCE[LONG]]), []
+    for _ in range(1000 if long_form else 120):
+        seen = surface[((shown(LONG, pose, surface) - LONG.size_wh) * shown(LONG, pose, surface) <= 0).all(axis=1)]
+        if rng.random() < 0.15:
+            pins = []
+        if not pins or rng.random() < 0.6:
+            pins.append((rng.choice(seen), np.zeros(2)))
+            held = len(pins) - 1
+        else:
+            held = int(rng.integers(len(pins)))
+        pins[held] = pins[held][0], rng.random(2) * LONG.size_wh
+        points, pixels = (np.array(each) for each in zip(*pins, strict=True))
+        pose = pull_pins(points, pixels, LONG, pose, seen.mean(axis=0), held=held, radius_mm=40.0)
+        assert shown(LONG, pose, points)[held] == pytest.approx(pixels[held], abs=1e-6)
+        assert (transform_points(pose, surface)[:, 2] > 0).all()

@@ -31,6 +31,7 @@ def pull_pins(
     pivot_model: np.ndarray,
     *,
     held: int | None = None,
+    radius_mm: float = 0.0,
 ) -> np.ndarray:
     """The pose nearest to the current one that brings each pin to its pixel, as far as possible.
 
@@ -40,8 +41,8 @@ def pull_pins(
 
     The last two by Levenberg-Marquardt, from the current pose and from the shift, roll and distance that fit the pins
     best: a surface upside down has no way back from the current pose. Pins that coincide or lie on one line do not
-    change what they do not determine, and none brings the surface more than :data:`MAX_DISTANCE_RATIO` times nearer or
-    farther.
+    change what they do not determine. None brings the surface more than :data:`MAX_DISTANCE_RATIO` times nearer or
+    farther, nor its ball of ``radius_mm`` to the camera.
 
     Parameters
     ----------
@@ -55,7 +56,9 @@ def pull_pins(
         ``(3,)`` mm: the centre of rotations, e.g. the centre of the visible surface. The roll is about the ray through
         it.
     held
-        The pin in the hand: where pins contradict each other, it wins.
+        The pin in the hand: where pins contradict each other, it wins, and it is always where it is wanted.
+    radius_mm
+        Of a ball about the pivot that holds the surface.
 
     Returns
     -------
@@ -75,31 +78,46 @@ def pull_pins(
     correspondences = Correspondences.about(points_model, pixels, camera, pivot_model)
     current = Poses.of(cam_from_model[None], pivot_model)
     if len(correspondences) == 1:
-        shown = camera.project(transform_points(cam_from_model, points_model))[0]
-        moved = cam_from_model.copy()
-        moved[:2, 3] += (pixels[0] - shown) * depths[0] / [camera.fx, camera.fy]
-        return moved
+        return _shifted(cam_from_model, points_model[0], pixels[0], camera)
     distance = float(np.linalg.norm(current.positions[0]))
     root = np.diag([PRIOR_PX_PER_DISTANCE / distance] * 3 + [PRIOR_PX_PER_RADIAN] * 3)
     free_directions = _shift_roll_depth(current.positions[0]) if len(correspondences) == 2 else None
-    in_plane = _shifted_rolled_and_scaled(points_model, pixels, camera, cam_from_model, current.positions[0])
+    ratios = max(1 / MAX_DISTANCE_RATIO, min(radius_mm / depths[-1], 1.0)), MAX_DISTANCE_RATIO
+    in_plane = _shifted_rolled_and_scaled(points_model, pixels, camera, cam_from_model, current.positions[0], ratios)
     starts = Poses.of(np.stack([cam_from_model, in_plane]), pivot_model)
     counted = [*range(len(points_model)), *([] if held is None else [held] * HELD_COUNTS)]
     prior = PosePrior(current, root)
     fitted, cost = fit_poses(correspondences[counted], starts, prior=prior, free_directions=free_directions)
-    ratio = fitted.positions[:, 2] / current.positions[0, 2]
-    cost = np.where((ratio < 1 / MAX_DISTANCE_RATIO) | (ratio > MAX_DISTANCE_RATIO), np.inf, cost)
+    farther = fitted.positions[:, 2] / current.positions[0, 2]
+    cost = np.where((farther < ratios[0]) | (farther > ratios[1]), np.inf, cost)
+    pulled = in_plane
     if np.isfinite(cost).any():
-        return fitted.matrix(int(np.argmin(cost)), pivot_model)
-    return in_plane if (transform_points(in_plane, points_model)[:, 2] > 0).all() else cam_from_model
+        pulled = fitted.matrix(int(np.argmin(cost)), pivot_model)
+    elif not (transform_points(in_plane, points_model)[:, 2] > 0).all():
+        pulled = cam_from_model
+    return pulled if held is None else _shifted(pulled, points_model[held], pixels[held], camera)
+
+
+def _shifted(cam_from_model: np.ndarray, point: np.ndarray, pixel: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+    """The pose shifted parallel to the image until a point is at its pixel."""
+    at = transform_points(cam_from_model, point)
+    moved = cam_from_model.copy()
+    moved[:2, 3] += (pixel - camera.project(at[None])[0]) * at[2] / [camera.fx, camera.fy]
+    return moved
 
 
 def _shifted_rolled_and_scaled(
-    points: np.ndarray, pixels: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray, pivot_cam: np.ndarray
+    points: np.ndarray,
+    pixels: np.ndarray,
+    camera: PinholeCamera,
+    cam_from_model: np.ndarray,
+    pivot_cam: np.ndarray,
+    ratios: tuple[float, float],
 ) -> np.ndarray:
     """The pose ``(4, 4)`` after the similarity of the image plane that takes the pins to their pixels best.
 
-    Umeyama's closed form (1991) in two dimensions; the roll is about the ray through the pivot.
+    Umeyama's closed form (1991) in two dimensions; the roll is about the ray through the pivot. ``ratios`` are how many
+    times farther it may be at least and at most.
     """
     points_cam = transform_points(cam_from_model, points)
     shown, wanted = (rays[:, :2] @ [1, 1j] for rays in (points_cam / points_cam[:, 2:], camera.rays_cam(pixels)))
@@ -109,7 +127,7 @@ def _shifted_rolled_and_scaled(
         rigid(rotation_from_vector(np.angle(turn) * pivot_cam / np.linalg.norm(pivot_cam)), np.zeros(3))
         @ cam_from_model
     )
-    farther = 1 / np.clip(abs(turn), 1 / MAX_DISTANCE_RATIO, MAX_DISTANCE_RATIO)
+    farther = np.clip(1 / max(abs(turn), 1e-300), *ratios)
     moved[2, 3] += pivot_cam[2] * (farther - 1)
     moved_cam = transform_points(moved, points)
     shift = (wanted * moved_cam[:, 2] - moved_cam[:, :2] @ [1, 1j]).mean()

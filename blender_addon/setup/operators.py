@@ -71,6 +71,26 @@ class ONEFRAME_OT_set_camera(Reporting):
         return *to_scene.frame_warnings(context.scene), *camera_doubts(camera)
 
 
+class ONEFRAME_OT_estimate_focal_length(Reporting):
+    """Estimate the focal length with the pose from the landmarks, if they determine it; cx, cy and fy / fx stay"""
+
+    bl_label = "Focal Length from Landmarks"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return available(cls, len(context.scene.oneframe.landmarks) > 0, "Set landmarks first")
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        # OpenCV comes with the extension
+        from ..pipeline.alignment.landmarks.focal_length import focal_length
+
+        scene = context.scene
+        landmarks, sigma_px = from_scene.landmarks_model(scene), scene.oneframe.click_sigma_px
+        found = focal_length(landmarks, from_scene.camera(scene), click_sigma_px=sigma_px)
+        to_scene.set_camera(context, found.camera, from_scene.distortion(scene))
+        return (found.text,)
+
+
 class ONEFRAME_OT_rescale_camera(Reporting):
     """Rescale K from the same picture at another resolution to the size of the frame"""
 

@@ -41,6 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="standard deviation of the click noise along each image axis, in px (default %(default)g)",
     )  # fmt: skip
     method.add_argument(
+        "--estimate-focal", action="store_true",
+        help="estimate the focal length from the landmarks too, if they determine it; K keeps cx, cy and fy / fx",
+    )  # fmt: skip
+    method.add_argument(
         "--refine", action="store_true",
         help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
     )  # fmt: skip
@@ -58,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Align the case, print the report and write the requested files."""
     with explained_imports():
+        from ..alignment.landmarks.focal_length import focal_length
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
         from ..alignment.refinement.report import refinement_table
         from ..blender.alignment.align_case import align_case, alignment_picture
@@ -90,6 +95,10 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if arguments.landmarks:
         case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
+    if arguments.estimate_focal:
+        found_focal = focal_length(case.landmarks, case.camera, click_sigma_px=arguments.click_sigma_px)
+        case = replace(case, camera=found_focal.camera)
+        output.write(f"{found_focal.text}\n")
     aligned = align_case(
         case,
         click_sigma_px=arguments.click_sigma_px,

@@ -95,7 +95,7 @@ def pose_uncertainty(
 
 
 def inverse_normal_matrix(jacobian: np.ndarray) -> np.ndarray:
-    """``(M, 6)`` J -> ``(6, 6)`` (J^T J)^-1, finite also where J is singular.
+    """``(M, N)`` J -> ``(N, N)`` (J^T J)^-1, finite also where J is singular.
 
     The columns are scaled to unit length; singular values below 1e-10 of the largest are raised to that bound.
     """

@@ -35,8 +35,20 @@ def scenario(user):
     assert len(sample_task.task_lines(scene)) == 4
     yield from user.picture("2_opened")
 
-    features = points_of_features(scene)
-    pinned = 0
+    true = read_case(Path(scene.oneframe.case_path).with_name(sample_task.TRUE)).cam_from_mesh
+    pinned = yield from pin_features(user, points_of_features(scene, true))
+    actions += pinned
+    yield from refine(user)
+    actions += 2
+    user.facts |= {"px at the end": off_px(scene), "actions": actions}
+    yield from user.picture("6_done")
+    assert off_px(scene) < 1.0, user.facts
+    assert actions <= MOST_ACTIONS
+
+
+def pin_features(user, features):
+    """Drag as many features as there are clicks, those in sight, to where they belong; returns how many."""
+    scene, pinned = bpy.context.scene, 0
     for pixel, point in features:
         if pinned == len(CLICK_PX):
             break
@@ -46,26 +58,25 @@ def scenario(user):
             continue
         yield from user.drag(user.of_pixel(*seen.tolist()), user.of_pixel(*(pixel + CLICK_PX[pinned]).tolist()))
         yield from user.redraw()
-        actions, pinned = actions + 1, pinned + 1
+        pinned += 1
         assert len(scene.oneframe.landmarks) == pinned
-        user.facts[f"px after {pinned} pins"] = off_px(scene)
         if pinned in (1, len(CLICK_PX)):
             yield from user.picture(f"{3 if pinned == 1 else 4}_{pinned}_pins")
     assert pinned == len(CLICK_PX), f"only {pinned} features were in sight"
+    return pinned
 
+
+def refine(user):
+    """F, and Enter when the pose is there."""
+    scene = bpy.context.scene
     before = from_scene.cam_from_model(scene)
     yield from user.key("F", user.middle())
     yield from user.until(lambda: operator.outcome(scene) is not None, "the refinement")
     yield from user.until(lambda: not np.array_equal(from_scene.cam_from_model(scene), before), "a refined pose")
     yield from user.picture("5_preview")
     yield from user.key("RET")
-    actions += 2
     yield from user.until(lambda: pose_record(scene)["method"] == "refined", "the refined pose kept")
     yield from user.redraw()
-    user.facts |= {"px at the end": off_px(scene), "actions": actions}
-    yield from user.picture("6_done")
-    assert off_px(scene) < 1.0, user.facts
-    assert actions <= MOST_ACTIONS
 
 
 def in_view(user, pixel):
@@ -75,10 +86,9 @@ def in_view(user, pixel):
     return region.x + 70 < x < sidebar.x - 10 and region.y + 20 < y < region.y + region.height - 70
 
 
-def points_of_features(scene):
+def points_of_features(scene, true):
     """Pixels of the features, and where on the surface they are: found at the true pose, unknown to the user."""
     surface, camera = from_scene.surface_of(scene), scene.oneframe.camera_object
-    true = read_case(Path(scene.oneframe.case_path).with_name(sample_task.TRUE)).cam_from_mesh
     start = from_scene.cam_from_model(scene)
     surface_object.set_pose(camera, surface, true @ surface_object.mesh_from_model_of(surface))
     found = [(np.array(pixel, float), surface_point_at(scene, pixel)) for pixel in FEATURES]

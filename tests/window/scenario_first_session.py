@@ -36,7 +36,7 @@ def scenario(user):
     yield from user.picture("2_opened")
 
     true = read_case(Path(scene.oneframe.case_path).with_name(sample_task.TRUE)).cam_from_mesh
-    pinned = yield from pin_features(user, points_of_features(scene, true))
+    pinned = yield from pin_features(user, points_of_features(scene, true), CLICK_PX)
     actions += pinned
     yield from refine(user)
     actions += 2
@@ -46,23 +46,23 @@ def scenario(user):
     assert actions <= MOST_ACTIONS
 
 
-def pin_features(user, features):
+def pin_features(user, features, clicks_px):
     """Drag as many features as there are clicks, those in sight, to where they belong; returns how many."""
     scene, pinned = bpy.context.scene, 0
     for pixel, point in features:
-        if pinned == len(CLICK_PX):
+        if pinned == len(clicks_px):
             break
         seen = from_scene.camera(scene).project(transform_points(from_scene.cam_from_model(scene), point[None]))[0]
         hit = surface_point_at(scene, seen)
         if hit is None or np.linalg.norm(hit - point) > 1.0 or not in_view(user, seen):
             continue
-        yield from user.drag(user.of_pixel(*seen.tolist()), user.of_pixel(*(pixel + CLICK_PX[pinned]).tolist()))
+        yield from user.drag(user.of_pixel(*seen.tolist()), user.of_pixel(*(pixel + clicks_px[pinned]).tolist()))
         yield from user.redraw()
         pinned += 1
         assert len(scene.oneframe.landmarks) == pinned
-        if pinned in (1, len(CLICK_PX)):
+        if pinned in (1, len(clicks_px)):
             yield from user.picture(f"{3 if pinned == 1 else 4}_{pinned}_pins")
-    assert pinned == len(CLICK_PX), f"only {pinned} features were in sight"
+    assert pinned == len(clicks_px), f"only {pinned} features were in sight"
     return pinned
 
 

@@ -30,7 +30,9 @@ def scenario(user):
     yield from user.redraw()
     yield from user.picture("1_loaded")
     true = read_case(user.case).cam_from_mesh
-    actions += yield from first_session.pin_features(user, first_session.points_of_features(scene, true))
+    actions += yield from first_session.pin_features(
+        user, first_session.points_of_features(scene, true), first_session.CLICK_PX
+    )
     user.facts["px by pins"] = off_px(scene, true)
     yield from first_session.refine(user)
     user.facts["px refined"] = off_px(scene, true)

@@ -35,4 +35,4 @@ def draw_text(layout: bpy.types.UILayout, text: str, *, icon: str = "NONE", line
     column = layout.column(align=True)
     column.scale_y = 0.75
     for number, line in enumerate((*texts, *[""] * (lines - len(texts)))):
-        column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")
+        column.label(text=line, icon=icon if number == 0 and texts else "BLANK1" if icon != "NONE" else "NONE")

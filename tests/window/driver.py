@@ -57,7 +57,8 @@ def main() -> None:
     preferences = bpy.context.preferences
     preferences.view.show_splash = False
     preferences.view.show_tooltips = False
-    preferences.system.viewport_aa = "OFF"
+    if not os.environ.get("ONEFRAME_SCREENSHOTS"):
+        preferences.system.viewport_aa = "OFF"
     # open file selectors in the main window
     preferences.view.filebrowser_display_type = "SCREEN"
     watchdog = threading.Timer(settings["timeout_s"], give_up, [settings["timeout_s"]])

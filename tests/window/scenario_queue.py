@@ -1,4 +1,4 @@
-"""A film's best frames through the queue: each starts at the pose before, keys alone go on, and no frame is lost."""
+"""Ten frames of a film and of files through the queue: each starts at the pose before, keys alone go on, none is lost."""
 
 from importlib import import_module
 
@@ -14,6 +14,7 @@ from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
 from bl_ext.user_default.oneframe.video import session
 
 KINDS = ("clear", "hand", "clear", "blur", "clear", "glare", "clear", "tool", "clear")
+FRAMES = 10
 SHIFT_PX = 12
 """How far the user drags the pin in each frame."""
 MOST_ACTIONS = 6
@@ -30,10 +31,16 @@ def scenario(user):
     with user.context():
         bpy.ops.oneframe.queue_video_frames("EXEC_DEFAULT", True, best=True)
     yield from user.until(lambda: len(queued.queue_of(scene)) > 1, "the frames in the queue")
+    images = [user.folder / f"taken_{number}.png" for number in range(FRAMES - len(queued.queue_of(scene)))]
+    for image in images:
+        image.write_bytes((user.case.parent / "frame.png").read_bytes())
     with user.context():
+        files = [{"name": image.name} for image in images]
+        bpy.ops.oneframe.queue_frames("EXEC_DEFAULT", True, directory=str(user.folder), files=files)
         bpy.ops.oneframe.video_strip("EXEC_DEFAULT", True)
     entries = queued.queue_of(scene)
     user.facts["frames"] = len(entries)
+    assert len(entries) == FRAMES
     yield from user.redraw()
     yield from user.picture("1_queue")
 

@@ -57,7 +57,8 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
     if record.get("method") == INITIAL_GUESS:
         found.append("The pose is an initial guess: nobody has aligned it with the frame.")
     if record.get("method") == OTHER_FRAME:
-        found.append(f"The pose was {record['doubt']}: nobody has aligned it with this one.")
+        origin = record.get("doubt", "found in another frame")
+        found.append(f"The pose was {origin}: nobody has aligned it with this one.")
     elif "doubt" in record:
         found.append(f"The pose is in doubt: {record['doubt']}.")
     return tuple(found)

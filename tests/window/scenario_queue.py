@@ -1,4 +1,4 @@
-"""Ten frames of a film and of files through the queue: each starts at the pose before, keys alone go on, none is lost."""
+"""Ten frames of a film and of files through the queue: each starts at the pose before, keys go on, none is lost."""
 
 from importlib import import_module
 

@@ -22,7 +22,9 @@ from .operators import doubt_of_size
 
 def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
     """The scene as a case (see :func:`.from_scene.case`) with the record of its pose."""
-    return replace(from_scene.case(scene, path), alignment=pose_record(scene))
+    record = pose_record(scene)
+    found = image_evidence.for_file(scene) if record.get("method") == "refined" else {}
+    return replace(from_scene.case(scene, path), alignment=record | found)
 
 
 def pose_record(scene: bpy.types.Scene) -> dict[str, object]:

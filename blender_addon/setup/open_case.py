@@ -15,7 +15,7 @@ from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import differing_fields
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
-from ..state import from_scene, pose_evidence, to_scene, workbench
+from ..state import from_scene, image_evidence, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose, set_initial_pose
 from ..ui.operator import Messages, OpensFile, OperatorResult, call
@@ -105,6 +105,7 @@ def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
         set_initial_pose(scene, from_scene.surface_of(scene))
     # holds while the surface keeps that pose
     pose_evidence.remember(scene, loaded.case.alignment, loaded.frame.cam_from_model)
+    image_evidence.restore(scene, loaded.case.alignment, loaded.surface.mesh_from_model)
     return loaded
 
 

@@ -1,10 +1,11 @@
 """What the image says of the pose: that of the last accepted refinement, kept to be solved with the landmarks.
 
 It is stored in the surface apart from its pose, and holds for the frame and the K that it was found with: it survives
-undo, .blend files and every change of the landmarks.
+undo, .blend files, the case file and every change of the landmarks.
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -13,7 +14,10 @@ import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.alignment.posterior.evidence import IMAGE, PoseEvidence
+from ..pipeline.alignment.posterior.report import image_evidence_of, image_table
+from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
 from ..pipeline.case.alignment_record import scaled_record
+from ..pipeline.transforms import inverse_rigid
 from . import from_scene
 
 STORED = "oneframe_image_evidence"
@@ -24,6 +28,22 @@ def hold(scene: bpy.types.Scene, image: PoseEvidence, record: dict[str, object])
     """Keep what a refinement has found, with its record."""
     of = {"frame": scene.oneframe.frame_path, "camera": asdict(from_scene.camera(scene))}
     from_scene.surface_of(scene)[STORED] = json.dumps({**of, **_table(image, record)})
+
+
+def restore(scene: bpy.types.Scene, record: Mapping[str, object], mesh_from_model: np.ndarray) -> None:
+    """Keep what the record of a case that was opened says of the image, if anything."""
+    found = image_evidence_of(record, from_scene.camera(scene))
+    if found is not None:
+        hold(scene, found[0].reframed(mesh_from_model), found[1])
+
+
+def for_file(scene: bpy.types.Scene) -> dict[str, object]:
+    """The key ``image`` of a case's record; nothing if nothing is kept."""
+    if not (text := held(scene)):
+        return {}
+    image, record = parsed(text)
+    model_from_mesh = inverse_rigid(mesh_from_model_of(from_scene.surface_of(scene)))
+    return {"image": image_table(image.reframed(model_from_mesh), from_scene.camera(scene), record)}
 
 
 def drop(scene: bpy.types.Scene) -> None:

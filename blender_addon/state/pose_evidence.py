@@ -32,7 +32,9 @@ def remember(
     uncertainty: PoseUncertainty | None = None,
 ) -> None:
     """Store what a pose ``(4, 4)``, mm, rests on; an empty record: it was given, nobody knows how it was found."""
-    _store(from_scene.surface_of(scene), record, cam_from_model, uncertainty)
+    # the image's evidence is kept apart
+    kept = {key: value for key, value in record.items() if key != "image"}
+    _store(from_scene.surface_of(scene), kept, cam_from_model, uncertainty)
 
 
 def rescale(surface: bpy.types.Object, factor: float) -> None:

@@ -1,6 +1,6 @@
 """The origin of a pose: the optional table ``[alignment]`` of a case file, checked.
 
-It records how the pose was found and its uncertainty; nothing is computed from it.
+It records how the pose was found and its uncertainty. Only ``image`` is computed with: what a refinement has found.
 """
 
 import re
@@ -8,9 +8,12 @@ from collections.abc import Mapping
 from datetime import date
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..files.keys import check_keys
 from ..files.numbers import format_two_digits, is_number
+from ..transforms import checked_rigid
 
 KEYS = (
     "method",
@@ -37,6 +40,7 @@ KEYS = (
     "standard_deviation_deg",
     "standard_deviation_mm",
     "weakest",
+    "image",
 )
 """In the order in which they are written.
 
@@ -72,7 +76,21 @@ KEYS = (
     Standard deviations of rotation and translation along the camera's x, y and z axis.
 ``weakest``
     The least certain direction, in words.
+``image``
+    What the image alone says of the pose, a table of :data:`IMAGE_SHAPES`: later landmarks are solved together with it.
 """
+
+IMAGE_SHAPES: dict[str, tuple[int, ...]] = {
+    "camera": (6,),
+    "cam_from_mesh": (4, 4),
+    "covariance": (6, 6),
+    "pivot_mm": (3,),
+    "radius_mm": (),
+    "degrees_of_freedom": (),
+    "error_px": (),
+}
+"""Keys of ``image``: K that it holds for (width, height, fx, fy, cx, cy); the pose, mm, and the covariance of a twist
+in camera axes (mm, radians) about the pivot, see :mod:`oneframe.alignment.pose_uncertainty`; its estimated error."""
 
 INITIAL_GUESS = "initial guess"
 """Method of a pose that was computed without the frame: nobody has aligned it."""
@@ -117,6 +135,8 @@ def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, obje
 
 
 def _checked(key: str, value: Any, where: str) -> object:
+    if key == "image":
+        return _checked_image(value, where)
     if key in _TEXTS:
         if isinstance(value, date):  # TOML has dates; a datetime is a date too
             return value.isoformat()
@@ -131,3 +151,24 @@ def _checked(key: str, value: Any, where: str) -> object:
     if len(values) != 3 or not all(is_number(each) and each >= 0 for each in values):
         raise InputError(f"{where}: expected three numbers, for the camera's x, y and z axis, found {value!r}")
     return [float(each) for each in values]
+
+
+def _checked_image(table: Any, where: str) -> dict[str, object]:
+    if not isinstance(table, Mapping):
+        raise InputError(f"{where}: expected a table, found {table!r}")
+    check_keys(table, tuple(IMAGE_SHAPES), (), f"{where} ")
+    checked: dict[str, object] = {}
+    for key, shape in IMAGE_SHAPES.items():
+        try:
+            values = np.array(table[key], np.float64)
+        except (TypeError, ValueError, OverflowError):
+            values = np.full(0, np.nan)
+        if values.shape != shape or not np.isfinite(values).all():
+            size = " x ".join(map(str, shape)) or "1"
+            raise InputError(f"{where} {key}: expected {size} finite numbers, found {table[key]!r}")
+        checked[key] = values.tolist()
+    checked_rigid(checked["cam_from_mesh"], f"{where} cam_from_mesh")
+    covariance = np.array(checked["covariance"])
+    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
+        raise InputError(f"{where} covariance: expected a covariance, symmetric and positive definite; refine again")
+    return checked

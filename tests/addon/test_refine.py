@@ -1,6 +1,7 @@
 """Refining in the add-on: the function's result, one undo step, refusals, and which colours count as evidence."""
 
 import importlib
+import re
 
 import bpy
 import numpy as np
@@ -222,12 +223,23 @@ def test_landmarks_and_image_are_solved_together(opened, gather, refine, case_fo
     saved(opened, tmp_path / "refined.toml")
     bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
     assert solve.pulls(opened) == {}
-    # a case that is opened keeps the pose, of which the image is no longer known
+    # in a case that is opened again, what the image says is known
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
     scene = bpy.context.scene
-    bpy.ops.oneframe.landmark_toggle(index=1)
-    assert np.allclose(gather.cam_from_model(scene), two, rtol=0, atol=1e-9)
+    assert np.allclose(current(scene), two, rtol=0, atol=1e-9)
     assert any("Off by about" in line for line in evidence_of(scene))
+    assert solve.pulls(scene).keys() == {"landmarks", "image"}
+    again = saved(scene, tmp_path / "again.toml").alignment["image"]
+    assert again == read_case(tmp_path / "refined.toml").alignment["image"]
+    for _ in range(2):
+        bpy.ops.oneframe.landmark_remove(index=0)
+    assert np.allclose(current(scene), refined, rtol=0, atol=1e-6)
+    assert refine.pose_record(scene)["evidence"] == "image"
+    # but not with another K
+    text = (tmp_path / "refined.toml").read_text()
+    (tmp_path / "refined.toml").write_text(re.sub(r"(\[camera\]\nsize = .*\nK = \[\n  \[)[0-9.]+", r"\g<1>777.0", text))
+    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
+    assert "image" not in solve.pulls(bpy.context.scene)
 
 
 def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, case_folder, tmp_path):

@@ -1,10 +1,17 @@
-"""The record of a pose from landmarks and image, for the case file."""
+"""The record of a pose from landmarks and image, for the case file, and the image's evidence from it."""
 
 from collections.abc import Mapping
+from dataclasses import astuple
+from typing import Any
 
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...transforms import transform_points
 from ..landmarks.align_landmarks import LANDMARKS, Alignment
 from ..landmarks.report import alignment_record, pairs_record
-from .evidence import PoseEvidence
+from ..pose_uncertainty import PoseUncertainty
+from .evidence import IMAGE, PoseEvidence
 
 
 def joined_record(
@@ -32,3 +39,41 @@ def joined_record(
         surer = estimate.uncertainty.spread_px(found.camera, estimate.cam_from_model)
         record["error_px"] = error_px * surer / image.uncertainty.spread_px(found.camera, image.cam_from_model)
     return {**record, **pairs_record(found), **estimate.uncertainty.record()}
+
+
+def image_table(image: PoseEvidence, camera: PinholeCamera, refinement: Mapping[str, object]) -> dict[str, object]:
+    """What a case file keeps of the image's evidence, in the frame of the mesh; ``refinement`` is its record."""
+    known = image.uncertainty
+    return {
+        "camera": list(astuple(camera)),
+        "cam_from_mesh": image.cam_from_model.tolist(),
+        "covariance": known.covariance.tolist(),
+        "pivot_mm": known.pivot_model.tolist(),
+        "radius_mm": known.radius_mm,
+        "degrees_of_freedom": known.dof,
+        "error_px": refinement.get("error_px", 0.0),
+    }
+
+
+def image_evidence_of(
+    record: Mapping[str, Any], camera: PinholeCamera
+) -> tuple[PoseEvidence, dict[str, object]] | None:
+    """The image's evidence in a case's record, in the frame of the mesh, and the record of its refinement alone.
+
+    ``None`` without any, or if it was found with another K.
+    """
+    table = record.get("image")
+    if table is None or table["camera"] != list(map(float, astuple(camera))):
+        return None
+    pose, pivot = np.array(table["cam_from_mesh"]), np.array(table["pivot_mm"])
+    uncertainty = PoseUncertainty(
+        pivot_model=pivot,
+        covariance=np.array(table["covariance"]),
+        dof=table["degrees_of_freedom"],
+        sigma_px=np.nan,
+        radius_mm=table["radius_mm"],
+        pivot_cam=transform_points(pose, pivot),
+    )
+    own = {key: value for key, value in record.items() if key not in ("image", "pairs", "rms_px", "click_sigma_px")}
+    own |= {"evidence": IMAGE, "error_px": table["error_px"], **uncertainty.record()}
+    return PoseEvidence(IMAGE, pose, uncertainty), own

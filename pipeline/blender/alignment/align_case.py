@@ -17,7 +17,7 @@ from ...alignment.landmarks.report import alignment_record
 from ...alignment.pose_uncertainty import PoseMode
 from ...alignment.posterior.evidence import PoseEvidence
 from ...alignment.posterior.next_click import next_click, rough_mode, visible_points
-from ...alignment.posterior.report import joined_record
+from ...alignment.posterior.report import image_table, joined_record
 from ...alignment.posterior.solve import pose_posterior
 from ...alignment.refinement.refine import refine_pose
 from ...alignment.refinement.report import refinement_record
@@ -123,7 +123,9 @@ def align_case(
         if refinement.evidence is not None:
             image = refinement.evidence.reframed(model_from_mesh)
             alignment = solved(image)
-            record = joined_record(record, image, alignment, tool, date)
+            alone, record = record, joined_record(record, image, alignment, tool, date)
+            if record["method"] == alone["method"]:
+                record["image"] = image_table(image, case.camera, alone)
             loaded = _with_pose(loaded, alignment.estimate.cam_from_model, record)
         elif took_refused:
             loaded = _with_pose(loaded, refinement.found @ model_from_mesh, record)

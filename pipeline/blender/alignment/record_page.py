@@ -76,6 +76,8 @@ def _pose_sections(loaded: LoadedCase) -> Iterator[Section]:
     case = loaded.case
     rows = [("state", state_of(case))]
     for key, value in case.alignment.items():
+        if key == "image":
+            continue
         unit = UNITS.get(key.rpartition("_")[2], "")
         label = key.removesuffix(f"_{key.rpartition('_')[2]}") if unit else key
         rows.append((label.replace("_", " "), _text(value, unit)))

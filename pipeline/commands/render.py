@@ -152,13 +152,13 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
         from ..case.case_file import read_case
         from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
         from ..dataset.joined_scenes import join_scenes
-        from ..dataset.layout import CHECKSUMS
+        from ..dataset.layout import CASES, CHECKSUMS
         from ..files.outputs import check_folder, check_own_folder, made_folder, writing
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
     if not paths:
         raise InputError(f"{arguments.case}: expected a case file, or a queue: a folder of cases; found no case in it")
-    check_own_folder(out, "bop|cases")
+    check_own_folder(out, f"bop|{CASES}")
     check_folder(out, {f"case {path.parent.name}": path for path in paths})
     datasets = {}
     for path in paths:
@@ -167,7 +167,7 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
             output.write(f"{name}: left out, it is {state}\n")
             continue
         output.write(f"{name}: {state}\n")
-        datasets[name] = out / "cases" / name
+        datasets[name] = out / CASES / name
         here = {"case": path, "out": datasets[name]}
         argv = [*arguments.argv, "--queued-case", str(path), "--out", str(datasets[name])]
         _render_case(argparse.Namespace(**vars(arguments) | here | {"argv": argv}), output)

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the page and report its size."""
     with explained_imports():
         from ..case.case_file import read_case
-        from ..dataset.layout import RECORD
+        from ..dataset.layout import RECORD, advice_without_record
         from ..evaluation.record.evaluation_record import EVALUATION
         from ..files.content import write_bytes_atomically
         from ..files.outputs import check_outputs, made_folder, writing
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
         if not (root / RECORD).is_file():
             raise InputError(
                 f"{root}: expected the folder of a dataset or of an evaluation, found neither {RECORD} nor "
-                f"{EVALUATION} in it; give the folder that --out named"
+                f"{EVALUATION} in it; {advice_without_record(root)}"
             )
         if root.resolve() in out.resolve().parents:
             raise InputError(

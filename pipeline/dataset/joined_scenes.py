@@ -12,9 +12,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..files.content import create_folder
 from ..files.tables import write_csv, write_json
-from .layout import MODEL_FILES, MODEL_FOLDERS, SCENE_TABLES, SPLIT, TARGETS, scene_folder, view_kinds
-
-SCENES = "scenes.csv"
+from .layout import MODEL_FILES, MODEL_FOLDERS, SCENE_TABLES, SCENES, SPLIT, TARGETS, scene_folder, view_kinds
 
 
 def join_scenes(datasets: Mapping[str, Path], out: Path) -> None:

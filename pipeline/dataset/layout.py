@@ -29,6 +29,8 @@ MODEL_FILES = tuple(
 )
 TARGETS = "test_targets_bop19.json"
 """The views that BOP tests with."""
+CASES, SCENES = "cases", "scenes.csv"
+"""Of a queue: the folder of its datasets, and whose the scenes are that join all of them."""
 TABLES = (
     "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", TARGETS, "dataset_info.md",
     "overlay.png", "contact_sheet.png",
@@ -157,3 +159,11 @@ def own_folders(root: Path) -> Iterator[tuple[str, Path]]:
         for kind in KINDS:
             if (scene / kind).is_dir():
                 yield f"{SPLIT}/{scene.name}/{kind}/", scene / kind
+
+
+def advice_without_record(folder: Path) -> str:
+    """What to do about a folder that holds no :data:`RECORD`: datasets of a queue have theirs."""
+    for queue in (folder, folder.parent):
+        if (queue / CASES).is_dir():
+            return f"give one of the datasets of this queue, {queue / CASES}/NAME"
+    return "give the folder that --out of oneframe render named"

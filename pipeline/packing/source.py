@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import CHECKSUMS, MOST_VIEWS, RECORD, scene_views
+from ..dataset.layout import CHECKSUMS, MOST_VIEWS, RECORD, advice_without_record, scene_views
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..files.content import read_content
@@ -46,8 +46,7 @@ def open_source(root: Path) -> Source:
     """
     if not (root / RECORD).is_file():
         raise InputError(
-            f"{root}: expected the folder of a dataset, found no {RECORD} in it; give the folder that --out of "
-            "oneframe render named"
+            f"{root}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(root)}"
         )
     description = read_description(root / RECORD)
     missing = unrecorded_views(root, description.count)

@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Self, overload
 
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import RECORD, scene_count, scene_views
+from ..dataset.layout import RECORD, advice_without_record, scene_count, scene_views
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..packing.layout import MANIFEST, WORK, is_shard, shard_name
@@ -107,8 +107,8 @@ def open_dataset(path: str | Path) -> Dataset:
         )
     if not (folder / RECORD).is_file():
         raise InputError(
-            f"{folder}: expected the folder of a dataset or a pack, found neither {RECORD} nor {MANIFEST} in it; give "
-            "the folder that --out of oneframe render or oneframe pack named"
+            f"{folder}: expected the folder of a dataset or a pack, found neither {RECORD} nor {MANIFEST} in it; "
+            f"{advice_without_record(folder)}, or that of oneframe pack"
         )
     description = read_description(folder / RECORD)
     missing = unrecorded_views(folder, description.count)

@@ -10,6 +10,7 @@ import pytest
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import add_frames
 from oneframe.case.case_writer import write_case
+from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.joined_scenes import join_scenes
 from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
@@ -44,6 +45,8 @@ def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_comman
     assert different_files(tmp_path / "out" / "cases" / "b", tmp_path / "alone") == []
 
     bop = tmp_path / "out" / "bop"
+    with pytest.raises(InputError, match="give one of the datasets of this queue"):
+        check_dataset(bop)
     model = read_mesh(bop / "models" / "obj_000001.ply")[0].vertices
     assert (bop / "scenes.csv").read_text().split() == ["scene_id,case", "0,a", "1,b"]
     read = set()

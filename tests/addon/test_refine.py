@@ -272,7 +272,12 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, ca
     assert np.allclose(scaled_pivot_px, pivot_px, atol=1e-6)
     (tmp_path / "case").mkdir()
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case" / "case.toml"))
-    assert read_case(tmp_path / "case" / "case.toml").alignment == scaled
+    case = read_case(tmp_path / "case" / "case.toml")
+    image = case.alignment.pop("image")
+    assert case.alignment == scaled
+    assert np.allclose(image["cam_from_mesh"], case.cam_from_mesh, rtol=0, atol=1e-6)
+    deviations_mm = np.sqrt(np.diag(image["covariance"])[:3])
+    assert np.allclose(deviations_mm, scaled["standard_deviation_mm"], rtol=1e-6)
 
     bpy.ops.oneframe.change_units(units="mm")
     back = evidence.remembered(opened)

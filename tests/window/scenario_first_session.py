@@ -1,6 +1,5 @@
 """The first session: from an empty Blender to the sample aligned to less than a pixel, by pointer and keys, counted."""
 
-import time
 from pathlib import Path
 
 import bpy
@@ -70,11 +69,10 @@ def pin_features(user, features, clicks_px):
 def refine(user):
     """F, and Enter when the pose is there."""
     scene = bpy.context.scene
-    before, start = from_scene.cam_from_model(scene), time.monotonic()
+    before = from_scene.cam_from_model(scene)
     yield from user.key("F", user.middle())
     yield from user.until(lambda: operator.outcome(scene) is not None, "the refinement")
     yield from user.until(lambda: not np.array_equal(from_scene.cam_from_model(scene), before), "a refined pose")
-    user.facts["seconds of F"] = round(time.monotonic() - start, 1)
     yield from user.picture("5_preview")
     yield from user.key("RET")
     yield from user.until(lambda: pose_record(scene)["method"] == "refined", "the refined pose kept")

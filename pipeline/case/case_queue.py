@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import InputError
-from ..images.image_check import check_image, check_image_file
+from ..images.image_check import check_image_file, image_size
 from .alignment_record import INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
@@ -74,7 +74,7 @@ def add_frames(folder: Path, like: Case, frames: Sequence[tuple[Path, tuple[str,
         raise InputError(f"{folder}: expected frames with names of their own, found two called {doubled}")
     fresh = []
     for case in cases:
-        if (size := check_image(check_image_file(case.image, str(case.image)), str(case.image))) != like.camera.size_wh:
+        if (size := image_size(check_image_file(case.image, str(case.image)))) != like.camera.size_wh:
             raise InputError(
                 f"{case.image}: expected {like.camera.width}x{like.camera.height} px, the size that K is for, found "
                 f"{size[0]}x{size[1]}; put it into another queue, with its own K"

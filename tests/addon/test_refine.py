@@ -224,17 +224,22 @@ def test_landmarks_and_image_are_solved_together(opened, gather, refine, case_fo
     bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
     assert solve.pulls(opened) == {}
     # in a case that is opened again, what the image says is known
+    text = (tmp_path / "refined.toml").read_text().replace("[alignment]\n", '[alignment]\nchecked = "2030-01-01"\n')
+    (tmp_path / "refined.toml").write_text(text)
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
     scene = bpy.context.scene
     assert np.allclose(current(scene), two, rtol=0, atol=1e-9)
     assert any("Off by about" in line for line in evidence_of(scene))
     assert solve.pulls(scene).keys() == {"landmarks", "image"}
+    assert "checked" in refine.pose_record(scene)
     again = saved(scene, tmp_path / "again.toml").alignment["image"]
     assert again == read_case(tmp_path / "refined.toml").alignment["image"]
     for _ in range(2):
         bpy.ops.oneframe.landmark_remove(index=0)
     assert np.allclose(current(scene), refined, rtol=0, atol=1e-6)
     assert refine.pose_record(scene)["evidence"] == "image"
+    # of another pose than that which was looked at
+    assert "checked" not in refine.pose_record(scene)
     # but not with another K
     text = (tmp_path / "refined.toml").read_text()
     (tmp_path / "refined.toml").write_text(re.sub(r"(\[camera\]\nsize = .*\nK = \[\n  \[)[0-9.]+", r"\g<1>777.0", text))

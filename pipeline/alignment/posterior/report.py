@@ -13,6 +13,9 @@ from ..landmarks.report import alignment_record, pairs_record
 from ..pose_uncertainty import PoseUncertainty
 from .evidence import IMAGE, PoseEvidence
 
+_OF_THE_POSE = ("image", "checked", "pairs", "rms_px", "click_sigma_px")
+"""Keys of a record that hold for its pose, and for none that landmarks and image give later."""
+
 
 def joined_record(
     refinement: Mapping[str, object], image: PoseEvidence, found: Alignment, tool: str, date: str
@@ -74,6 +77,6 @@ def image_evidence_of(
         radius_mm=table["radius_mm"],
         pivot_cam=transform_points(pose, pivot),
     )
-    own = {key: value for key, value in record.items() if key not in ("image", "pairs", "rms_px", "click_sigma_px")}
+    own = {key: value for key, value in record.items() if key not in _OF_THE_POSE}
     own |= {"evidence": IMAGE, "error_px": table["error_px"], **uncertainty.record()}
     return PoseEvidence(IMAGE, pose, uncertainty), own

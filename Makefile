@@ -61,7 +61,7 @@ test-all: test test-long
 test-long: $(VENV)/.ready-to-test
 	$(PYTEST) --numprocesses 2 -m long --durations 50 $(PYTEST_FLAGS)
 
-# tests/outside in full: hundreds of interruptions and mutations; `make test-all` runs a sample
+# tests/outside in full: hundreds of interruptions and changes; `make test-all` runs a sample
 test-outside: $(VENV)/.ready-to-test
 	$(RUN) -m pytest --long tests/outside $(PYTEST_FLAGS)
 

@@ -13,28 +13,28 @@ from typing import TextIO
 
 import numpy as np
 
-from .. import __version__
-from ..case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
-from ..files.content import write_bytes_atomically
-from ..files.outputs import check_outputs, check_own_folder, writing
-from ..images.pixel_values import to_uint8
-from ..images.png import encode_png
-from ..images.slice_picture import slice_picture
-from ..progress import ShareProgress
-from ..surface.structure_colour import structure_colour
-from ..volume.bone.bone import bone_voxels
-from ..volume.bone.bone_surface import taken_bone
-from ..volume.bone.isosurface import RemovedField
-from ..volume.bone.structures import structure_names, without_bone
-from ..volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
-from ..volume.drill.clearance import clearances, violations
-from ..volume.drill.drill_guard import check_margins
-from ..volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
-from ..volume.make_surface import MadeSurface, SurfaceSettings, make_surface
-from ..volume.reading.label_map import read_labels
-from ..volume.reading.volume_reader import read_volume
-from ..volume.slices.slice_views import DrawnBone, LabelColours, slice_views
-from ..volume.volume import LabelMap, Volume
+from ... import __version__
+from ...case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
+from ...files.content import write_bytes_atomically
+from ...files.outputs import check_outputs, check_own_folder, writing
+from ...images.pixel_values import to_uint8
+from ...images.png import encode_png
+from ...images.slice_picture import slice_picture
+from ...progress import ShareProgress
+from ...surface.structure_colour import structure_colour
+from ...volume.bone.bone import bone_voxels
+from ...volume.bone.bone_surface import taken_bone
+from ...volume.bone.isosurface import RemovedField
+from ...volume.bone.structures import structure_names, without_bone
+from ...volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
+from ...volume.drill.clearance import clearances, violations
+from ...volume.drill.drill_guard import check_margins
+from ...volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
+from ...volume.make_surface import MadeSurface, SurfaceSettings, make_surface
+from ...volume.reading.label_map import read_labels
+from ...volume.reading.volume_reader import read_volume
+from ...volume.slices.slice_views import DrawnBone, LabelColours, slice_views
+from ...volume.volume import LabelMap, Volume
 
 SLICES = "slices.png"
 MOST_REMOVED = 0.5

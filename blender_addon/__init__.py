@@ -106,6 +106,7 @@ _MODULES = tuple(
         "view.panel",
         "video.strip_gizmo",
         "video.strip_drawing",
+        "move.proposals",
         "move.panel",
         "refine.operator",
         "refine.status_line",

@@ -179,6 +179,13 @@ def rotation_from_vector(rotation_vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * square * cross @ cross
 
 
+def rotation_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """``(3, 3)`` smallest rotation that takes direction a to direction b."""
+    axis = np.cross(a, b)
+    sine = np.linalg.norm(axis)
+    return rotation_from_vector(axis / max(sine, 1e-300) * np.arctan2(sine, a @ b))
+
+
 def se3_exp(twist: np.ndarray) -> np.ndarray:
     """Exponential map of se(3): ``(6,)`` = (translation in mm, rotation vector in radians) -> ``(4, 4)``."""
     upsilon, omega = np.asarray(twist[:3], float), np.asarray(twist[3:], float)

@@ -16,7 +16,7 @@ from ..class_registration import at_end, class_registration, drawing
 from ..dataset import background_job
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, PROPOSED
 from ..pipeline.case.case_file import Case
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
@@ -41,6 +41,7 @@ KINDS = {
     "refined": ("Refined against the image", "SNAP_ON"),
     "manual": ("By hand", "VIEW_PAN"),
     INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
+    PROPOSED: ("Proposed by a search, not verified", "QUESTION"),
     OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
 }
 """Method of a record -> its description and icon."""

@@ -45,8 +45,8 @@ KEYS = (
 """In the order in which they are written.
 
 ``method``
-    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`INITIAL_GUESS`,
-    :data:`OTHER_FRAME`.
+    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`PROPOSED`,
+    :data:`INITIAL_GUESS`, :data:`OTHER_FRAME`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
 ``checked``
@@ -94,6 +94,9 @@ in camera axes (mm, radians) about the pivot, see :mod:`oneframe.alignment.pose_
 
 INITIAL_GUESS = "initial guess"
 """Method of a pose that was computed without the frame: nobody has aligned it."""
+
+PROPOSED = "proposed"
+"""Method of a pose that a search over all poses found in the frame, and nobody has verified."""
 
 OTHER_FRAME = "another frame"
 """Method of a pose that was found in another frame: a start for this one."""

@@ -16,6 +16,7 @@ EPILOG = """examples:
   %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml --picture overlay.png
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
+  %(prog)s case.toml --propose --refine --out refined.toml --picture overlay.png   (no landmark, no rough pose)
   %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
@@ -23,6 +24,9 @@ frame. They come from --landmarks (CSV or JSON) or else from the case file. The 
 directions, the residual of every pair and the uncertainty. The pose in the case file may be rough, or missing: it only
 decides between poses that fit equally well. Exit code 2: the pairs do not determine a pose.
 """
+
+PROPOSALS = 3
+"""As many poses as :mod:`oneframe.alignment.proposal` proposes; that is imported only when it is needed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,6 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="estimate the focal length from the landmarks too, if they determine it; K keeps cx, cy and fy / fx",
     )  # fmt: skip
     method.add_argument(
+        "--propose", metavar="N", type=int, nargs="?", const=1, choices=range(1, PROPOSALS + 1),
+        help="search all poses for the three that explain the frame best, without landmarks, and take the best, or "
+        "the second (2) or third (3); the surface must span about half to three times the frame; look at --picture",
+    )  # fmt: skip
+    method.add_argument(
         "--refine", action="store_true",
         help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
     )  # fmt: skip
@@ -65,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..alignment.landmarks.focal_length import focal_length
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
         from ..alignment.refinement.report import refinement_table
-        from ..blender.alignment.align_case import align_case, alignment_picture
+        from ..blender.alignment.align_case import align_case, alignment_picture, propose_case
         from ..case.case_file import read_case
         from ..case.case_update import other_inputs
         from ..case.case_writer import case_output, write_case
@@ -76,6 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
         from ..images.png import encode_png
     if arguments.take_refused and not arguments.refine:
         raise InputError("command line: --take-refused: expected --refine with it")
+    if arguments.propose and arguments.landmarks:
+        raise InputError("command line: --propose: expected no --landmarks with it, which would decide the pose")
     output = own_output()
     case = read_case(arguments.case, posed=False)
     inputs, outputs = case.input_files(), []
@@ -99,17 +110,30 @@ def run(arguments: argparse.Namespace) -> int:
         found_focal = focal_length(case.landmarks, case.camera, click_sigma_px=arguments.click_sigma_px)
         case = replace(case, camera=found_focal.camera)
         output.write(f"{found_focal.text}\n")
-    aligned = align_case(
-        case,
-        click_sigma_px=arguments.click_sigma_px,
-        refine=arguments.refine,
-        take_refused=arguments.take_refused,
-        tool=f"OneFrame {__version__}, align",
-        date=datetime.date.today().isoformat(),
-    )
+    tool, date = f"OneFrame {__version__}, align", datetime.date.today().isoformat()
+    lines, aligned = [], None
+    if arguments.propose:
+        aligned, proposals = propose_case(case, arguments.propose, tool=tool, date=date)
+        case = aligned.loaded.case
+        for number, each in enumerate(proposals, 1):
+            taken = ", taken" if number == arguments.propose else ""
+            lines.append(
+                f"proposal {number}: explains {each.explained:.0%} of the image, score {each.score:.0f}{taken}"
+            )
+        if not arguments.refine:
+            lines.append("note: nothing has verified the proposal; look at --picture, or refine it")
+    if aligned is None or arguments.refine:
+        aligned = align_case(
+            case,
+            click_sigma_px=arguments.click_sigma_px,
+            refine=arguments.refine,
+            take_refused=arguments.take_refused,
+            tool=tool,
+            date=date,
+        )
     alignment, refinement, found = aligned.alignment, aligned.refinement, aligned.loaded.case
     by_pairs = alignment is not None and len(alignment.landmarks) > 0
-    lines = report_lines(alignment) if alignment and by_pairs else []
+    lines += report_lines(alignment) if alignment and by_pairs else []
     lines += [f"note: {message}" for message in aligned.messages]
     if refinement and refinement.accepted:
         lines.append(refinement.message)

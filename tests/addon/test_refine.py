@@ -338,3 +338,28 @@ def test_colours_count_only_if_they_come_from_another_frame(addon, gather, refin
     surface_module.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     bpy.ops.oneframe.refine()
     assert rotation_error_deg(gather, scene) < 0.5
+
+
+def test_poses_are_proposed_and_one_is_taken_until_the_frame_changes(opened, case_folder, monkeypatch):
+    proposals, propose, search, record, gather = (
+        importlib.import_module(f"blender_addon.{name}")
+        for name in (
+            "move.proposals", "pipeline.alignment.proposal.propose", "pipeline.alignment.proposal.template_search",
+            "setup.alignment_record", "state.from_scene",
+        )
+    )  # fmt: skip
+    # what it finds is tested elsewhere
+    monkeypatch.setattr(search, "DIRECTIONS", 8)
+    monkeypatch.setattr(propose, "REFINED", (6, 3))
+    with pytest.raises(RuntimeError, match="press Propose Poses"):
+        bpy.ops.oneframe.take_proposal(index=0)
+    assert bpy.ops.oneframe.propose_poses() == {"FINISHED"}
+    found = proposals.found(opened)
+    assert len(found.poses) == len(found.icons) > 1
+    assert np.array_equal(gather.cam_from_model(opened), START @ gather.loaded_case(opened).surface.mesh_from_model)
+    bpy.ops.oneframe.take_proposal(index=1)
+    assert np.array_equal(gather.cam_from_model(opened), found.poses[1].cam_from_model)
+    assert record.pose_record(opened)["method"] == "proposed"
+    assert any("nothing has verified it" in sentence for sentence in record.doubts(opened))
+    bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
+    assert proposals.found(opened) is None

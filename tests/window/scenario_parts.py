@@ -15,7 +15,8 @@ from bl_ext.user_default.oneframe.state import from_scene
 MOST_ACTIONS = 15
 
 
-def scenario(user):
+def load_parts(user):
+    """Frame, K and surface, one by one; returns the number of actions."""
     frame, surface = (user.folder / name for name in ("photograph.png", "bone.ply"))
     frame.write_bytes((user.case.parent / "frame.png").read_bytes())
     surface.write_bytes((user.case.parent / "surface.ply").read_bytes())
@@ -23,11 +24,15 @@ def scenario(user):
     for name, path in (("frame", frame), ("camera", user.case), ("surface", surface)):
         yield from user.press(f"oneframe.load_{name}")
         yield from user.choose_file(path)
-    actions = 6
     yield from user.at_workbench()
-    scene = bpy.context.scene
-    yield from user.until(lambda: scene.oneframe.surface is not None, "the surface")
+    yield from user.until(lambda: bpy.context.scene.oneframe.surface is not None, "the surface")
     yield from user.redraw()
+    return 6
+
+
+def scenario(user):
+    actions = yield from load_parts(user)
+    scene = bpy.context.scene
     yield from user.picture("1_loaded")
     true = read_case(user.case).cam_from_mesh
     actions += yield from first_session.pin_features(

@@ -76,27 +76,33 @@ def pyramid(
     depth_mm
         Typical depth of the surface, which sets the decimation.
     """
-    mask = valid.astype(np.float32)
     levels: list[PyramidLevel] = []
     for side in reversed(sides):
         factor = min(side / np.sqrt(area_px), 1.0)
         if factor == 1.0 and levels:
             continue
         size = max(round(camera.width * factor), 8), max(round(camera.height * factor), 8)
-        weight = cv2.resize(mask, size, interpolation=cv2.INTER_AREA)
-        reduced = cv2.resize(image * mask[..., None], size, interpolation=cv2.INTER_AREA)
-        reduced = reduced.reshape(*weight.shape, -1) / np.maximum(weight, 1e-6)[..., None]
+        reduced, used = reduced_image(image, valid, size)
         level_camera = camera.resized(*size)
         previous = levels[-1].surface if levels else surface
         cell_mm = CELL_PX * depth_mm / min(level_camera.fx, level_camera.fy)
         levels.append(
             PyramidLevel(
                 camera=level_camera,
-                image=reduced.astype(np.float32),
-                valid=weight > 0.5,
+                image=reduced,
+                valid=used,
                 surface=Surface(*cluster_vertices(previous.mesh, cell_mm, previous.colours)),
                 window_px=WINDOW * factor * np.sqrt(area_px),
                 px=camera.width / size[0],
             )
         )
     return levels[::-1]
+
+
+def reduced_image(image: np.ndarray, valid: np.ndarray, size_wh: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """The image ``(h, w, C)`` float32 and its usable pixels ``(h, w)`` at a smaller size; means over usable pixels."""
+    mask = valid.astype(np.float32)
+    weight = cv2.resize(mask, size_wh, interpolation=cv2.INTER_AREA)
+    reduced = cv2.resize(image * mask[..., None], size_wh, interpolation=cv2.INTER_AREA)
+    reduced = reduced.reshape(*weight.shape, -1) / np.maximum(weight, 1e-6)[..., None]
+    return reduced.astype(np.float32), weight > 0.5

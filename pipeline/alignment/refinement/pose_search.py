@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...transforms import rigid, rotation_from_vector, turned_about
+from ...transforms import rigid, rotation_between, rotation_from_vector, turned_about
 from .canonical_correlation import summed_correlation
 from .image_pyramid import PyramidLevel
 from .shading_features import Appearance, appearance, without_local_mean
@@ -209,11 +209,4 @@ def _candidate_pose(
     # an image that had to be enlarged to match the rendering shows the surface farther away
     pose = turned_about(pivot_cam, rotation_from_vector(np.array([0.0, 0.0, -roll]))) @ tilted
     pose = rigid(translation=(warped.scale - 1) * pivot_cam) @ pose
-    return rigid(_rotation_between(pivot_cam, level.camera.rays_cam(pivot_image[None])[0])) @ pose
-
-
-def _rotation_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """``(3, 3)`` smallest rotation that takes direction a to direction b."""
-    axis = np.cross(a, b)
-    sine = np.linalg.norm(axis)
-    return rotation_from_vector(axis / max(sine, 1e-300) * np.arctan2(sine, a @ b))
+    return rigid(rotation_between(pivot_cam, level.camera.rays_cam(pivot_image[None])[0])) @ pose

@@ -19,9 +19,11 @@ from ...alignment.posterior.evidence import PoseEvidence
 from ...alignment.posterior.next_click import next_click, rough_mode, visible_points
 from ...alignment.posterior.report import image_table, joined_record
 from ...alignment.posterior.solve import pose_posterior
+from ...alignment.proposal.propose import Proposal, propose_poses
 from ...alignment.refinement.refine import refine_pose
 from ...alignment.refinement.report import refinement_record
 from ...alignment.refinement.verdict import Refinement
+from ...case.alignment_record import PROPOSED
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, check_pose
 from ...errors import InputError
@@ -131,6 +133,40 @@ def align_case(
             loaded = _with_pose(loaded, refinement.found @ model_from_mesh, record)
     found = alignment.estimate.messages if alignment is not None and not took_refused else ()
     return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
+
+
+def propose_case(case: Case, take: int, *, tool: str, date: str) -> tuple[AlignedCase, tuple[Proposal, ...]]:
+    """The case with one of the poses that its frame alone proposes, and all of them, the best first.
+
+    Parameters
+    ----------
+    case
+        Without complete landmarks, which would decide the pose. Its pose, if it has one, is not used.
+    take
+        Which of the poses, counted from 1.
+    tool, date
+        For the record in the case.
+
+    Raises
+    ------
+    InputError
+        A file cannot be used, there are landmarks, or there are fewer poses.
+    """
+    if complete_landmarks(case.landmarks):
+        raise InputError(f"{case.path.name}: --propose: expected no landmarks, found some; they say where it is")
+    loaded = load_case(case, aligned=False)
+    mesh, frame = loaded.surface.mesh, loaded.frame
+    found = propose_poses(frame.image, frame.valid, case.camera, mesh)
+    if not 1 <= take <= len(found):
+        raise InputError(
+            f"{case.path.name}: --propose {take}: expected a number from 1 to {len(found)}, the poses found"
+            if found
+            else f"{case.path.name}: --propose: no pose was found, the frame shows no detail; align by landmarks"
+        )
+    pose = found[take - 1].cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
+    record = {"method": PROPOSED, "tool": tool, "date": date, "explained": found[take - 1].explained}
+    posed = replace(loaded, case=replace(loaded.case, posed=True))
+    return AlignedCase(_with_pose(posed, pose, record), None, None, ()), found
 
 
 def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:

@@ -1,0 +1,1 @@
+"""Poses proposed from the frame alone, without a rough pose."""

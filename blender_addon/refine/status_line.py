@@ -108,7 +108,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if len(solve.solution(scene).doubtful) > 1:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
     if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:
-        return "Next: drag pins, or pick landmarks"
+        return "Next: drag pins, pick landmarks, or press Propose Poses"
     if record.get("method") != "refined":
         return f"Next: {binding('oneframe.refine') or 'Refine Pose'} refines it against the image"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"

@@ -116,6 +116,7 @@ class ONEFRAME_PT_cam_from_mesh(_Matrix):
     """Pose of the surface in the camera's frame"""
 
     bl_label = "cam_from_mesh"
+    bl_options = {"DEFAULT_CLOSED"}
 
 
 class ONEFRAME_PT_mesh_from_cam(_Matrix):

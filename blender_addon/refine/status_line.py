@@ -34,6 +34,8 @@ from .preview import error_text, preview_text
 
 PLAIN: Colour = (1.0, 1.0, 1.0, 1.0)
 DOUBT: Colour = (1.0, 0.45, 0.35, 1.0)
+CONTRADICTION = 10.0
+"""RMS of the pins in units of the click noise from which on they cannot be meant so."""
 
 KINDS = {
     "landmarks": ("From landmarks", "EYEDROPPER"),
@@ -76,10 +78,16 @@ def pose_text(scene: bpy.types.Scene) -> str:
     error_px = record.get("error_px")
     if isinstance(error_px, float):
         return f"{text}, off by {'at least' if 'refused' in record else 'about'} {format_two_digits(error_px)} px"
+    rms_px = _rms_px(scene, record)
+    return f"{text}, RMS of the pairs {rms_px:.2f} px" if np.isfinite(rms_px) else text
+
+
+def _rms_px(scene: bpy.types.Scene, record: Mapping[str, object]) -> float:
+    """Of the pairs at the shown pose, NaN if there are none."""
     rms_px = record.get("rms_px")
     if rms_px is None and complete_landmarks(from_scene.landmarks_model(scene)):
         rms_px = solve.rms_px(scene, from_scene.cam_from_model(scene))
-    return f"{text}, RMS of the pairs {rms_px:.2f} px" if isinstance(rms_px, float) else text
+    return rms_px if isinstance(rms_px, float) else np.nan
 
 
 def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, str]:
@@ -109,6 +117,8 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
     if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:
         return "Next: drag pins, pick landmarks, or press Propose Poses"
+    if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
+        return "The pins contradict each other: move or delete the worst ones"
     if record.get("method") != "refined":
         return f"Next: {binding('oneframe.refine') or 'Refine Pose'} refines it against the image"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"

@@ -187,8 +187,8 @@ def read_frame_poses(
     """Read a pose for each frame of a video from a ``.npy`` or ``.json`` file.
 
     A ``.npy`` file holds ``(N, 4, 4)``, with NaN for frames without a pose; a ``.json`` file a list of poses, or of
-    objects with the key ``cam_from_mesh``, with ``null`` for frames without. If the objects have the key ``frame``, a
-    whole number from 0, frames that no object names have no pose.
+    objects with the key ``cam_from_mesh``, with ``null`` for frames, or for the ``cam_from_mesh`` of frames, without. If
+    the objects have the key ``frame``, a whole number from 0, frames that no object names have no pose.
 
     Parameters
     ----------
@@ -211,15 +211,18 @@ def read_frame_poses(
     """
     path = Path(path)
     entries = _by_frame(_listed(path), path.name, frames)
-    given = {
-        number: entry
-        for number, entry in entries.items()
-        if entry is not None and not (isinstance(entry, np.ndarray) and np.isnan(entry).all())
-    }
+    given = {number: entry for number, entry in entries.items() if not _is_empty(entry)}
     if not given:
         raise InputError(f"{path.name}: expected a pose for some of the {frames} frames, found none")
     found, messages = _converted(given, f"{path.name}: pose of frame", mesh_from_model, mm_per_unit)
     return [found.get(number) for number in range(frames)], messages
+
+
+def _is_empty(entry: Any) -> bool:
+    """Whether an entry says that a frame has no pose."""
+    if isinstance(entry, dict) and POSE_KEY in entry:
+        entry = entry[POSE_KEY]
+    return entry is None or (isinstance(entry, np.ndarray) and bool(np.isnan(entry).all()))
 
 
 def _by_frame(found: list[Any], name: str, frames: int) -> dict[int, Any]:

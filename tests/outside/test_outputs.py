@@ -179,6 +179,7 @@ FAILING = {
     "case": "case --surface /no/surface --frame /no/frame.png --camera /no/k.json --out /no/out",
     "align": "align /no/case.toml",
     "overlay": "overlay /no/case.toml --out /no/overlay.png",
+    "register": "register /no/case.toml /no/frames --out /no/out",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "pack": "pack /no/dataset --out /no/packed",
     "report": "report /no/dataset --out /no/report.html",

@@ -1,0 +1,125 @@
+"""Register the frames of a folder or a video to a case, one after the other."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...camera.distortion import distorted_pixels
+from ...camera.pinhole import PinholeCamera
+from ...case.loaded_case import LoadedCase
+from ...errors import InputError
+from ...registration.known_views import grey_codes
+from ...registration.register import RegisteredFrame, Registrar
+from ...registration.verdict import ACCEPTED
+from ...video.film_reader import Film
+from ...video.frame_mask import Resampler
+from ..alignment.overlay_film import camera_of_film
+from ..bridge.image import read_image
+from ..colour.reference_view import colouring_view_of
+
+LONGER_SIDE_PX = 640
+"""Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
+
+IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+LEAST_FEATURES = 200
+
+
+@dataclass(frozen=True)
+class FurtherFrame:
+    """A frame that is to be registered.
+
+    Attributes
+    ----------
+    name
+        Of its image; empty in a video.
+    number
+        Counted from 0, in the video or among the images.
+    image, valid
+        ``(H, W, 3)`` uint8 undistorted, at the size of registration; ``(H, W)`` bool.
+    """
+
+    name: str
+    number: int
+    image: np.ndarray
+    valid: np.ndarray
+
+
+class CaseRegistrar:
+    """Registers frames to a case."""
+
+    def __init__(self, loaded: LoadedCase) -> None:
+        """Prepare a case at its pose.
+
+        Raises
+        ------
+        InputError
+            The frame does not show the surface, or shows too little texture on it.
+        """
+        frame = loaded.frame
+        self.camera = _small(frame.camera)
+        image = cv2.resize(frame.image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
+        valid = cv2.resize(frame.valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
+        small = replace(frame, image=image, valid=valid, camera=self.camera)
+        view = colouring_view_of(replace(loaded, frames=(small,)))
+        self._registrar = Registrar(view.mesh, view.view, view.pivot_model)
+        if self._registrar.features < LEAST_FEATURES:
+            raise InputError(
+                f"{loaded.case.path.name}: expected texture on the surface, found {self._registrar.features} features "
+                f"(at least {LEAST_FEATURES}); choose a sharper frame"
+            )
+        self._case = loaded.case
+        self._near: np.ndarray | None = None
+
+    def register(self, frame: FurtherFrame) -> RegisteredFrame:
+        """Register the next frame; that of a video begins at the pose of the one before."""
+        near = self._near if not frame.name else None
+        found = self._registrar.register(grey_codes(frame.image), frame.valid, near)
+        self._near = found.cam_from_model if found.verdict.state == ACCEPTED else None
+        return found
+
+    @contextmanager
+    def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:
+        """Open a folder of images or a video: how many frames there are, and the frames.
+
+        Raises
+        ------
+        InputError
+            No images, not a video, or frames of other proportions than K's; while iterating also an unreadable image.
+        """
+        if source.is_dir():
+            paths = sorted(path for path in source.iterdir() if path.suffix.lower() in IMAGES)
+            if not paths:
+                raise InputError(f"{source}: expected images ({', '.join(IMAGES)}) or a video, found none")
+            chosen = list(enumerate(paths))[::every]
+            yield len(chosen), (self._of_image(number, path) for number, path in chosen)
+            return
+        with Film(source, every=every, width=self.camera.width) as film:
+            camera_of_film(self._case.camera, film.info.size_wh, source.name)
+            yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
+
+    def _of_image(self, number: int, path: Path) -> FurtherFrame:
+        image, valid = read_image(path, path.name)
+        camera_of_film(self._case.camera, (image.shape[1], image.shape[0]), path.name)
+        small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
+        frame = self._undistorted(path.name, number, np.rint(255 * np.clip(small, 0, 1)).astype(np.uint8))
+        shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
+        return replace(frame, valid=frame.valid & shown)
+
+    def _undistorted(self, name: str, number: int, image: np.ndarray) -> FurtherFrame:
+        if image.shape[1::-1] != self.camera.size_wh:
+            image = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
+        valid = np.ones(image.shape[:2], bool)
+        if self._case.distortion is not None:
+            pixels = distorted_pixels(self.camera, self._case.distortion, self.camera.pixel_grid())
+            image = Resampler(pixels)(image)
+            valid = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
+        return FurtherFrame(name, number, image, valid)
+
+
+def _small(camera: PinholeCamera) -> PinholeCamera:
+    factor = min(LONGER_SIDE_PX / max(camera.size_wh), 1.0)
+    return camera.resized(round(camera.width * factor), round(camera.height * factor))

@@ -1,0 +1,60 @@
+"""The command ``oneframe register``."""
+
+import argparse
+from pathlib import Path
+
+from ..process.arguments import at_least, explained_imports
+from ..process.own_process import own_output
+
+ABOUT = "Find the pose of further frames of a case, from a folder of images or a video, without any training."
+EPILOG = """examples:
+  %(prog)s case.toml frames --out registered
+  %(prog)s case.toml surgery.mp4 --out registered
+  %(prog)s case.toml surgery.mp4 --out registered --every 25
+
+The frames are of the case's camera: the same K, or the same proportions, to which K is scaled. Each is accepted,
+doubtful or refused, with the probability that its pose is within 2 degrees, 2 %% of the distance and 5 px of what the
+case's own pose says. DIR gets poses.json (cam_from_mesh of accepted and doubtful frames, with state, reason and
+covariance), bop_estimates.csv (the accepted ones), frames.png, on which to check them, and of a video overlay.mp4.
+"""
+
+MOST_REASONS = 10
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="the aligned case")
+    parser.add_argument("frames", metavar="FRAMES", type=Path, help="a folder of images, or a video")
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+    parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Register the frames, write the files and report what was found."""
+    with explained_imports():
+        from ..blender.case.load_case import load_case
+        from ..blender.registration.register_case import FILM, SHEET, register_case
+        from ..case.case_file import read_case
+        from ..files.outputs import check_outputs
+        from ..progress import ShareProgress
+        from ..registration.pose_list import ESTIMATES, POSES
+    output, out = own_output(), arguments.out
+    case = read_case(arguments.case)
+    inputs = case.input_files()
+    if not arguments.frames.is_dir():
+        inputs["video"] = arguments.frames
+    check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM)], inputs)
+    loaded = load_case(case).with_shown_structures()
+    for message in loaded.messages:
+        output.write(f"note: {message}\n")
+    with ShareProgress("of the frames", stream=output) as shown:
+        found = register_case(
+            loaded, arguments.frames, out, every=arguments.every, progress=lambda done, count: shown.reach(done / count)
+        )
+    for name, reason in found.reasons[:MOST_REASONS]:
+        output.write(f"{name}: {reason}\n")
+    if len(found.reasons) > MOST_REASONS:
+        output.write(f"and {len(found.reasons) - MOST_REASONS} more, see {out / POSES}\n")
+    output.write(", ".join(f"{count} {state}" for state, count in found.counts.items()) + f": {out / POSES}\n")
+    output.write(f"the frames with the surface at their poses: {out / SHEET}\n")
+    return 0

@@ -1,0 +1,66 @@
+"""The poses of registered frames as files: a list in JSON, and BOP's table of estimates."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..files.content import write_bytes_atomically
+from ..files.outputs import writing
+from ..transforms import inverse_rigid, transform_points
+from .register import RegisteredFrame
+
+POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
+
+
+def pose_entry(
+    name: str, number: int, found: RegisteredFrame, mesh_from_model: np.ndarray, mm_per_unit: float
+) -> dict[str, object]:
+    """A frame's entry: ``cam_from_mesh`` in the units of the mesh, ``null`` where it is refused."""
+    entry: dict[str, object] = {"image": name} if name else {}
+    entry |= {"frame": number, "state": found.verdict.state, "probability": round(found.verdict.probability, 4)}
+    entry |= {"reason": found.verdict.reason, "cam_from_mesh": None}
+    if found.cam_from_model is None or found.covariance is None:
+        return entry
+    pose = found.cam_from_model @ inverse_rigid(mesh_from_model)
+    pose[:3, 3] /= mm_per_unit
+    pivot = transform_points(mesh_from_model, found.pivot_model[None])[0]
+    return entry | {
+        "cam_from_mesh": pose.tolist(),
+        "covariance_mm_rad": found.covariance.tolist(),
+        "pivot_mesh_mm": pivot.tolist(),
+    }
+
+
+def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit: float) -> None:
+    """Write both files.
+
+    Raises
+    ------
+    RunError
+        They cannot be written.
+    """
+    text = json.dumps(list(entries), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    with writing(folder / POSES):
+        write_bytes_atomically(folder / POSES, text.encode())
+    with writing(folder / ESTIMATES):
+        write_bytes_atomically(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
+
+
+def _estimates(entries: Sequence[dict[str, object]], mm_per_unit: float) -> str:
+    """BOP's estimates (Hodaň et al. 2018): the accepted poses, in mm, with their probability as the score."""
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(("scene_id", "im_id", "obj_id", "score", "R", "t", "time"))
+    for entry in entries:
+        if entry["cam_from_mesh"] is None or entry["state"] != "accepted":
+            continue
+        pose = np.array(entry["cam_from_mesh"])
+        rotation, position = (
+            " ".join(f"{value:.9g}" for value in values.ravel()) for values in (pose[:3, :3], mm_per_unit * pose[:3, 3])
+        )
+        writer.writerow((1, entry["frame"], 1, entry["probability"], rotation, position, -1))
+    return table.getvalue()

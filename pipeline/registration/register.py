@@ -1,0 +1,80 @@
+"""Register frames: the pose of each, from the pose before it or from nothing, and whether to trust it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..colour.source_view import SourceView
+from ..surface.mesh import TriangleMesh
+from .flow_refinement import FlowFit, refined_by_flow
+from .known_views import KnownViews
+from .localise import Localised, localised
+from .verdict import ACCEPTED, REFUSED, Verdict, judge
+from .view_bank import bank_of
+
+
+@dataclass(frozen=True)
+class RegisteredFrame:
+    """A frame with its pose, if it has one.
+
+    Attributes
+    ----------
+    cam_from_model
+        ``(4, 4)``, mm; ``None`` if the frame is refused.
+    verdict
+        State, probability and reason.
+    covariance
+        ``(6, 6)`` of the twist about ``pivot_model``, mm and radians along the camera's axes, as far as the frame
+        tells: the error of the aligned frame's pose comes on top. ``None`` without a pose.
+    pivot_model
+        ``(3,)``, mm.
+    """
+
+    cam_from_model: np.ndarray | None
+    verdict: Verdict
+    covariance: np.ndarray | None
+    pivot_model: np.ndarray
+
+
+class Registrar:
+    """Registers frames of one camera to a surface, by what an aligned frame shows of it."""
+
+    def __init__(self, mesh: TriangleMesh, source: SourceView, pivot_model: np.ndarray) -> None:
+        """Prepare a surface (model frame), the aligned frame and the ``(3,)`` middle of what it shows, mm."""
+        self._views, self._pivot_model = KnownViews(mesh, source), pivot_model
+        self._bank = bank_of(self._views, pivot_model)
+
+    @property
+    def camera(self) -> PinholeCamera:
+        """Of the frames."""
+        return self._views.source.camera
+
+    @property
+    def features(self) -> int:
+        """How many features are known."""
+        return len(self._bank)
+
+    def register(self, grey: np.ndarray, valid: np.ndarray, near: np.ndarray | None = None) -> RegisteredFrame:
+        """Register a frame.
+
+        Parameters
+        ----------
+        grey, valid
+            ``(H, W)`` uint8 undistorted image, and ``(H, W)`` bool: pixels that may be used.
+        near
+            ``(4, 4)`` a pose that may be near, such as the frame's before.
+        """
+        if near is not None:
+            registered = self._judged(refined_by_flow(self._views, grey, valid, near), None)
+            if registered.verdict.state == ACCEPTED:
+                return registered
+        found = localised(self._bank, self.camera, grey, valid)
+        fit = None if found is None else refined_by_flow(self._views, grey, valid, found.cam_from_model)
+        return self._judged(fit, found)
+
+    def _judged(self, fit: FlowFit | None, found: Localised | None) -> RegisteredFrame:
+        verdict, covariance = judge(fit, found, self._pivot_model)
+        if fit is None or verdict.state == REFUSED:
+            return RegisteredFrame(None, verdict, None, self._pivot_model)
+        return RegisteredFrame(fit.cam_from_model, verdict, covariance, self._pivot_model)

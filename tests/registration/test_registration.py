@@ -1,0 +1,139 @@
+"""Registered frames: right poses of frames that no view of the bank shows, none of a mirrored or another surface."""
+
+import json
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.source_view import SourceView
+from oneframe.images.png import encode_png
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.registration.register import Registrar
+from oneframe.registration.verdict import ACCEPTED, REFUSED
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import (
+    inverse_rigid,
+    rigid,
+    rotation_angle_deg,
+    rotation_from_vector,
+    se3_exp,
+    transform_points,
+    turned_about,
+)
+from tests.alignment.test_refinement import hills
+
+CAMERA = PinholeCamera(320, 240, 1500.0, 1500.0, 159.5, 119.5)
+SOURCE = rigid(rotation_from_vector(np.array([np.pi, 0.0, 0.0])), np.array([0.0, 0.0, 300.0]))
+PIVOT = np.zeros(3)
+
+
+def photograph(mesh: TriangleMesh, cam_from_model: np.ndarray, seed: int = 0) -> np.ndarray:
+    """``(H, W, 3)`` float32: blotches of all sizes painted on the surface, and noise."""
+    rng = np.random.default_rng(seed)
+    paint = sum(cv2.GaussianBlur(rng.normal(size=(900, 1100)), (0, 0), s) * s for s in (2, 4, 8, 16))
+    inverse = rasterise_depth(mesh, CAMERA, cam_from_model).inverse_depth
+    points = CAMERA.rays_cam(CAMERA.pixel_grid()) / np.maximum(inverse, 1e-9)[..., None]
+    places = 10 * transform_points(inverse_rigid(cam_from_model), points.reshape(-1, 3))[:, :2] + [550, 450]
+    map_x, map_y = (places.reshape(240, 320, 2)[..., k].astype(np.float32) for k in (0, 1))
+    grey = 0.5 + 0.15 * cv2.remap(paint.astype(np.float32), map_x, map_y, cv2.INTER_LINEAR)
+    grey = np.where(inverse > 0, grey, 0.1) + rng.normal(0, 0.01, inverse.shape)
+    return np.repeat(np.clip(grey, 0, 1)[..., None], 3, axis=2).astype(np.float32)
+
+
+def codes(image: np.ndarray) -> np.ndarray:
+    return np.rint(255 * image[..., 0]).astype(np.uint8)
+
+
+def seen_from(tilt_deg: float, roll_deg: float, nearer: float = 1.0) -> np.ndarray:
+    """A pose around the pivot."""
+    turn = rotation_from_vector(np.radians([0, 0, roll_deg])) @ rotation_from_vector(np.radians([tilt_deg, 0, 0]))
+    return (
+        rigid(translation=np.array([0, 0, 300 * (nearer - 1)])) @ turned_about(np.array([0, 0, 300.0]), turn) @ SOURCE
+    )
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TriangleMesh:
+    return hills(1)
+
+
+@pytest.fixture(scope="module")
+def registrar(mesh) -> Registrar:
+    inverse = rasterise_depth(mesh, CAMERA, SOURCE).inverse_depth.astype(np.float32)
+    everywhere = np.ones(CAMERA.shape_hw, bool)
+    image = photograph(mesh, SOURCE)
+    return Registrar(mesh, SourceView(image, everywhere, CAMERA, SOURCE, inverse_depth=inverse), PIVOT)
+
+
+def everywhere() -> np.ndarray:
+    return np.ones(CAMERA.shape_hw, bool)
+
+
+@pytest.mark.parametrize(("tilt", "roll", "nearer"), [(0, 180, 1.0), (20, 40, 1.1), (-35, -100, 0.9)])
+def test_a_frame_is_registered_from_nothing(registrar, mesh, tilt, roll, nearer):
+    true = seen_from(tilt, roll, nearer)
+    image = np.clip(0.6 * photograph(mesh, true) ** 1.5, 0, 1)
+    image[:, :100] = 0.3
+    found = registrar.register(codes(image), everywhere())
+    assert found.verdict.state == ACCEPTED
+    assert found.verdict.probability > 0.97
+    assert rotation_angle_deg(found.cam_from_model[:3, :3] @ true[:3, :3].T) < 0.3
+    assert np.linalg.norm(found.cam_from_model[:3, 3] - true[:3, 3]) < 1.5
+    assert np.linalg.eigvalsh(found.covariance)[0] > 0
+
+
+def test_the_pose_before_gives_the_same_pose(registrar, mesh):
+    true = seen_from(15, 10)
+    grey = codes(photograph(mesh, true))
+    near = se3_exp(np.array([0.3, -0.3, 1.0, 0.01, -0.01, 0.01])) @ true
+    alone, tracked = registrar.register(grey, everywhere()), registrar.register(grey, everywhere(), near)
+    assert tracked.verdict.state == alone.verdict.state == ACCEPTED
+    assert np.abs(tracked.cam_from_model - alone.cam_from_model).max() < 0.2
+
+
+@pytest.mark.parametrize("kind", ["mirrored", "another", "blurred", "masked"])
+def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
+    image = photograph(mesh, SOURCE, seed=1 if kind == "another" else 0)
+    if kind == "mirrored":
+        image = np.ascontiguousarray(image[:, ::-1])
+    if kind == "blurred":
+        image = cv2.GaussianBlur(image, (0, 0), 25)
+    valid = everywhere() if kind != "masked" else np.zeros(CAMERA.shape_hw, bool)
+    found = registrar.register(codes(image), valid)
+    assert (found.verdict.state, found.cam_from_model, found.covariance) == (REFUSED, None, None)
+    assert found.verdict.reason
+
+
+def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
+    write_ply(tmp_path / "surface.ply", mesh)
+    poses = [seen_from(tilt, roll) for tilt, roll in ((4, 0), (8, 5), (12, 10))]
+    (tmp_path / "frames").mkdir()
+    writer = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, CAMERA.size_wh)
+    for number, pose in enumerate(poses):
+        image = np.rint(255 * photograph(mesh, pose)).astype(np.uint8)
+        (tmp_path / "frames" / f"{number}.png").write_bytes(encode_png(image))
+        writer.write(image)
+    writer.release()
+    source = np.rint(255 * photograph(mesh, SOURCE)).astype(np.uint8)
+    (tmp_path / "frames" / "mirrored.png").write_bytes(encode_png(np.ascontiguousarray(source[:, ::-1])))
+    (tmp_path / "frame.png").write_bytes(encode_png(source))
+    (tmp_path / "case.toml").write_text(
+        f'units = "mm"\n[frame]\nimage = "frame.png"\n[surface]\nmesh = "surface.ply"\n[camera]\nsize = [320, 240]\n'
+        f"K = {CAMERA.k.tolist()}\n[pose]\ncam_from_mesh = {SOURCE.tolist()}\n"
+    )
+    for name, states in (("frames", [ACCEPTED] * 3 + [REFUSED]), ("film.avi", [ACCEPTED] * 3)):
+        out = tmp_path / f"registered_{name}"
+        command = [sys.executable, "-m", "oneframe.commands", "register", tmp_path / "case.toml", tmp_path / name]
+        ended = subprocess.run([*command, "--out", out], capture_output=True, text=True, check=False)
+        assert ended.returncode == 0, ended.stderr
+        found = json.loads((out / "poses.json").read_text())
+        assert [entry["state"] for entry in found] == states
+        for entry, true in zip(found, poses, strict=False):
+            assert rotation_angle_deg(np.array(entry["cam_from_mesh"])[:3, :3] @ true[:3, :3].T) < 0.5
+        assert len((out / "bop_estimates.csv").read_text().splitlines()) == 4
+        assert (out / "overlay.mp4").exists() == (name == "film.avi")

@@ -187,8 +187,8 @@ def read_frame_poses(
     """Read a pose for each frame of a video from a ``.npy`` or ``.json`` file.
 
     A ``.npy`` file holds ``(N, 4, 4)``, with NaN for frames without a pose; a ``.json`` file a list of poses, or of
-    objects with the key ``cam_from_mesh``, with ``null`` for frames, or for the ``cam_from_mesh`` of frames, without. If
-    the objects have the key ``frame``, a whole number from 0, frames that no object names have no pose.
+    objects with the key ``cam_from_mesh``, with ``null`` for frames, or for the ``cam_from_mesh`` of frames, without.
+    If the objects have the key ``frame``, a whole number from 0, frames that no object names have no pose.
 
     Parameters
     ----------

@@ -43,13 +43,13 @@ def rescale(surface: bpy.types.Object, factor: float) -> None:
     if stored is None or pose is None:
         return
     pose[:3, 3] *= factor
-    uncertainty = _uncertainty(stored)
-    _store(
-        surface,
-        scaled_record(stored["record"], factor),
-        pose,
-        None if uncertainty is None else uncertainty.scaled(factor),
-    )
+    record, uncertainty = scaled_record(stored["record"], factor), _uncertainty(stored)
+    if uncertainty is not None:
+        uncertainty = uncertainty.scaled(factor)
+        if "weakest" in record:
+            # its words are rounded: from the numbers, not from the words before
+            record["weakest"] = uncertainty.weakest
+    _store(surface, record, pose, uncertainty)
 
 
 def reframe(surface: bpy.types.Object, old_from_new: np.ndarray) -> None:

@@ -25,8 +25,6 @@ class KnownView:
         ``(H, W)`` float32, along the optical axis.
     shown
         ``(H, W)`` bool: the pixel shows surface that the aligned frame saw.
-    surface_px
-        Pixels that show the surface, seen by the frame or not.
     camera, cam_from_model
         Intrinsics, and pose (4x4, mm).
     """
@@ -34,7 +32,6 @@ class KnownView:
     grey: np.ndarray
     depth_mm: np.ndarray
     shown: np.ndarray
-    surface_px: int
     camera: PinholeCamera
     cam_from_model: np.ndarray
 
@@ -60,7 +57,6 @@ class KnownViews:
             grey=grey_codes(seen.rgb),
             depth_mm=seen.depth_mm,
             shown=seen.observed,
-            surface_px=int(np.count_nonzero(seen.mask)),
             camera=self.source.camera,
             cam_from_model=cam_from_model,
         )

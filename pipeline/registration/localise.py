@@ -20,11 +20,10 @@ LOSS_PX = 2.0
 
 
 class Localised(NamedTuple):
-    """A ``(4, 4)`` pose, the features that agree with it, and all that were matched."""
+    """A ``(4, 4)`` pose, and how many features agree with it."""
 
     cam_from_model: np.ndarray
     inliers: int
-    matches: int
 
 
 def localised(bank: ViewBank, camera: PinholeCamera, grey: np.ndarray, valid: np.ndarray) -> Localised | None:
@@ -48,4 +47,4 @@ def localised(bank: ViewBank, camera: PinholeCamera, grey: np.ndarray, valid: np
     pose = fitted.matrix(0, known.pivot_model)
     with np.errstate(invalid="ignore"):
         residuals_px = np.linalg.norm(camera.project(transform_points(pose, points)) - pixels, axis=1)
-        return Localised(pose, int(np.count_nonzero(residuals_px < INLIER_PX)), len(pixels))
+        return Localised(pose, int(np.count_nonzero(residuals_px < INLIER_PX)))

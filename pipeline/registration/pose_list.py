@@ -12,6 +12,7 @@ from ..files.content import write_bytes_atomically
 from ..files.outputs import writing
 from ..transforms import inverse_rigid, transform_points
 from .register import RegisteredFrame
+from .verdict import ACCEPTED
 
 POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
 
@@ -56,7 +57,7 @@ def _estimates(entries: Sequence[dict[str, object]], mm_per_unit: float) -> str:
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(("scene_id", "im_id", "obj_id", "score", "R", "t", "time"))
     for entry in entries:
-        if entry["cam_from_mesh"] is None or entry["state"] != "accepted":
+        if entry["cam_from_mesh"] is None or entry["state"] != ACCEPTED:
             continue
         pose = np.array(entry["cam_from_mesh"])
         rotation, position = (

@@ -72,6 +72,12 @@ class CaseRegistrar:
                 f"(at least {LEAST_FEATURES}); choose a sharper frame"
             )
         self._case = loaded.case
+        self._straight: Resampler | None = None
+        self._inside = np.ones(self.camera.shape_hw, bool)
+        if loaded.case.distortion is not None:
+            pixels = distorted_pixels(self.camera, loaded.case.distortion, self.camera.pixel_grid())
+            self._straight = Resampler(pixels)
+            self._inside = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
         self._near: np.ndarray | None = None
 
     def register(self, frame: FurtherFrame) -> RegisteredFrame:
@@ -112,12 +118,9 @@ class CaseRegistrar:
     def _undistorted(self, name: str, number: int, image: np.ndarray) -> FurtherFrame:
         if image.shape[1::-1] != self.camera.size_wh:
             image = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
-        valid = np.ones(image.shape[:2], bool)
-        if self._case.distortion is not None:
-            pixels = distorted_pixels(self.camera, self._case.distortion, self.camera.pixel_grid())
-            image = Resampler(pixels)(image)
-            valid = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
-        return FurtherFrame(name, number, image, valid)
+        if self._straight is not None:
+            image = self._straight(image)
+        return FurtherFrame(name, number, image, self._inside)
 
 
 def _small(camera: PinholeCamera) -> PinholeCamera:

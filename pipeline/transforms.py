@@ -179,11 +179,11 @@ def rotation_from_vector(rotation_vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * square * cross @ cross
 
 
-def rotation_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """``(3, 3)`` smallest rotation that takes direction a to direction b."""
-    axis = np.cross(a, b)
-    sine = np.linalg.norm(axis)
-    return rotation_from_vector(axis / max(sine, 1e-300) * np.arctan2(sine, a @ b))
+def rotation_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """``(3, 3)`` rotation by the smallest angle that takes ``start`` to ``end``, directions that are not opposite."""
+    axis = np.cross(start, end)
+    sine, cosine = np.linalg.norm(axis), start @ end
+    return rotation_from_vector(axis * (np.arctan2(sine, cosine) / sine)) if sine > 0 else np.eye(3)
 
 
 def se3_exp(twist: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import InputError
-from ..transforms import inverse_rigid, rigid, rotation_from_vector, se3_exp, transform_points
+from ..transforms import inverse_rigid, rigid, rotation_between, rotation_from_vector, se3_exp, transform_points
 
 
 class PoseDistribution(Protocol):
@@ -67,7 +67,7 @@ class ReferencePose:
     @cached_property
     def cam_from_ray(self) -> np.ndarray:
         """``(3, 3)`` rotation whose third column is the pivot's ray and whose first two span the plane of tilt axes."""
-        return _shortest_rotation(np.array([0.0, 0.0, 1.0]), self.pivot_cam)
+        return rotation_between(np.array([0.0, 0.0, 1.0]), self.pivot_cam)
 
     def orbit(
         self, tilt: tuple[float, float], roll: float, distance_mm: float, look: np.ndarray | None = None
@@ -88,7 +88,7 @@ class ReferencePose:
         ray = self.cam_from_ray[:, 2]
         rotation = rotation_from_vector(self.cam_from_ray @ [*tilt, 0.0]) @ self.cam_from_model[:3, :3]
         if look is not None:
-            rotation = _shortest_rotation(ray, look) @ rotation
+            rotation = rotation_between(ray, look) @ rotation
             ray = look / np.linalg.norm(look)
         rotation = rotation_from_vector(roll * ray) @ rotation
         return rigid(rotation, distance_mm * ray - rotation @ self.pivot_model)
@@ -268,10 +268,3 @@ def _tilt_in_cap(half_angle_deg: float, polar: float, azimuth: float) -> tuple[f
 
 def _roll(roll_deg: float, uniform: float) -> float:
     return np.radians(roll_deg) * (2 * uniform - 1)
-
-
-def _shortest_rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """``(3, 3)`` rotation by the smallest angle that takes ``start`` to ``end``, directions that are not opposite."""
-    axis = np.cross(start, end)
-    sine, cosine = np.linalg.norm(axis), start @ end
-    return rotation_from_vector(axis * (np.arctan2(sine, cosine) / sine)) if sine > 0 else np.eye(3)

@@ -63,6 +63,8 @@ _MODULES = tuple(
     for name in (
         "state.properties",
         "ui.question",
+        "ui.step_panel",
+        "setup.case_panel",
         "landmarks.tool",
         "move.operators",
         "volume.properties",

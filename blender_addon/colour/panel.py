@@ -6,18 +6,19 @@ from ..class_registration import class_registration
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
 from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.step_panel import StepPanel
 from . import operators
 
 
-class ONEFRAME_PT_colour(AlignmentPanel):
+class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
     """Project the frame's colours on the surface"""
 
     bl_label = "6  Colour"
-    bl_order = 5
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 6
+    step = "colour"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, scene = self.layout, context.scene
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        scene = context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         surface = scene.oneframe.surface
         record = None if surface is None else colour_record(surface)

@@ -1,14 +1,13 @@
 """The panel Dataset: options, previews, the run and its result."""
 
-from typing import Literal
-
 import bpy
 
 from ..class_registration import class_registration
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.scene_files import known_stamp
-from ..ui.panel import SidebarPanel, draw_text
+from ..ui.panel import draw_text
+from ..ui.step_panel import PartPanel, StepPanel
 from . import background_job, operators, pose_preview
 from .wording import in_window_words
 
@@ -22,26 +21,22 @@ SAMPLER_OPTIONS = {
 
 CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
 RENDERING = ("colour", "unseen", "max_incidence_deg", "engine", "samples", "scale", "float_depth", "video")
-PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
 
 
-class _DatasetPanel(SidebarPanel):
-    bl_options: PanelOptions = {"DEFAULT_CLOSED"}
-
-
-class ONEFRAME_PT_dataset(_DatasetPanel):
+class ONEFRAME_PT_dataset(StepPanel):
     """Render a dataset of posed views"""
 
     bl_label = "7  Dataset"
-    bl_order = 6
+    bl_order = 7
+    step = "dataset"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         # a run goes on, and can be cancelled, whatever becomes of the scene
         return from_scene.is_set_up(context.scene) or background_job.current() is not None
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, context.scene.oneframe
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.oneframe
         layout.use_property_split, layout.use_property_decorate = True, False
         options = settings.dataset
         column = layout.column(align=True)
@@ -57,12 +52,11 @@ class ONEFRAME_PT_dataset(_DatasetPanel):
             draw_text(layout, in_window_words(str(error)), icon="ERROR")
 
 
-class ONEFRAME_PT_dataset_preview(_DatasetPanel):
+class ONEFRAME_PT_dataset_preview(PartPanel):
     """Preview poses as cameras around the surface, and one view"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Preview"
-    bl_options: PanelOptions = set()
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -90,11 +84,12 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel):
                 draw_text(layout, summary)
 
 
-class ONEFRAME_PT_dataset_options(_DatasetPanel):
+class ONEFRAME_PT_dataset_options(PartPanel):
     """Constraints on the views, and how they are rendered"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "More Options"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, context.scene.oneframe.dataset
@@ -107,12 +102,11 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel):
             column.prop(options, "video_frames")
 
 
-class ONEFRAME_PT_dataset_run(_DatasetPanel):
+class ONEFRAME_PT_dataset_run(PartPanel):
     """Render the dataset in the background"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Run"
-    bl_options: PanelOptions = set()
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

@@ -10,7 +10,8 @@ from ..pipeline.files.numbers import format_two_digits
 from ..state import image_evidence, pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool, draw_key
-from ..ui.panel import AlignmentPanel, SidebarPanel, draw_text
+from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.step_panel import PartPanel, StepPanel
 from . import solve, tool
 from .solve import Solution
 
@@ -43,19 +44,20 @@ class ONEFRAME_UL_landmarks(bpy.types.UIList):
         value.label(text=text, icon=symbol)
 
 
-class ONEFRAME_PT_landmarks(AlignmentPanel):
+class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
     """Correspondences that determine the pose"""
 
     bl_label = "4  Landmarks"
-    bl_order = 3
+    bl_order = 4
+    step = "landmarks"
 
-    def draw_header_preset(self, context: bpy.types.Context) -> None:
+    def draw_line(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.oneframe
         icon = "HIDE_OFF" if settings.show_landmarks else "HIDE_ON"
-        self.layout.prop(settings, "show_landmarks", text="", icon=icon, emboss=False)
+        layout.prop(settings, "show_landmarks", text="", icon=icon, emboss=False)
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, context.scene.oneframe
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row(align=True)
         row.enabled = context.mode == "OBJECT"
@@ -81,7 +83,7 @@ class ONEFRAME_PT_landmarks(AlignmentPanel):
             draw_text(layout, str(error), icon="ERROR")
 
 
-class ONEFRAME_PT_landmark_keys(SidebarPanel):
+class ONEFRAME_PT_landmark_keys(PartPanel):
     """Mouse and keys of the landmark tool"""
 
     bl_parent_id = "ONEFRAME_PT_landmarks"

@@ -290,7 +290,7 @@ def follow(scene: bpy.types.Scene) -> None:
     if not scene.oneframe.live_solve or not from_scene.is_set_up(scene):
         return
     try:
-        # raises for a scaled surface, which the panel Set up reports
+        # raises for a scaled surface, which the sidebar reports
         if pose_evidence.is_refined(scene) and not image_evidence.held(scene):
             return
         solved = solution(scene)

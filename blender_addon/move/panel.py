@@ -9,7 +9,8 @@ from ..pipeline.transforms import inverse_rigid
 from ..state import from_scene
 from ..state.pose import cam_from_mesh_of
 from ..ui.keymap import binding
-from ..ui.panel import AlignmentPanel, SidebarPanel, draw_text
+from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.step_panel import PartPanel, StepPanel
 from . import proposals
 from .operators import STEPS
 
@@ -33,14 +34,14 @@ _SHORT_NAMES = {
 }
 
 
-class ONEFRAME_PT_pose(AlignmentPanel):
+class ONEFRAME_PT_pose(AlignmentPanel, StepPanel):
     """Move the surface in steps of image pixels; show the pose at full precision"""
 
     bl_label = "3  Move"
-    bl_order = 2
+    bl_order = 3
+    step = "move"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.oneframe
         _draw_proposals(layout, context.scene)
         layout.operator_context = "EXEC_DEFAULT"
@@ -85,7 +86,7 @@ def _draw_proposals(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         button.index = index
 
 
-class _Matrix(SidebarPanel):
+class _Matrix(PartPanel):
     """Base of the two matrices, in the frame of the mesh file, read from the objects at every redraw."""
 
     bl_parent_id = "ONEFRAME_PT_pose"

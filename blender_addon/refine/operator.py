@@ -24,6 +24,7 @@ from ..state import from_scene, image_evidence, pose_evidence
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
+from ..ui.step_panel import show
 from .preview import Preview, preview_text, take
 
 
@@ -62,6 +63,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         check_inputs(context.scene, self._inputs)
         _remember(result, context.scene.oneframe.frame_path)
+        show(context.scene, "refine")
         if not result.accepted and not result.can_be_taken:
             raise InputError(result.message)
         if not result.accepted:

@@ -12,6 +12,7 @@ from ..setup.alignment_record import pose_record
 from ..state import image_evidence, pose_evidence
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.step_panel import PartPanel, StepPanel
 from . import operator
 from .preview import error_text, preview_text
 from .status_line import KINDS, kind_of
@@ -20,14 +21,15 @@ FIGURE_LINES, MESSAGE_LINES = 4, 6
 """Of the slots that stay as high as they are when a result appears: no button moves under the pointer."""
 
 
-class ONEFRAME_PT_refine(AlignmentPanel):
+class ONEFRAME_PT_refine(AlignmentPanel, StepPanel):
     """Refine the rough pose against the image"""
 
     bl_label = "5  Refine"
-    bl_order = 4
+    bl_order = 5
+    step = "refine"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, scene = self.layout, context.scene
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        scene = context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.split(factor=0.85, align=True)
         row.operator("oneframe.refine", text="Refine Against Image", icon="SNAP_ON")
@@ -36,7 +38,7 @@ class ONEFRAME_PT_refine(AlignmentPanel):
             found = operator.outcome(scene)
             taken, previewed = operator.is_taken(scene), operator.is_previewed(scene)
         except InputError:
-            return  # the panel Set up says what is wrong with the pose
+            return  # the sidebar says what is wrong with the pose
         refused = found is not None and found.can_be_taken
         row = layout.row()
         row.enabled = refused and not taken and not previewed
@@ -61,11 +63,11 @@ class ONEFRAME_PT_refine(AlignmentPanel):
         draw_text(layout, message, icon=icon, lines=MESSAGE_LINES)
 
 
-class ONEFRAME_PT_evidence(AlignmentPanel):
+class ONEFRAME_PT_evidence(PartPanel):
     """What the current pose rests on, as the case file records it"""
 
+    bl_parent_id = "ONEFRAME_PT_refine"
     bl_label = "Pose Rests On"
-    bl_order = 4
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -77,7 +79,7 @@ class ONEFRAME_PT_evidence(AlignmentPanel):
             record = pose_record(scene)
             title, icon = kind_of(scene, record)
         except InputError:
-            return  # the panel Set up says what is wrong with the pose
+            return  # the sidebar says what is wrong with the pose
         layout.label(text=title, icon=icon)
         _draw_kinds(layout, scene)
         if "doubt" in record:

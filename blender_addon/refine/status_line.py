@@ -144,7 +144,7 @@ def _draw() -> None:
     try:
         (line, in_doubt), task = status(scene), task_lines(scene)
     except InputError:
-        return  # the panel Set up says what is wrong with the pose
+        return  # the sidebar says what is wrong with the pose
     strokes = Strokes()
     low, high = uncovered_rectangle(context.area)
     at = np.array([low[0] + 10 * strokes.unit, high[1] - 16 * strokes.unit])

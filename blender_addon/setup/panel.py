@@ -1,34 +1,23 @@
-"""The panel Set up: case, frame, K, surface and structures."""
+"""The step Set up: frame, K, surface and structures."""
 
 import bpy
 
 from ..class_registration import class_registration
-from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_size import size_text
-from ..pipeline.errors import InputError
-from ..state import from_scene, to_scene, workbench
-from ..state.to_scene import frame_warnings
-from ..state.workbench import OPEN, next_step
-from ..ui.panel import SidebarPanel, draw_text
-from .alignment_record import doubts
+from ..state import from_scene, to_scene
+from ..ui.step_panel import PartPanel, StepPanel
 
 
-class ONEFRAME_PT_setup(SidebarPanel):
-    """Case, frame, camera and surface"""
+class ONEFRAME_PT_setup(StepPanel):
+    """Frame, camera and surface"""
 
     bl_label = "1  Set up"
-    bl_order = 0
+    bl_order = 1
+    step = "setup"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, context.scene.oneframe
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        settings = context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
-        row = layout.row(align=True)
-        row.operator("oneframe.open_case", icon="FILE_FOLDER")
-        row.operator("oneframe.save_case", icon="FILE_TICK")
-        row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
-        row.operator("oneframe.save_record", text="", icon="TEXT")
-        if settings.case_path:
-            layout.label(text=bpy.path.basename(settings.case_path), icon="FILE_TEXT")
         column = layout.column(align=True)
         row = column.row(align=True)
         row.operator("oneframe.load_frame", icon="IMAGE_DATA")
@@ -44,10 +33,9 @@ class ONEFRAME_PT_setup(SidebarPanel):
             row.operator_menu_enum("oneframe.change_units", "units", text=settings.units)
             column.label(text=size_text(from_scene.surface_extents(context.scene)))
         column.operator("oneframe.add_structure", icon="OUTLINER_OB_MESH")
-        _draw_missing(layout, context.scene)
 
 
-class ONEFRAME_PT_camera(SidebarPanel):
+class ONEFRAME_PT_camera(PartPanel):
     """K as loaded or typed"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -72,7 +60,7 @@ class ONEFRAME_PT_camera(SidebarPanel):
         layout.operator("oneframe.estimate_focal_length", icon="CAMERA_DATA")
 
 
-class ONEFRAME_PT_structures(SidebarPanel):
+class ONEFRAME_PT_structures(PartPanel):
     """Structures in the bone, and their colours"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -82,7 +70,7 @@ class ONEFRAME_PT_structures(SidebarPanel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         surface = context.scene.oneframe.surface
-        return surface is not None and len(surface.children) > 0
+        return super().poll(context) and surface is not None and len(surface.children) > 0
 
     def draw(self, context: bpy.types.Context) -> None:
         surface = context.scene.oneframe.surface
@@ -94,33 +82,6 @@ class ONEFRAME_PT_structures(SidebarPanel):
             row.prop(child, "name", text="")
             row.prop(child, "show_in_front", text="", icon="XRAY")
             row.prop(child, "hide_viewport", text="", icon_only=True, emboss=False)
-
-
-def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    step = next_step(scene)
-    if step:
-        draw_text(layout, step, icon="INFO")
-    if scene.oneframe.aligned_path:
-        row = layout.row(align=True)
-        row.operator("oneframe.keep_pose", icon="PINNED")
-        row.operator("oneframe.clear_pose", icon="X")
-    if step == OPEN:
-        if workbench.existing() not in (None, scene):
-            layout.operator("oneframe.enter_workbench", icon="WORKSPACE")
-        layout.operator("oneframe.open_sample", icon="HELP")
-    for message in frame_warnings(scene):
-        draw_text(layout, message, icon="ERROR")
-        layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
-    if from_scene.present_camera(scene) is not None and not frame_warnings(scene):
-        for message in camera_doubts(from_scene.camera(scene)):
-            draw_text(layout, message, icon="QUESTION")
-    if from_scene.is_set_up(scene):
-        try:
-            for message in doubts(scene):
-                draw_text(layout, message, icon="ERROR")
-        except InputError as error:
-            draw_text(layout, str(error), icon="ERROR")
-            layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")
 
 
 register, unregister = class_registration(__name__)

@@ -75,7 +75,7 @@ def _is_aligned(scene: bpy.types.Scene) -> bool:
         pose_is_guess = has_initial_pose(scene)
         record = pose_evidence.remembered(scene) or {}
     except InputError:
-        # nothing is set up, or the panel Set up says what is wrong with the pose
+        # nothing is set up, or the sidebar says what is wrong with the pose
         return False
     pose_is_guess |= record.get("method") in (INITIAL_GUESS, OTHER_FRAME)
     return not pose_is_guess or any(entry.has_pixel for entry in scene.oneframe.landmarks)

@@ -4,13 +4,14 @@ import bpy
 
 from ..class_registration import class_registration
 from ..state import from_scene
-from ..ui.panel import SidebarPanel, draw_text
+from ..ui.panel import draw_text
+from ..ui.step_panel import PartPanel
 from . import session, shown_frame
 from .session import FilmSession
 from .strip_drawing import figures
 
 
-class ONEFRAME_PT_video(SidebarPanel):
+class ONEFRAME_PT_video(PartPanel):
     """Choose the frame from a video"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -19,7 +20,7 @@ class ONEFRAME_PT_video(SidebarPanel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return session.key_of(context.scene) is not None
+        return super().poll(context) and session.key_of(context.scene) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

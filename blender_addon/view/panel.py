@@ -7,19 +7,21 @@ from ..pipeline.errors import InputError
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.step_panel import StepPanel
 from .operators import ONEFRAME_PG_view, toggling
 from .overlay import frame_image_of
 from .second_view import second_view
 
 
-class ONEFRAME_PT_view(AlignmentPanel):
+class ONEFRAME_PT_view(AlignmentPanel, StepPanel):
     """Compare surface and frame"""
 
     bl_label = "2  View"
-    bl_order = 1
+    bl_order = 2
+    step = "view"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, scene = self.layout, context.scene
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        scene = context.scene
         row = layout.row(align=True)
         row.operator("oneframe.side_by_side", icon="WINDOW", depress=second_view(context.screen) is not None)
         if shows_frame(context):

@@ -3,7 +3,8 @@
 import bpy
 
 from ..class_registration import class_registration
-from ..ui.panel import SidebarPanel, draw_text
+from ..ui.panel import draw_text
+from ..ui.step_panel import StepPanel
 from . import drill_session
 from .drill_strokes import strokes_of
 from .loaded import LoadedCT, ct_of, key_of
@@ -11,15 +12,15 @@ from .slice_areas import slice_areas
 from .surface import made_by, strokes_text
 
 
-class ONEFRAME_PT_ct(SidebarPanel):
+class ONEFRAME_PT_ct(StepPanel):
     """From a CT to the surface"""
 
     bl_label = "0  CT"
-    bl_order = -1
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 0
+    step = "ct"
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, scene = self.layout, context.scene
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        scene = context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("oneframe.open_ct", icon="FILE_FOLDER")
         if key_of(scene) is None:

@@ -7,9 +7,8 @@ import bpy.utils.previews
 
 from ..class_registration import at_end, class_registration
 from ..pipeline.case.case_queue import ALIGNED, CHECKED, DOUBTFUL, NEW, ROUGH
-from ..state import from_scene
 from ..ui.keymap import draw_key
-from ..ui.step_panel import PartPanel
+from ..ui.panel import AlignmentPanel
 from . import queued
 
 ICONS = {NEW: "RADIOBUT_OFF", ROUGH: "DOT", ALIGNED: "RADIOBUT_ON", CHECKED: "CHECKMARK", DOUBTFUL: "ERROR"}
@@ -21,15 +20,12 @@ _pictures: dict[str, Any] = {}
 """One collection of previews, once a queue is drawn."""
 
 
-class ONEFRAME_PT_queue(PartPanel):
+class ONEFRAME_PT_queue(AlignmentPanel):
     """Many frames of this surface, one after the other"""
 
-    bl_parent_id = "ONEFRAME_PT_setup"
+    bl_parent_id = "ONEFRAME_PT_case"
     bl_label = "Queue"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and from_scene.is_set_up(context.scene)
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, entries = self.layout, queued.queue_of(context.scene)

@@ -14,7 +14,7 @@ class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
     """Project the frame's colours on the surface"""
 
     bl_label = "6  Colour"
-    bl_order = 6
+    bl_order = 7
     step = "colour"
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

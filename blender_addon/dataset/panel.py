@@ -27,7 +27,7 @@ class ONEFRAME_PT_dataset(StepPanel):
     """Render a dataset of posed views"""
 
     bl_label = "7  Dataset"
-    bl_order = 7
+    bl_order = 8
     step = "dataset"
 
     @classmethod

@@ -27,6 +27,7 @@ from ..ui.operator import (
     available,
 )
 from ..ui.question import Asking
+from ..ui.step_panel import show
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -171,6 +172,7 @@ class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         edit.remove(context.scene, edit.checked_index(context.scene, self.index))
+        show(context.scene, "landmarks")
 
 
 class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting):
@@ -194,6 +196,7 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         to_scene.replace_landmarks(context.scene, ())
+        show(context.scene, "landmarks")
 
 
 class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):

@@ -48,7 +48,7 @@ class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
     """Correspondences that determine the pose"""
 
     bl_label = "4  Landmarks"
-    bl_order = 4
+    bl_order = 5
     step = "landmarks"
 
     def draw_line(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

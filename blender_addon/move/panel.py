@@ -38,7 +38,7 @@ class ONEFRAME_PT_pose(AlignmentPanel, StepPanel):
     """Move the surface in steps of image pixels; show the pose at full precision"""
 
     bl_label = "3  Move"
-    bl_order = 3
+    bl_order = 4
     step = "move"
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -25,7 +25,7 @@ class ONEFRAME_PT_refine(AlignmentPanel, StepPanel):
     """Refine the rough pose against the image"""
 
     bl_label = "5  Refine"
-    bl_order = 5
+    bl_order = 6
     step = "refine"
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -12,7 +12,7 @@ class ONEFRAME_PT_setup(StepPanel):
     """Frame, camera and surface"""
 
     bl_label = "1  Set up"
-    bl_order = 1
+    bl_order = 2
     step = "setup"
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -24,9 +24,11 @@ def needed(scene: bpy.types.Scene) -> str:
     if not from_scene.is_set_up(scene) or scene.oneframe.aligned_path:
         return "ct" if workbench.next_step(scene) == workbench.MAKE_SURFACE else "setup"
     try:
-        return "refine" if image_evidence.held(scene) or pose_evidence.is_refined(scene) else "landmarks"
+        if image_evidence.held(scene) or pose_evidence.is_refined(scene):
+            return "refine"
     except InputError:
-        return "setup"  # which says what is wrong with the pose
+        return "setup"  # the pose cannot be read
+    return "landmarks" if len(scene.oneframe.landmarks) else "move"
 
 
 def shown(scene: bpy.types.Scene) -> str:

@@ -17,7 +17,7 @@ class ONEFRAME_PT_view(AlignmentPanel, StepPanel):
     """Compare surface and frame"""
 
     bl_label = "2  View"
-    bl_order = 2
+    bl_order = 3
     step = "view"
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

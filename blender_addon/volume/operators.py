@@ -15,6 +15,7 @@ from ..pipeline.volume.reading.volume_reader import is_dicom, list_series, read_
 from ..state import workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Messages, Reporting, available
+from ..ui.step_panel import show
 from . import loaded
 from .loaded import LoadedCT, ct_of, key_of, loaded_ct
 from .slice_areas import fill_slices_soon, show_slices_soon
@@ -72,6 +73,7 @@ class ONEFRAME_OT_open_ct(OpensInBackground):
             settings.threshold_hu = min(max(DEFAULT_HU, lowest), highest)
         loaded.keep(context.scene, result)
         show_slices_soon()
+        show(context.scene, "ct")
         return (ct_text(result),)
 
 

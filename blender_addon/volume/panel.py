@@ -16,7 +16,7 @@ class ONEFRAME_PT_ct(StepPanel):
     """From a CT to the surface"""
 
     bl_label = "0  CT"
-    bl_order = 0
+    bl_order = 1
     step = "ct"
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -30,6 +30,7 @@ from ..state.structures import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Messages, OperatorResult
 from ..ui.question import ask_first
+from ..ui.step_panel import show
 from . import drill_session, drill_strokes
 from .loaded import LoadedCT, key_of, loaded_ct
 from .margins import structures_of
@@ -150,6 +151,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT):
         applied = f", {strokes_text(record)}" if record["strokes"] else ""
         named = f", structures {', '.join(structures)}" if structures else ""
         drilled = unprotected(drill_strokes.margins_in(scene)) if drill_strokes.strokes_of(scene) else ()
+        show(context.scene, "ct")
         # the status bar shows the last
         return f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}{applied}{named}", *drilled
 

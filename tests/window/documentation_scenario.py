@@ -64,6 +64,7 @@ def landmarks(user: User) -> Action:
             off = WRONG[1] if number == WRONG[0] else rng.normal(0, CLICK_SIGMA_PX, 2)
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
+    yield from user.show_step("landmarks")
     yield from user.find("oneframe.landmarks_clear")
     with user.context("UI"):
         bpy.ops.view2d.pan(deltax=0, deltay=-260)
@@ -131,7 +132,7 @@ def dataset(user: User) -> Action:
         operators.oneframe.mark_unseen()
     yield from user.open_sidebar("OneFrame")
     yield from look_at_frame(user, beside_panels=True)
-    yield from user.open_panels()
+    yield from user.show_step("dataset")
     scene.oneframe.dataset_out = str(user.folder / "dataset")
     # its properties are made from the options of a dataset
     options: Any = scene.oneframe.dataset

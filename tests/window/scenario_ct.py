@@ -21,7 +21,7 @@ def scenario(user):
     written_ct(path)
     addon_utils.enable(PACKAGE)
     yield from user.open_sidebar("OneFrame")
-    yield from user.open_panels()
+    yield from user.show_step("ct")
     yield from user.press("oneframe.open_ct")
     yield from user.choose_file(path)
     loaded, areas = part("volume.loaded"), part("volume.slice_areas")

@@ -4,6 +4,7 @@ Every action that takes time is a generator, to be run with ``yield from``: see 
 """
 
 from collections.abc import Callable, Generator
+from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -67,17 +68,39 @@ class User(Hands):
         picture = x11_capture.capture()[top : top + sidebar.height, sidebar.x : sidebar.x + sidebar.width]
         return [(sidebar.x + x, sidebar.y + sidebar.height - 1 - y) for x, y in look(picture)]
 
-    def open_panels(self) -> Action:
-        """Open all panels of the sidebar's tab, and the panels in them."""
+    def show_step(self, step: str) -> Action:
+        """Click the line of a closed step of the work, and open all its parts."""
+        steps = import_module("bl_ext.user_default.oneframe.ui.step_panel")
+        # the line Queue stands above them
+        there = ["queue", *steps.STEPS] if bpy.types.ONEFRAME_PT_view.poll(bpy.context) else ["ct", "setup"]
+        yield from self._look_elsewhere()
+        if (shown := steps.shown(bpy.context.scene)) != step:
+            places = yield from self._all_closed()
+            # closed parts of the open step lie between its line and the next one
+            at = there.index(step)
+            after = shown in there and at > there.index(shown)
+            place = places[at - len(there)] if after else places[at]
+            yield from self._scroll_to(place[1])
+            yield from self.click(self._in_window(place))
+            yield from self._look_elsewhere()
+        assert steps.shown(bpy.context.scene) == step
         self._seen.clear()
+        while len(places := (yield from self._all_closed())) >= len(there):
+            at = there.index(step)
+            yield from self._scroll_to(places[at][1])
+            yield from self.click(self._in_window(places[at]))
+            yield from self._look_elsewhere()
         yield from self._scroll(FAR)
+
+    def _all_closed(self) -> Generator[float, None, list[Place]]:
+        """The arrows of all closed panels, from top to bottom of the sidebar's content."""
+        yield from self._scroll(FAR)
+        found: dict[int, Place] = {}
         while True:
-            while places := self.closed_panels():
-                yield from self.click(places[-1])
-                yield from self._look_elsewhere()
+            for place in map(self._in_content, self.closed_panels()):
+                found.setdefault(round(place[1] / 8), place)
             if not (yield from self._scroll_on()):
-                break
-        yield from self._scroll(FAR)
+                return [found[height] for height in sorted(found, reverse=True)]
 
     def hovered(self, kind: str = "UI") -> str:
         """The button under the pointer: ``oneframe.solve()``, or the path of a property; empty if there is none."""

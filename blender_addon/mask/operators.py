@@ -101,6 +101,7 @@ class ONEFRAME_PT_mask(PartPanel):
 
     bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Mask"
+    bl_order = 1
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod

@@ -40,6 +40,7 @@ class ONEFRAME_PT_camera(PartPanel):
 
     bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Camera K (px)"
+    bl_order = 1
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -65,6 +66,7 @@ class ONEFRAME_PT_structures(PartPanel):
 
     bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Structures"
+    bl_order = 1
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod

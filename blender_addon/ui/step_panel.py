@@ -24,7 +24,8 @@ def needed(scene: bpy.types.Scene) -> str:
     if not from_scene.is_set_up(scene) or scene.oneframe.aligned_path:
         return "ct" if workbench.next_step(scene) == workbench.MAKE_SURFACE else "setup"
     try:
-        if image_evidence.held(scene) or pose_evidence.is_refined(scene):
+        # {}: given by the case, and not moved since
+        if image_evidence.held(scene) or pose_evidence.is_refined(scene) or pose_evidence.remembered(scene) == {}:
             return "refine"
     except InputError:
         return "setup"  # the pose cannot be read

@@ -16,7 +16,7 @@ class ONEFRAME_PT_video(PartPanel):
 
     bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Video"
-    bl_order = -1
+    bl_order = 0
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -165,8 +165,7 @@ def video(user: User) -> Action:
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     scene.oneframe_view.contour = False
-    with user.context("UI"):
-        bpy.ops.view2d.pan(deltax=0, deltay=100_000)
+    yield from user.show_step("setup")
     with user.context():
         operators.oneframe.open_video(filepath=str(path))
         operators.oneframe.video_step(step=18 - session.scored(scene).shown)

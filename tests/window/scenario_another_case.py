@@ -25,6 +25,7 @@ def scenario(user):
     yield from user.until(lambda: b"manual" in user.case.read_bytes(), "the case to be saved without a question")
     text = user.case.read_bytes()
 
+    yield from user.show_step("setup")
     for name, path in (("frame", frame), ("camera", user.case), ("surface", surface)):
         yield from user.press(f"oneframe.load_{name}")
         yield from user.choose_file(path)

@@ -68,8 +68,8 @@ class User(Hands):
         picture = x11_capture.capture()[top : top + sidebar.height, sidebar.x : sidebar.x + sidebar.width]
         return [(sidebar.x + x, sidebar.y + sidebar.height - 1 - y) for x, y in look(picture)]
 
-    def show_step(self, step: str) -> Action:
-        """Click the line of a closed step of the work, and open all its parts."""
+    def show_step(self, step: str, *, parts: bool = False) -> Action:
+        """Click the line of a closed step of the work, and open its parts if wanted."""
         steps = import_module("bl_ext.user_default.oneframe.ui.step_panel")
         # the line Queue stands above them
         there = ["queue", *steps.STEPS] if bpy.types.ONEFRAME_PT_view.poll(bpy.context) else ["ct", "setup"]
@@ -85,7 +85,7 @@ class User(Hands):
             yield from self._look_elsewhere()
         assert steps.shown(bpy.context.scene) == step
         self._seen.clear()
-        while len(places := (yield from self._all_closed())) >= len(there):
+        while parts and len(places := (yield from self._all_closed())) >= len(there):
             at = there.index(step)
             yield from self._scroll_to(places[at][1])
             yield from self.click(self._in_window(places[at]))

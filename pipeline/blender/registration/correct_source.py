@@ -1,0 +1,132 @@
+"""Correct the pose of a case by further frames of its surface."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...alignment.pose_uncertainty import PoseUncertainty
+from ...alignment.refinement.verification import mean_distance_px
+from ...case.loaded_case import LoadedCase
+from ...errors import InputError
+from ...files.numbers import format_two_digits
+from ...registration.flow_refinement import FlowFit
+from ...registration.source_correction import SourceCorrection, Track
+from ...registration.verdict import ACCEPTED, SPREAD
+from ...transforms import inverse_rigid, rotation_angle_deg, transform_points
+from .register_frames import CaseRegistrar
+
+METHOD = "further frames"
+MOST_FRAMES, LEAST_FRAMES = 24, 3
+MOST_PIXELS = 600
+"""Of a frame: more say nothing new."""
+MOST_ROUNDS, SETTLED_PX = 6, 0.1
+"""Rounds of flow and fit, and mean movement, at the size of registration, below which no further one follows."""
+LARGEST_DEG = 1.0
+"""Standard deviation of the rotation above which the frames leave the pose open."""
+
+
+@dataclass(frozen=True)
+class CorrectedSource:
+    """A case whose pose was corrected.
+
+    Attributes
+    ----------
+    loaded
+        With the new pose and its record.
+    text
+        What has moved, and how sure it is, in one sentence.
+    """
+
+    loaded: LoadedCase
+    text: str
+
+
+def correct_source(
+    loaded: LoadedCase, source: Path, *, tool: str, date: str, progress: Callable[[float], None]
+) -> CorrectedSource:
+    """Correct the pose of a case by frames of a folder or a video, spread evenly over it.
+
+    Parameters
+    ----------
+    loaded
+        The case at its pose, which may be some degrees off.
+    source
+        Folder of images, or a video.
+    tool, date
+        For the record in the case.
+    progress
+        Called with the finished share, 0..1.
+
+    Raises
+    ------
+    InputError
+        The frames cannot be used, too few of them are accepted, or they leave the pose open.
+    """
+    registrar = CaseRegistrar(loaded)
+    with registrar.frames(source) as (count, _):
+        every = -(-count // MOST_FRAMES)
+    with registrar.frames(source, every) as (_, chosen):
+        frames = list(chosen)
+    first, pivot = loaded.frame.cam_from_model, registrar.pivot_model
+    start = (loaded.case.alignment or {}).get("method")
+    correction, poses = SourceCorrection(registrar.mesh, registrar.camera, pivot), dict[int, np.ndarray]()
+    for number in range(MOST_ROUNDS):
+        fits, accepted = dict[int, FlowFit](), 0
+        for done, frame in enumerate(frames):
+            found = registrar.register(frame, poses.get(done))
+            if found.fit is not None:
+                fits[done] = found.fit
+                accepted += found.verdict.state == ACCEPTED
+            progress((number + (done + 1) / len(frames)) / MOST_ROUNDS)
+        if len(fits) < LEAST_FRAMES:
+            break
+        before = loaded.frame.cam_from_model
+        fit = correction.fit(before, [_track(registrar, each) for each in fits.values()])
+        loaded = loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), {})
+        poses = dict(zip(fits, fit.frames, strict=True))
+        points = np.concatenate([each.points_model for each in fits.values()])
+        if mean_distance_px(registrar.camera, points, before, fit.cam_from_model) < SETTLED_PX:
+            break
+        registrar = CaseRegistrar(loaded)
+    progress(1.0)
+    # of the last round: at a wrong pose of the case's frame, few of the frames agree
+    if accepted < LEAST_FRAMES:
+        raise InputError(
+            f"{source.name}: expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from "
+            f"other sides, found {accepted} of {len(frames)}; the pose is not corrected"
+        )
+    camera, pose = loaded.case.camera, fit.cam_from_model
+    uncertainty = PoseUncertainty(
+        pivot_model=pivot,
+        covariance=SPREAD**2 * fit.covariance,
+        dof=np.inf,
+        sigma_px=np.nan,
+        radius_mm=float(np.sqrt(((points - pivot) ** 2).sum(axis=1).mean())),
+        pivot_cam=transform_points(pose, pivot[None])[0],
+    )
+    if uncertainty.largest_rotation_deg > LARGEST_DEG:
+        raise InputError(
+            f"{source.name}: expected frames that determine the pose of the case's frame, found ±"
+            f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
+        )
+    moved_px = mean_distance_px(camera, points, first, pose)
+    moved_deg = rotation_angle_deg(pose[:3, :3] @ first[:3, :3].T)
+    error_px = uncertainty.spread_px(camera, pose)
+    record: dict[str, object] = {"method": METHOD, "tool": tool, "date": date}
+    record |= {"start_method": start} if start else {}
+    record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
+    text = (
+        f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
+        f"{len(fits)} further frames; it is off by about {format_two_digits(error_px)} px if the surface is right, "
+        f"least certain: {uncertainty.weakest}"
+    )
+    return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
+
+
+def _track(registrar: CaseRegistrar, fit: FlowFit) -> Track:
+    closing = np.flatnonzero(np.isfinite(fit.residuals_px))
+    chosen = closing[:: max(1, len(closing) // MOST_PIXELS)]
+    source_px = registrar.camera.project(transform_points(registrar.cam_from_model, fit.points_model[chosen]))
+    return Track(source_px, fit.moved[chosen], fit.cam_from_model)

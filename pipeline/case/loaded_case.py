@@ -57,6 +57,12 @@ class LoadedCase:
         """The frame that the case file names: overlays show it, poses are drawn around its own."""
         return self.frames[0]
 
+    def posed(self, cam_from_mesh: np.ndarray, record: dict[str, object]) -> "LoadedCase":
+        """The case with another pose ``(4, 4)``, mm, of its frame, and the record of how it was found."""
+        case = replace(self.case, cam_from_mesh=cam_from_mesh, alignment=record)
+        pose = cam_from_mesh @ self.surface.mesh_from_model
+        return replace(self, case=case, frames=(replace(self.frame, cam_from_model=pose), *self.frames[1:]))
+
     def with_shown_structures(self, only: Collection[str] = ()) -> "LoadedCase":
         """The case with the structures that overlays show: those named in ``only``, else those that are not white.
 

@@ -1,8 +1,10 @@
 """The command ``oneframe register``."""
 
 import argparse
+import datetime
 from pathlib import Path
 
+from .. import __version__
 from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
 
@@ -11,11 +13,15 @@ EPILOG = """examples:
   %(prog)s case.toml frames --out registered
   %(prog)s case.toml surgery.mp4 --out registered
   %(prog)s case.toml surgery.mp4 --out registered --every 25
+  %(prog)s case.toml surgery.mp4 --out registered --correct-source
 
 The frames are of the case's camera: the same K, or the same proportions, to which K is scaled. Each is accepted,
 doubtful or refused, with the probability that its pose is within 2 degrees, 2 %% of the distance and 5 px of what the
 case's own pose says. DIR gets poses.json (cam_from_mesh of accepted and doubtful frames, with state, reason and
 covariance), bop_estimates.csv (the accepted ones), frames.png, on which to check them, and of a video overlay.mp4.
+
+--correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
+adjustment: a pose of the case that is some degrees off comes back. DIR/case.toml holds the case with the new pose.
 """
 
 MOST_REASONS = 10
@@ -26,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", metavar="CASE.toml", type=Path, help="the aligned case")
     parser.add_argument("frames", metavar="FRAMES", type=Path, help="a folder of images, or a video")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+    parser.add_argument("--correct-source", action="store_true", help="first correct the case's own pose by the frames")
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
@@ -33,9 +40,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Register the frames, write the files and report what was found."""
     with explained_imports():
         from ..blender.case.load_case import load_case
-        from ..blender.registration.register_case import FILM, SHEET, register_case
+        from ..blender.registration.correct_source import correct_source
+        from ..blender.registration.register_case import CASE, FILM, NAMES, SHEET, register_case
         from ..case.case_file import read_case
-        from ..files.outputs import check_outputs
+        from ..case.case_writer import write_case
+        from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
         from ..progress import ShareProgress
         from ..registration.pose_list import ESTIMATES, POSES
     output, out = own_output(), arguments.out
@@ -43,10 +52,24 @@ def run(arguments: argparse.Namespace) -> int:
     inputs = case.input_files()
     if not arguments.frames.is_dir():
         inputs["video"] = arguments.frames
-    check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM)], inputs)
+    check_own_folder(out, NAMES)
+    check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, CASE)], inputs)
     loaded = load_case(case).with_shown_structures()
     for message in loaded.messages:
         output.write(f"note: {message}\n")
+    if arguments.correct_source:
+        with ShareProgress("of the case's pose", stream=output) as shown:
+            corrected = correct_source(
+                loaded,
+                arguments.frames,
+                tool=f"OneFrame {__version__}, register",
+                date=datetime.date.today().isoformat(),
+                progress=shown.reach,
+            )
+        loaded = corrected.loaded
+        with writing(made_folder(out / CASE)):
+            write_case(out / CASE, loaded.case)
+        output.write(f"{corrected.text}: {out / CASE}\n")
     with ShareProgress("of the frames", stream=output) as shown:
         found = register_case(
             loaded, arguments.frames, out, every=arguments.every, progress=lambda done, count: shown.reach(done / count)

@@ -1,17 +1,21 @@
 """Register frames: the pose of each, from the pose before it or from nothing, and whether to trust it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
+from ..errors import InputError
 from ..surface.mesh import TriangleMesh
 from .flow_refinement import FlowFit, refined_by_flow
 from .known_views import KnownViews
 from .localise import Localised, localised
 from .verdict import ACCEPTED, REFUSED, Verdict, judge
-from .view_bank import bank_of
+from .view_bank import ViewBank, bank_of
+
+LEAST_FEATURES = 200
 
 
 @dataclass(frozen=True)
@@ -29,12 +33,15 @@ class RegisteredFrame:
         tells: the error of the aligned frame's pose comes on top. ``None`` without a pose.
     pivot_model
         ``(3,)``, mm.
+    fit
+        What the pose was found from, if it has one.
     """
 
     cam_from_model: np.ndarray | None
     verdict: Verdict
     covariance: np.ndarray | None
     pivot_model: np.ndarray
+    fit: FlowFit | None = None
 
 
 class Registrar:
@@ -43,17 +50,21 @@ class Registrar:
     def __init__(self, mesh: TriangleMesh, source: SourceView, pivot_model: np.ndarray) -> None:
         """Prepare a surface (model frame), the aligned frame and the ``(3,)`` middle of what it shows, mm."""
         self._views, self._pivot_model = KnownViews(mesh, source), pivot_model
-        self._bank = bank_of(self._views, pivot_model)
 
     @property
     def camera(self) -> PinholeCamera:
         """Of the frames."""
         return self._views.source.camera
 
-    @property
-    def features(self) -> int:
-        """How many features are known."""
-        return len(self._bank)
+    @cached_property
+    def _bank(self) -> ViewBank:
+        bank = bank_of(self._views, self._pivot_model)
+        if len(bank) < LEAST_FEATURES:
+            raise InputError(
+                f"the case's frame: expected texture on the surface, found {len(bank)} features (at least "
+                f"{LEAST_FEATURES}); choose a sharper frame"
+            )
+        return bank
 
     def register(self, grey: np.ndarray, valid: np.ndarray, near: np.ndarray | None = None) -> RegisteredFrame:
         """Register a frame.
@@ -64,6 +75,11 @@ class Registrar:
             ``(H, W)`` uint8 undistorted image, and ``(H, W)`` bool: pixels that may be used.
         near
             ``(4, 4)`` a pose that may be near, such as the frame's before.
+
+        Raises
+        ------
+        InputError
+            The aligned frame shows too little texture on the surface.
         """
         if near is not None:
             registered = self._judged(refined_by_flow(self._views, grey, valid, near), None)
@@ -77,4 +93,4 @@ class Registrar:
         verdict, covariance = judge(fit, found, self._pivot_model)
         if fit is None or verdict.state == REFUSED:
             return RegisteredFrame(None, verdict, None, self._pivot_model)
-        return RegisteredFrame(fit.cam_from_model, verdict, covariance, self._pivot_model)
+        return RegisteredFrame(fit.cam_from_model, verdict, covariance, self._pivot_model, fit)

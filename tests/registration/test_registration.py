@@ -8,15 +8,19 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.alignment.reprojection import apply_twist, twist_between
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.source_view import SourceView
 from oneframe.images.png import encode_png
+from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.register import Registrar
+from oneframe.registration.source_correction import SourceCorrection, Track
 from oneframe.registration.verdict import ACCEPTED, REFUSED
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
+    camera_centre,
     inverse_rigid,
     rigid,
     rotation_angle_deg,
@@ -107,6 +111,35 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
     found = registrar.register(codes(image), valid)
     assert (found.verdict.state, found.cam_from_model, found.covariance) == (REFUSED, None, None)
     assert found.verdict.reason
+
+
+def test_frames_bring_back_the_pose_of_the_source(mesh):
+    rng = np.random.default_rng(0)
+    source_px = CAMERA.pixel_grid()[::12, ::12].reshape(-1, 2)[rng.permutation(540)[:300]]
+    poses = [seen_from(tilt, roll) for tilt, roll in ((25, 0), (-20, 30), (15, 90), (30, -60))]
+    correction = SourceCorrection(mesh, CAMERA, PIVOT)
+    rays = CAMERA.rays_cam(source_px)
+    hits = MeshRays(mesh).first_hits(
+        np.tile(camera_centre(SOURCE).astype(np.float32), (len(rays), 1)), (rays @ SOURCE[:3, :3]).astype(np.float32)
+    )
+    points = transform_points(inverse_rigid(SOURCE), rays * hits.distance[:, None])
+    rough = apply_twist(np.array([2.0, -3.0, 4.0, *np.radians([3.0, -2.0, 2.0])]), SOURCE, PIVOT)
+    distances = []
+    for noise_px in (0.0, *[0.3] * 30):
+        tracks = []
+        for pose in poses:
+            pixels = CAMERA.project(transform_points(pose, points)) + rng.normal(0, noise_px, source_px.shape)
+            near = apply_twist(rng.normal(0, 1, 6) * [0.3, 0.3, 1, 0.01, 0.01, 0.01], pose, PIVOT)
+            tracks.append(Track(source_px, pixels, near))
+        found = correction.fit(rough if noise_px == 0 else SOURCE, tracks)
+        if noise_px == 0:
+            assert rotation_angle_deg(found.cam_from_model[:3, :3] @ SOURCE[:3, :3].T) < 0.01
+            assert np.abs(np.array(poses) - found.frames).max() < 0.05
+        else:
+            twist = twist_between(found.cam_from_model, SOURCE, PIVOT)
+            distances.append(twist @ np.linalg.solve(found.covariance, twist) / 6)
+    # of 30 draws from a mean of one
+    assert 0.5 < np.mean(distances) < 2.0
 
 
 def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):

@@ -109,7 +109,7 @@ def align_case(
             messages = (*messages, f"{refusal}; the refinement starts from the pose of the case")
         else:
             # the landmarks are in the frame of the mesh file, and so is the pose
-            loaded = _with_pose(loaded, alignment.estimate.cam_from_model, alignment_record(alignment, tool, date))
+            loaded = loaded.posed(alignment.estimate.cam_from_model, alignment_record(alignment, tool, date))
             check_pose(loaded.case, loaded.surface.mesh, loaded.frame.cam_from_model)
     if refine:
         frame, model_from_mesh = loaded.frame, inverse_rigid(loaded.surface.mesh_from_model)
@@ -128,9 +128,9 @@ def align_case(
             alone, record = record, joined_record(record, image, alignment, tool, date)
             if record["method"] == alone["method"]:
                 record["image"] = image_table(image, case.camera, alone)
-            loaded = _with_pose(loaded, alignment.estimate.cam_from_model, record)
+            loaded = loaded.posed(alignment.estimate.cam_from_model, record)
         elif took_refused:
-            loaded = _with_pose(loaded, refinement.found @ model_from_mesh, record)
+            loaded = loaded.posed(refinement.found @ model_from_mesh, record)
     found = alignment.estimate.messages if alignment is not None and not took_refused else ()
     return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
 
@@ -166,7 +166,7 @@ def propose_case(case: Case, take: int, *, tool: str, date: str) -> tuple[Aligne
     pose = found[take - 1].cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
     record = {"method": PROPOSED, "tool": tool, "date": date, "explained": found[take - 1].explained}
     posed = replace(loaded, case=replace(loaded.case, posed=True))
-    return AlignedCase(_with_pose(posed, pose, record), None, None, ()), found
+    return AlignedCase(posed.posed(pose, record), None, None, ()), found
 
 
 def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:
@@ -192,9 +192,3 @@ def alignment_picture(aligned: AlignedCase) -> np.ndarray:
     overlay = frame_overlay(aligned.loaded)
     found = None if aligned.took_refused else aligned.alignment
     return marked(overlay, found) if found is not None and len(found.landmarks) else overlay
-
-
-def _with_pose(loaded: LoadedCase, cam_from_mesh: np.ndarray, record: dict[str, object]) -> LoadedCase:
-    case = replace(loaded.case, cam_from_mesh=cam_from_mesh, alignment=record)
-    pose = cam_from_mesh @ loaded.surface.mesh_from_model
-    return replace(loaded, case=case, frames=(replace(loaded.frame, cam_from_model=pose), *loaded.frames[1:]))

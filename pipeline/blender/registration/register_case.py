@@ -23,7 +23,9 @@ from ..alignment.overlay_film import WIDEST, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
 from .register_frames import CaseRegistrar, FurtherFrame
 
-SHEET, FILM = "frames.png", "overlay.mp4"
+SHEET, FILM, CASE = "frames.png", "overlay.mp4", "case.toml"
+NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, CASE)).replace(".", r"\.")
+"""Regular expression of the files that the folder may hold: the case is there once its pose was corrected."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 BORDER_PX = 6
 COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60, 50)}
@@ -71,7 +73,7 @@ def register_case(
     RunError
         A file cannot be written.
     """
-    check_own_folder(out, "|".join((POSES, ESTIMATES, SHEET, FILM)))
+    check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
     scene = overlay_scene(loaded)
     entries, tiles, poses = [], [], {}

@@ -25,7 +25,6 @@ LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
-LEAST_FEATURES = 200
 
 
 @dataclass(frozen=True)
@@ -57,7 +56,7 @@ class CaseRegistrar:
         Raises
         ------
         InputError
-            The frame does not show the surface, or shows too little texture on it.
+            The frame does not show the surface.
         """
         frame = loaded.frame
         self.camera = _small(frame.camera)
@@ -65,12 +64,8 @@ class CaseRegistrar:
         valid = cv2.resize(frame.valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
         small = replace(frame, image=image, valid=valid, camera=self.camera)
         view = colouring_view_of(replace(loaded, frames=(small,)))
+        self.mesh, self.pivot_model, self.cam_from_model = view.mesh, view.pivot_model, frame.cam_from_model
         self._registrar = Registrar(view.mesh, view.view, view.pivot_model)
-        if self._registrar.features < LEAST_FEATURES:
-            raise InputError(
-                f"{loaded.case.path.name}: expected texture on the surface, found {self._registrar.features} features "
-                f"(at least {LEAST_FEATURES}); choose a sharper frame"
-            )
         self._case = loaded.case
         self._straight: Resampler | None = None
         self._inside = np.ones(self.camera.shape_hw, bool)
@@ -80,9 +75,15 @@ class CaseRegistrar:
             self._inside = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
         self._near: np.ndarray | None = None
 
-    def register(self, frame: FurtherFrame) -> RegisteredFrame:
-        """Register the next frame; that of a video begins at the pose of the one before."""
-        near = self._near if not frame.name else None
+    def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
+        """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from the one before.
+
+        Raises
+        ------
+        InputError
+            The case's frame shows too little texture on the surface.
+        """
+        near = self._near if near is None and not frame.name else near
         found = self._registrar.register(grey_codes(frame.image), frame.valid, near)
         self._near = found.cam_from_model if found.verdict.state == ACCEPTED else None
         return found

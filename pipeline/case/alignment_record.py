@@ -45,8 +45,8 @@ KEYS = (
 """In the order in which they are written.
 
 ``method``
-    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`PROPOSED`,
-    :data:`INITIAL_GUESS`, :data:`OTHER_FRAME`.
+    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`FURTHER_FRAMES`,
+    :data:`PROPOSED`, :data:`INITIAL_GUESS`, :data:`OTHER_FRAME`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
 ``checked``
@@ -97,6 +97,9 @@ INITIAL_GUESS = "initial guess"
 
 PROPOSED = "proposed"
 """Method of a pose that a search over all poses found in the frame, and nobody has verified."""
+
+FURTHER_FRAMES = "further frames"
+"""Method of a pose that was corrected by further frames of the surface."""
 
 OTHER_FRAME = "another frame"
 """Method of a pose that was found in another frame: a start for this one."""

@@ -184,8 +184,8 @@ def _covariance(linear: _Linear, number: np.ndarray, source_px: np.ndarray) -> n
     normal = _normal(linear, number, 0.0)
     eliminated = (normal.crosses @ normal.inverses)[number]
     alone = linear.by_source - np.einsum("nci,nji->ncj", linear.by_frame, eliminated)
-    _, block = np.unique((source_px // BLOCK_PX).astype(int), axis=0, return_inverse=True)
-    sums = np.zeros((block.max() + 1, 6))
+    places, block = np.unique((source_px // BLOCK_PX).astype(int), axis=0, return_inverse=True)
+    sums = np.zeros((len(places), 6))
     np.add.at(sums, block.ravel(), np.einsum("nci,nc,n->ni", alone, linear.residuals, linear.weight))
     # the loss bends: its second derivative is less than the weight (Huber 1981), in the mean over both directions
     weight = linear.weight

@@ -10,6 +10,8 @@ import pytest
 
 from oneframe.alignment.reprojection import apply_twist, twist_between
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.alignment_record import FURTHER_FRAMES
+from oneframe.case.case_file import read_case
 from oneframe.colour.source_view import SourceView
 from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
@@ -142,8 +144,24 @@ def test_frames_bring_back_the_pose_of_the_source(mesh):
     assert 0.5 < np.mean(distances) < 2.0
 
 
+def write_case(folder, mesh: TriangleMesh, cam_from_mesh: np.ndarray) -> None:
+    write_ply(folder / "surface.ply", mesh)
+    source = np.rint(255 * photograph(mesh, SOURCE)).astype(np.uint8)
+    (folder / "frame.png").write_bytes(encode_png(source))
+    (folder / "case.toml").write_text(
+        f'units = "mm"\n[frame]\nimage = "frame.png"\n[surface]\nmesh = "surface.ply"\n[camera]\nsize = [320, 240]\n'
+        f"K = {CAMERA.k.tolist()}\n[pose]\ncam_from_mesh = {cam_from_mesh.tolist()}\n"
+    )
+
+
+def registered(folder, frames: str, out, *options: str) -> list:
+    command = [sys.executable, "-m", "oneframe.commands", "register", folder / "case.toml", folder / frames]
+    ended = subprocess.run([*command, "--out", out, *options], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    return json.loads((out / "poses.json").read_text())
+
+
 def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
-    write_ply(tmp_path / "surface.ply", mesh)
     poses = [seen_from(tilt, roll) for tilt, roll in ((4, 0), (8, 5), (12, 10))]
     (tmp_path / "frames").mkdir()
     writer = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, CAMERA.size_wh)
@@ -154,19 +172,27 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     writer.release()
     source = np.rint(255 * photograph(mesh, SOURCE)).astype(np.uint8)
     (tmp_path / "frames" / "mirrored.png").write_bytes(encode_png(np.ascontiguousarray(source[:, ::-1])))
-    (tmp_path / "frame.png").write_bytes(encode_png(source))
-    (tmp_path / "case.toml").write_text(
-        f'units = "mm"\n[frame]\nimage = "frame.png"\n[surface]\nmesh = "surface.ply"\n[camera]\nsize = [320, 240]\n'
-        f"K = {CAMERA.k.tolist()}\n[pose]\ncam_from_mesh = {SOURCE.tolist()}\n"
-    )
+    write_case(tmp_path, mesh, SOURCE)
     for name, states in (("frames", [ACCEPTED] * 3 + [REFUSED]), ("film.avi", [ACCEPTED] * 3)):
         out = tmp_path / f"registered_{name}"
-        command = [sys.executable, "-m", "oneframe.commands", "register", tmp_path / "case.toml", tmp_path / name]
-        ended = subprocess.run([*command, "--out", out], capture_output=True, text=True, check=False)
-        assert ended.returncode == 0, ended.stderr
-        found = json.loads((out / "poses.json").read_text())
+        found = registered(tmp_path, name, out)
         assert [entry["state"] for entry in found] == states
         for entry, true in zip(found, poses, strict=False):
             assert rotation_angle_deg(np.array(entry["cam_from_mesh"])[:3, :3] @ true[:3, :3].T) < 0.5
         assert len((out / "bop_estimates.csv").read_text().splitlines()) == 4
         assert (out / "overlay.mp4").exists() == (name == "film.avi")
+
+
+def test_the_command_corrects_the_source(mesh, tmp_path):
+    rough = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([1.5, -2.0, 1.0])]), SOURCE, PIVOT)
+    write_case(tmp_path, mesh, rough)
+    (tmp_path / "frames").mkdir()
+    for number, (tilt, roll) in enumerate(((25, 0), (-20, 30), (15, 90), (-25, -60))):
+        image = np.rint(255 * photograph(mesh, seen_from(tilt, roll))).astype(np.uint8)
+        (tmp_path / "frames" / f"{number}.png").write_bytes(encode_png(image))
+    found = registered(tmp_path, "frames", tmp_path / "out", "--correct-source")
+    assert [entry["state"] for entry in found] == [ACCEPTED] * 4
+    case = read_case(tmp_path / "out" / "case.toml")
+    assert rotation_angle_deg(case.cam_from_mesh[:3, :3] @ SOURCE[:3, :3].T) < 0.2
+    assert case.alignment["method"] == FURTHER_FRAMES
+    assert case.alignment["moved_deg"] == pytest.approx(np.linalg.norm([1.5, -2.0, 1.0]), abs=0.2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...alignment.pose_uncertainty import PoseUncertainty
 from ...alignment.refinement.verification import mean_distance_px
+from ...case.alignment_record import FURTHER_FRAMES
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...files.numbers import format_two_digits
@@ -17,7 +18,6 @@ from ...registration.verdict import ACCEPTED, SPREAD
 from ...transforms import inverse_rigid, rotation_angle_deg, transform_points
 from .register_frames import CaseRegistrar
 
-METHOD = "further frames"
 MOST_FRAMES, LEAST_FRAMES = 24, 3
 MOST_PIXELS = 600
 """Of a frame: more say nothing new."""
@@ -114,7 +114,7 @@ def correct_source(
     moved_px = mean_distance_px(camera, points, first, pose)
     moved_deg = rotation_angle_deg(pose[:3, :3] @ first[:3, :3].T)
     error_px = uncertainty.spread_px(camera, pose)
-    record: dict[str, object] = {"method": METHOD, "tool": tool, "date": date}
+    record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
     record |= {"start_method": start} if start else {}
     record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
     text = (

@@ -2,6 +2,7 @@
 
 import argparse
 import datetime
+from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
@@ -21,7 +22,9 @@ case's own pose says. DIR gets poses.json (cam_from_mesh of accepted and doubtfu
 covariance), bop_estimates.csv (the accepted ones), frames.png, on which to check them, and of a video overlay.mp4.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
-adjustment: a pose of the case that is some degrees off comes back. DIR/case.toml holds the case with the new pose.
+adjustment: a pose of the case that is some degrees off comes back. --colour-frames
+chooses accepted frames that show more of the surface, or show it better: colours then come from all of them, in the
+exposure of the case's own. DIR/case.toml holds the case with the new pose and these frames.
 """
 
 MOST_REASONS = 10
@@ -33,6 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", metavar="FRAMES", type=Path, help="a folder of images, or a video")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
     parser.add_argument("--correct-source", action="store_true", help="first correct the case's own pose by the frames")
+    parser.add_argument(
+        "--colour-frames", metavar="N", type=at_least(1), default=0,
+        help="also write the case with up to N of the frames to colour its surface with",
+    )  # fmt: skip
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
@@ -44,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.registration.register_case import CASE, FILM, NAMES, SHEET, register_case
         from ..case.case_file import read_case
         from ..case.case_writer import write_case
-        from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
+        from ..files.outputs import check_outputs, check_own_folder, writing
         from ..progress import ShareProgress
         from ..registration.pose_list import ESTIMATES, POSES
     output, out = own_output(), arguments.out
@@ -67,13 +74,22 @@ def run(arguments: argparse.Namespace) -> int:
                 progress=shown.reach,
             )
         loaded = corrected.loaded
-        with writing(made_folder(out / CASE)):
-            write_case(out / CASE, loaded.case)
-        output.write(f"{corrected.text}: {out / CASE}\n")
+        output.write(f"{corrected.text}\n")
     with ShareProgress("of the frames", stream=output) as shown:
         found = register_case(
-            loaded, arguments.frames, out, every=arguments.every, progress=lambda done, count: shown.reach(done / count)
+            loaded,
+            arguments.frames,
+            out,
+            every=arguments.every,
+            colour_frames=arguments.colour_frames,
+            progress=lambda done, count: shown.reach(done / count),
         )
+    if arguments.correct_source or arguments.colour_frames:
+        further = (*loaded.case.frames, *found.sources)
+        with writing(out / CASE):
+            write_case(out / CASE, replace(loaded.case, frames=further))
+        images = f", with {len(further)} further frames" if further else ""
+        output.write(f"the case{images}: {out / CASE}\n")
     for name, reason in found.reasons[:MOST_REASONS]:
         output.write(f"{name}: {reason}\n")
     if len(found.reasons) > MOST_REASONS:

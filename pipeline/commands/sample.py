@@ -11,8 +11,10 @@ ABOUT = "Make the built-in sample case: a drilled temporal bone, a microscope fr
 EPILOG = """examples:
   %(prog)s
   %(prog)s --out demo/case
+  %(prog)s --film
 
-The command writes case.toml, frame.png, surface.ply, structures/, held_out/ and held_out.json into the folder.
+The command writes case.toml, frame.png, surface.ply, structures/, held_out/ and held_out.json into the folder; --film
+adds film.mp4, 60 frames with instruments, blur and glare in some, and their poses, film.json.
 """
 
 
@@ -21,12 +23,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", type=Path, default=Path("sample_case"), help="folder to write (default: %(default)s)"
     )
+    parser.add_argument("--film", action="store_true", help="also make a film of it, which takes some minutes")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the sample case and report each file."""
     with explained_imports():
-        from ..blender.sample.sample_case import check_sample_case, write_sample_case
+        from ..blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
         from ..sample.temporal_bone import sample_surface
     output = own_output()
     start = time.monotonic()
@@ -35,5 +38,8 @@ def run(arguments: argparse.Namespace) -> int:
     output.write(f"surface of {len(surface.bone.faces)} triangles\n")
     for path in write_sample_case(arguments.out, surface):
         output.write(f"{time.monotonic() - start:6.1f} s  {path}\n")
+    if arguments.film:
+        for path in write_sample_film(arguments.out, surface):
+            output.write(f"{time.monotonic() - start:6.1f} s  {path}\n")
     output.write(f"next: oneframe render {arguments.out / 'case.toml'} --out dataset\n")
     return 0

@@ -49,17 +49,21 @@ class KnownViews:
         """Prepare a surface (model frame) that is coloured by its aligned frame."""
         self.source = source
         self._tracer = RayTracer(mesh, source.camera, source, rays=MeshRays(mesh))
+        self._latest: KnownView | None = None
 
     def at(self, cam_from_model: np.ndarray) -> KnownView:
-        """The view of a pose (4x4, mm)."""
+        """The view of a pose (4x4, mm); the latest one is kept, for the next frame begins where this one ends."""
+        if self._latest is not None and np.array_equal(self._latest.cam_from_model, cam_from_model):
+            return self._latest
         seen = self._tracer.render(cam_from_model)
-        return KnownView(
+        self._latest = KnownView(
             grey=grey_codes(seen.rgb),
             depth_mm=seen.depth_mm,
             shown=seen.observed,
             camera=self.source.camera,
             cam_from_model=cam_from_model,
         )
+        return self._latest
 
 
 def grey_codes(image: np.ndarray) -> np.ndarray:

@@ -175,12 +175,15 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     write_case(tmp_path, mesh, SOURCE)
     for name, states in (("frames", [ACCEPTED] * 3 + [REFUSED]), ("film.avi", [ACCEPTED] * 3)):
         out = tmp_path / f"registered_{name}"
-        found = registered(tmp_path, name, out)
+        found = registered(tmp_path, name, out, *(["--colour-frames", "1"] if name == "film.avi" else []))
         assert [entry["state"] for entry in found] == states
         for entry, true in zip(found, poses, strict=False):
             assert rotation_angle_deg(np.array(entry["cam_from_mesh"])[:3, :3] @ true[:3, :3].T) < 0.5
         assert len((out / "bop_estimates.csv").read_text().splitlines()) == 4
         assert (out / "overlay.mp4").exists() == (name == "film.avi")
+    (source,) = read_case(out / "case.toml").frames
+    assert source.image.exists()
+    assert min(np.abs(source.cam_from_mesh - pose).max() for pose in poses) < 1.0
 
 
 def test_the_command_corrects_the_source(mesh, tmp_path):
@@ -190,9 +193,11 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
     for number, (tilt, roll) in enumerate(((25, 0), (-20, 30), (15, 90), (-25, -60))):
         image = np.rint(255 * photograph(mesh, seen_from(tilt, roll))).astype(np.uint8)
         (tmp_path / "frames" / f"{number}.png").write_bytes(encode_png(image))
-    found = registered(tmp_path, "frames", tmp_path / "out", "--correct-source")
+    found = registered(tmp_path, "frames", tmp_path / "out", "--correct-source", "--colour-frames", "2")
     assert [entry["state"] for entry in found] == [ACCEPTED] * 4
     case = read_case(tmp_path / "out" / "case.toml")
     assert rotation_angle_deg(case.cam_from_mesh[:3, :3] @ SOURCE[:3, :3].T) < 0.2
     assert case.alignment["method"] == FURTHER_FRAMES
+    assert {each.image.parent.name for each in case.frames} == {"frames"}
+    assert len(case.frames) == 2
     assert case.alignment["moved_deg"] == pytest.approx(np.linalg.norm([1.5, -2.0, 1.0]), abs=0.2)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
+from ...colour.exposure import matched_exposures
 from ...colour.fill import filled_colours
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
@@ -156,7 +157,7 @@ def _view_of(
     pixel = np.array([[u[central], v[central]]], float)
     pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
     pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
-    return ReferenceView(mesh, tuple(views), pivot_model, tuple(messages), raster)
+    return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(messages), raster)
 
 
 def colours_of(source: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
+from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
 from ...files.outputs import check_own_folder, made_folder, writing
@@ -15,17 +16,19 @@ from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
+from ...registration.colour_sources import Candidate, chosen_sources, sharpness
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
 from ...registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
+from ...transforms import inverse_rigid
 from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
 from .register_frames import CaseRegistrar, FurtherFrame
 
 SHEET, FILM, CASE = "frames.png", "overlay.mp4", "case.toml"
-NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, CASE)).replace(".", r"\.")
-"""Regular expression of the files that the folder may hold: the case is there once its pose was corrected."""
+NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, CASE, r"frame_\d+.png")).replace(".", r"\.")
+"""Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 BORDER_PX = 6
 COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60, 50)}
@@ -42,14 +45,23 @@ class Registration:
         State -> number of frames.
     reasons
         Of the frames that are not accepted, with their names or numbers.
+    sources
+        The frames to colour the surface with.
     """
 
     counts: dict[str, int]
     reasons: tuple[tuple[str, str], ...]
+    sources: tuple[UnreadFrame, ...] = ()
 
 
 def register_case(
-    loaded: LoadedCase, source: Path, out: Path, *, every: int = 1, progress: Callable[[int, int], None]
+    loaded: LoadedCase,
+    source: Path,
+    out: Path,
+    *,
+    every: int = 1,
+    colour_frames: int = 0,
+    progress: Callable[[int, int], None],
 ) -> Registration:
     """Register all frames of a folder or a video, and write the files into a folder.
 
@@ -63,6 +75,8 @@ def register_case(
         Folder to write.
     every
         Take every n-th frame.
+    colour_frames
+        Choose so many accepted frames, at most, to colour the surface with.
     progress
         Called with the number of finished frames and of all.
 
@@ -76,15 +90,16 @@ def register_case(
     check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
     scene = overlay_scene(loaded)
-    entries, tiles, poses = [], [], {}
+    entries, tiles, poses, candidates = [], [], {}, []
     with registrar.frames(source, every) as (count, frames):
         shown_every = -(-count // SHEET_FRAMES)
         for done, frame in enumerate(frames):
             found = registrar.register(frame)
             surface, units = loaded.surface, loaded.case.mm_per_unit
             entries.append(pose_entry(frame.name, frame.number, found, surface.mesh_from_model, units))
-            if found.verdict.state == ACCEPTED:
+            if found.cam_from_model is not None and found.verdict.state == ACCEPTED:
                 poses[frame.number] = found.cam_from_model
+                candidates.append(Candidate(frame.number, found.cam_from_model, sharpness(frame.image)))
             if done % shown_every == 0:
                 tiles.append(_tile(frame, found, scene, registrar))
             progress(done + 1, count)
@@ -97,15 +112,19 @@ def register_case(
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
     if not source.is_dir() and every == 1:
         with Film(source, width=WIDEST) as film:
-            listed = [poses.get(number) for number in range(film.info.frames)]
-            OverlayFilm(loaded, film, listed, explained=True).write(out / FILM, lambda: None)
+            track = [poses.get(number) for number in range(film.info.frames)]
+            OverlayFilm(loaded, film, track, explained=True).write(out / FILM, lambda: None)
     counts = {state: sum(entry["state"] == state for entry in entries) for state in COLOURS}
     reasons = tuple(
         (str(entry.get("image", f"frame {entry['frame']}")), f"{entry['state']}: {entry['reason']}")
         for entry in entries
         if entry["state"] != ACCEPTED
     )
-    return Registration(counts, reasons)
+    chosen = chosen_sources(registrar.mesh, registrar.camera, registrar.cam_from_model, candidates, colour_frames)
+    model_from_mesh = inverse_rigid(loaded.surface.mesh_from_model)
+    listed = {number: poses[number] @ model_from_mesh for number in chosen}
+    sources = tuple(registrar.full_frames(source, out, listed)) if chosen else ()
+    return Registration(counts, reasons, sources)
 
 
 def _tile(frame: FurtherFrame, found: RegisteredFrame, scene: OverlayScene, registrar: CaseRegistrar) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Register the frames of a folder or a video to a case, one after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +11,12 @@ import numpy as np
 from ...camera.distortion import distorted_pixels
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
+from ...files.content import read_content, write_bytes_atomically
+from ...files.outputs import writing
+from ...images.image_check import image_size
+from ...images.png import encode_png
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
 from ...registration.verdict import ACCEPTED
@@ -24,6 +29,8 @@ from ..colour.reference_view import colouring_view_of
 LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
 
+FRAME = "frame_{:06d}.png"
+"""Name of a video's frame that is written."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -85,7 +92,9 @@ class CaseRegistrar:
         """
         near = self._near if near is None and not frame.name else near
         found = self._registrar.register(grey_codes(frame.image), frame.valid, near)
-        self._near = found.cam_from_model if found.verdict.state == ACCEPTED else None
+        # where its view was drawn, which is kept: a fraction of a pixel from the pose that was found
+        fit = found.fit if found.verdict.state == ACCEPTED else None
+        self._near = None if fit is None else fit.view.cam_from_model
         return found
 
     @contextmanager
@@ -98,7 +107,7 @@ class CaseRegistrar:
             No images, not a video, or frames of other proportions than K's; while iterating also an unreadable image.
         """
         if source.is_dir():
-            paths = sorted(path for path in source.iterdir() if path.suffix.lower() in IMAGES)
+            paths = image_paths(source)
             if not paths:
                 raise InputError(f"{source}: expected images ({', '.join(IMAGES)}) or a video, found none")
             chosen = list(enumerate(paths))[::every]
@@ -107,6 +116,33 @@ class CaseRegistrar:
         with Film(source, every=every, width=self.camera.width) as film:
             camera_of_film(self._case.camera, film.info.size_wh, source.name)
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
+
+    def full_frames(self, source: Path, out: Path, poses: Mapping[int, np.ndarray]) -> Iterator[UnreadFrame]:
+        """Registered frames at full size, as a case names them; those of a video are written into a folder.
+
+        ``poses`` are ``cam_from_mesh`` ``(4, 4)``, mm, by the frame's number.
+
+        Raises
+        ------
+        RunError
+            An image cannot be written.
+        """
+        camera, distortion = self._case.camera, self._case.distortion
+        if source.is_dir():
+            paths = image_paths(source)
+            for number, pose in sorted(poses.items()):
+                size_wh = image_size(read_content(paths[number], "an image"))
+                own = camera_of_film(camera, size_wh, paths[number].name)
+                yield UnreadFrame(paths[number], own, distortion, pose)
+            return
+        with Film(source, width=camera.width) as film:
+            own = camera_of_film(camera, film.info.small_wh, source.name)
+            for each in film:
+                if each.index in poses:
+                    path = out / FRAME.format(each.index)
+                    with writing(path):
+                        write_bytes_atomically(path, encode_png(np.ascontiguousarray(each.image)))
+                    yield UnreadFrame(path, own, distortion, poses[each.index])
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
         image, valid = read_image(path, path.name)
@@ -122,6 +158,11 @@ class CaseRegistrar:
         if self._straight is not None:
             image = self._straight(image)
         return FurtherFrame(name, number, image, self._inside)
+
+
+def image_paths(folder: Path) -> list[Path]:
+    """The images of a folder by their names."""
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES)
 
 
 def _small(camera: PinholeCamera) -> PinholeCamera:

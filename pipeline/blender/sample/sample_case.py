@@ -13,14 +13,20 @@ from ...case.case_writer import case_text, write_case
 from ...errors import InputError
 from ...files.content import read_content, write_bytes_atomically
 from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
+from ...files.temporary import temporary_folder
+from ...images.pixel_values import to_uint8
+from ...sample.film import disturbance, disturbed, film_poses
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
 from ...surface.structure_colour import structure_colour
+from ..bridge.image import read_image
+from ..render.video import write_video
 from .photograph import take_photographs
 
 STRUCTURES = ("facial_nerve", "chorda_tympani", "ossicles")
 HELD_OUT, UNALIGNED = "held_out.json", "unaligned.toml"
-_NAMES = r"surface\.ply|structures|frame\.png|case\.toml|unaligned\.toml|held_out|held_out\.json"
+FILM, FILM_POSES = "film.mp4", "film.json"
+_NAMES = r"surface\.ply|structures|frame\.png|case\.toml|unaligned\.toml|held_out|held_out\.json|film\.mp4|film\.json"
 COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
 
 
@@ -93,6 +99,41 @@ def write_sample_case(
         with writing(path):
             write_case(path, written, comment=COMMENT)
         yield path
+
+
+def write_sample_film(folder: Path, surface: SampleSurface, *, camera: PinholeCamera = MICROSCOPE) -> Iterator[Path]:
+    """Write a film of the sample at half its size, path traced, beside its case.
+
+    ``film.json`` lists for each frame ``frame``, ``cam_from_mesh`` as in ``held_out.json``, and ``disturbance``: what
+    spoils the frame, if anything does.
+
+    Yields
+    ------
+    Each file's path once it is complete.
+
+    Raises
+    ------
+    RunError
+        A file cannot be written.
+    """
+    small, poses = camera.resized(camera.width // 2, camera.height // 2), film_poses()
+    with temporary_folder() as pictures:
+        shots = [(pose, pictures / f"{number:03d}.png") for number, pose in enumerate(poses)]
+        photographs = take_photographs(surface, small, shots)
+        frames = (
+            disturbed(to_uint8(read_image(path)[0]), number).astype(np.float32) / 255
+            for number, path in enumerate(list(photographs))
+        )
+        with writing(folder / FILM):
+            write_video(folder / FILM, frames)
+    yield folder / FILM
+    listed = [
+        {"frame": number, "cam_from_mesh": pose.tolist(), "disturbance": disturbance(number)}
+        for number, pose in enumerate(poses)
+    ]
+    with writing(folder / FILM_POSES):
+        write_bytes_atomically(folder / FILM_POSES, (json.dumps(listed, indent=1) + "\n").encode())
+    yield folder / FILM_POSES
 
 
 def _structure_file(name: str) -> str:

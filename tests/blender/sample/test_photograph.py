@@ -1,6 +1,7 @@
 """Photographs of the sample case: exact in geometry, repeatable, well exposed; and the folder that holds them."""
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,14 +10,16 @@ bpy = pytest.importorskip("bpy")
 
 from oneframe.blender.bridge.image import read_image
 from oneframe.blender.sample.photograph import take_photographs
-from oneframe.blender.sample.sample_case import check_sample_case, write_sample_case
+from oneframe.blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.errors import InputError
+from oneframe.sample.film import DISTURBED
 from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses, sample_surface
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from oneframe.transforms import inverse_rigid, rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.video.film_reader import Film
 
 pytestmark = pytest.mark.render
 
@@ -122,3 +125,24 @@ def test_sample_case_is_read_back_as_written(tmp_path, coarse):
     paths[-1].write_text(paths[-1].read_text() + "# aligned\n")
     with pytest.raises(InputError, match="found another case"):
         check_sample_case(tmp_path / "case", camera=SMALL)
+
+
+def test_the_film_shows_its_poses_and_its_faults(tmp_path, coarse):
+    camera = MICROSCOPE.resized(128, 96)
+    film, listed = write_sample_film(tmp_path, coarse, camera=camera)
+    entries, small = json.loads(listed.read_text()), camera.resized(64, 48)
+    poses = [np.array(entry["cam_from_mesh"]) for entry in entries]
+    steps = [rotation_angle_deg(b[:3, :3] @ a[:3, :3].T) for a, b in pairwise([*poses, poses[0]])]
+    # no leap, also not from the last frame to the first
+    assert 0 < max(steps) < 8
+    with Film(film) as frames:
+        shown = [frame.image.astype(float) for frame in frames]
+    assert len(shown) == len(entries)
+    clear = [number for number, entry in enumerate(entries) if not entry["disturbance"]]
+    for number in clear[::20]:
+        (path,) = take_photographs(coarse, small, [(poses[number], tmp_path / "again.png")])
+        again = 255 * read_image(path)[0]
+        assert np.abs(shown[number] - again).mean() < 6
+        # the frames beside it show something else
+        assert np.abs(shown[number] - again).mean() < np.abs(shown[number - 4] - again).mean()
+    assert {entry["disturbance"] for entry in entries} == {"", *DISTURBED}

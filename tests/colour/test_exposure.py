@@ -1,0 +1,44 @@
+"""Frames of one surface in different exposures agree once these are matched; those that share nothing stay."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.exposure import matched_exposures
+from oneframe.colour.source_view import SourceView
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from tests.alignment.test_refinement import hills
+
+CAMERA = PinholeCamera(160, 120, 750.0, 750.0, 79.5, 59.5)
+GAINS = np.array([[1, 1, 1], [0.7, 0.8, 0.9], [1.2, 1.1, 0.8]])
+
+
+def view(mesh, tilt_deg: float, rng: np.random.Generator) -> SourceView:
+    """A painted surface from a side, with noise and a highlight."""
+    pose = rigid(rotation_from_vector(np.radians([180 + tilt_deg, 0, 0])), np.array([0, 0, 300.0]))
+    inverse = rasterise_depth(mesh, CAMERA, pose).inverse_depth
+    points_cam = CAMERA.rays_cam(CAMERA.pixel_grid()) / np.maximum(inverse, 1e-9)[..., None]
+    places = transform_points(inverse_rigid(pose), points_cam.reshape(-1, 3)).reshape(*CAMERA.shape_hw, 3)
+    image = 0.45 + 0.2 * np.sin(places[..., [0, 1, 0]] / [3.0, 4.0, 5.0]) + rng.normal(0, 0.02, (*CAMERA.shape_hw, 3))
+    image = np.where(inverse[..., None] > 0, image, 0.0).astype(np.float32)
+    image[20:40, 30:60] = 1.0
+    return SourceView(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse.astype(np.float32))
+
+
+def test_exposures_are_matched_to_the_first_frame():
+    rng, mesh = np.random.default_rng(0), hills(1)
+    views = [view(mesh, tilt, rng) for tilt in (0, 20, -20)]
+    apart = [
+        replace(each, image=(each.image * gain).astype(np.float32)) for each, gain in zip(views, GAINS, strict=True)
+    ]
+    # nothing is in front of this one
+    away = replace(apart[1], inverse_depth=np.zeros(CAMERA.shape_hw, np.float32))
+    matched = matched_exposures([*apart, away])
+    assert matched[0] is apart[0]
+    for found, true in zip(matched, views, strict=False):
+        middle = np.s_[50:110, 70:150]
+        assert np.median(found.image[middle] / true.image[middle]) == pytest.approx(1, abs=0.02)
+    assert np.array_equal(matched[3].image, away.image)

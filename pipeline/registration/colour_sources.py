@@ -1,4 +1,7 @@
-"""Which registered frames to colour a surface with: those that show most of it better than the ones before."""
+"""Which registered frames to colour a surface with: those that show most of it better than the ones before.
+
+Where a frame shows something else than the surface, such as an instrument or glare, it colours nothing.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,22 +13,47 @@ from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
+from .flow_refinement import FlowFit
 
 MOST_FACES = 30_000
+MOST_CANDIDATES = 100
+BLOCK_PX, LEAST_PIXELS, LEAST_SHARE = 16, 4, 0.5
+"""Side of the blocks that show the surface or not, pixels that a block needs, and share of them that must agree."""
+AGREEING_PX = 2.0
 
 
 class Candidate(NamedTuple):
-    """A registered frame: its number, its pose ``(4, 4)``, mm, and how sharp it is."""
+    """A registered frame: its number, its pose ``(4, 4)``, mm, how sharp it is, and its :func:`hidden_blocks`."""
 
     number: int
     cam_from_model: np.ndarray
     sharpness: float
+    hidden: np.ndarray
 
 
 def sharpness(image: np.ndarray) -> float:
     """Mean strength of the finest detail of ``(H, W, 3)`` uint8, relative to the image's brightness."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     return float(np.abs(cv2.Laplacian(grey, cv2.CV_32F)).mean() / max(grey.mean(), 1.0))
+
+
+def hidden_blocks(fit: FlowFit) -> np.ndarray:
+    """``(h, w)`` bool: the blocks of a frame in which the surface that the aligned frame saw is not to be seen."""
+    height, width = fit.view.camera.shape_hw
+    agrees, known = (np.zeros((-(-height // BLOCK_PX), -(-width // BLOCK_PX))) for _ in range(2))
+    u, v = (fit.pixels // BLOCK_PX).astype(int).T
+    np.add.at(known, (v, u), 1.0)
+    np.add.at(agrees, (v, u), fit.residuals_px < AGREEING_PX)
+    hidden = (known >= LEAST_PIXELS) & (agrees < LEAST_SHARE * known)
+    # what covers the surface is larger than a block, and ends inside of others
+    opened = cv2.morphologyEx(hidden.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    return cv2.dilate(opened, np.ones((3, 3), np.uint8)) > 0
+
+
+def shown_pixels(hidden: np.ndarray, camera: PinholeCamera, size_wh: tuple[int, int]) -> np.ndarray:
+    """``(H, W)`` bool of an image of that size: no part of hidden blocks, which are of the camera's pixels."""
+    pixels = np.repeat(np.repeat(hidden, BLOCK_PX, axis=0), BLOCK_PX, axis=1)[: camera.height, : camera.width]
+    return cv2.resize(pixels.astype(np.uint8), size_wh, interpolation=cv2.INTER_NEAREST) == 0
 
 
 def chosen_sources(
@@ -54,14 +82,18 @@ def chosen_sources(
     points, normals = mesh.face_centres[faces], mesh.face_normals[faces]
     area = np.linalg.norm(mesh.face_cross[faces], axis=1)
 
-    def shown(cam_from_model: np.ndarray) -> np.ndarray:
+    def shown(cam_from_model: np.ndarray, hidden: np.ndarray | None = None) -> np.ndarray:
         inverse = rasterise_depth(mesh, camera, cam_from_model).inverse_depth.astype(np.float32)
+        if hidden is not None:
+            inverse[~shown_pixels(hidden, camera, camera.size_wh)] = 0
         image, valid = np.zeros((*camera.shape_hw, 3), np.float32), np.ones(camera.shape_hw, bool)
         view = SourceView(image, valid, camera, cam_from_model, inverse_depth=inverse)
         return np.where(view.observed(points, normals), view.resolution(points, normals), 0.0)
 
-    best, left = shown(source), {each.number: (shown(each.cam_from_model), each.sharpness) for each in candidates}
-    sharpest = max((each.sharpness for each in candidates), default=1.0)
+    few = candidates[:: max(1, -(-len(candidates) // MOST_CANDIDATES))]
+    best = shown(source)
+    left = {each.number: (shown(each.cam_from_model, each.hidden), each.sharpness) for each in few}
+    sharpest = max((each.sharpness for each in few), default=1.0)
     found: list[int] = []
     while left and len(found) < count:
         gains = {

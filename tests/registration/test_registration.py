@@ -16,6 +16,7 @@ from oneframe.colour.source_view import SourceView
 from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
 from oneframe.registration.register import Registrar
 from oneframe.registration.source_correction import SourceCorrection, Track
 from oneframe.registration.verdict import ACCEPTED, REFUSED
@@ -115,6 +116,16 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
     assert found.verdict.reason
 
 
+def test_what_covers_the_surface_gives_no_colour(registrar, mesh):
+    image = photograph(mesh, seen_from(15, 10))
+    image[90:180, 120:] = 0.6
+    fit = registrar.register(codes(image), everywhere()).fit
+    shown = shown_pixels(hidden_blocks(fit), CAMERA, (640, 480))
+    assert shown[190:350, 260:].mean() < 0.05
+    assert shown[:150].mean() > 0.9
+    assert shown[430:].mean() > 0.9
+
+
 def test_frames_bring_back_the_pose_of_the_source(mesh):
     rng = np.random.default_rng(0)
     source_px = CAMERA.pixel_grid()[::12, ::12].reshape(-1, 2)[rng.permutation(540)[:300]]
@@ -198,6 +209,6 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
     case = read_case(tmp_path / "out" / "case.toml")
     assert rotation_angle_deg(case.cam_from_mesh[:3, :3] @ SOURCE[:3, :3].T) < 0.2
     assert case.alignment["method"] == FURTHER_FRAMES
-    assert {each.image.parent.name for each in case.frames} == {"frames"}
+    assert all(each.image.exists() for each in case.frames)
     assert len(case.frames) == 2
     assert case.alignment["moved_deg"] == pytest.approx(np.linalg.norm([1.5, -2.0, 1.0]), abs=0.2)

@@ -16,11 +16,10 @@ from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
-from ...registration.colour_sources import Candidate, chosen_sources, sharpness
+from ...registration.colour_sources import Candidate, chosen_sources, hidden_blocks, sharpness
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
 from ...registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
-from ...transforms import inverse_rigid
 from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
@@ -97,9 +96,11 @@ def register_case(
             found = registrar.register(frame)
             surface, units = loaded.surface, loaded.case.mm_per_unit
             entries.append(pose_entry(frame.name, frame.number, found, surface.mesh_from_model, units))
-            if found.cam_from_model is not None and found.verdict.state == ACCEPTED:
-                poses[frame.number] = found.cam_from_model
-                candidates.append(Candidate(frame.number, found.cam_from_model, sharpness(frame.image)))
+            if found.fit is not None and found.verdict.state == ACCEPTED:
+                pose = poses[frame.number] = found.fit.cam_from_model
+                if colour_frames:
+                    hidden = hidden_blocks(found.fit)
+                    candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
             if done % shown_every == 0:
                 tiles.append(_tile(frame, found, scene, registrar))
             progress(done + 1, count)
@@ -120,10 +121,12 @@ def register_case(
         for entry in entries
         if entry["state"] != ACCEPTED
     )
-    chosen = chosen_sources(registrar.mesh, registrar.camera, registrar.cam_from_model, candidates, colour_frames)
-    model_from_mesh = inverse_rigid(loaded.surface.mesh_from_model)
-    listed = {number: poses[number] @ model_from_mesh for number in chosen}
-    sources = tuple(registrar.full_frames(source, out, listed)) if chosen else ()
+    sources: tuple[UnreadFrame, ...] = ()
+    if candidates:
+        mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
+        chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
+        listed = {each.number: each for each in candidates if each.number in chosen}
+        sources = tuple(registrar.full_frames(source, out, listed, loaded.surface.mesh_from_model))
     return Registration(counts, reasons, sources)
 
 

@@ -1,6 +1,6 @@
 """Register the frames of a folder or a video to a case, one after the other."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,13 +13,15 @@ from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
-from ...files.content import read_content, write_bytes_atomically
+from ...files.content import write_bytes_atomically
 from ...files.outputs import writing
-from ...images.image_check import image_size
+from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
+from ...registration.colour_sources import Candidate, shown_pixels
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
 from ...registration.verdict import ACCEPTED
+from ...transforms import inverse_rigid
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
 from ..alignment.overlay_film import camera_of_film
@@ -30,7 +32,7 @@ LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
 
 FRAME = "frame_{:06d}.png"
-"""Name of a video's frame that is written."""
+"""Name of a frame that is written."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -117,32 +119,34 @@ class CaseRegistrar:
             camera_of_film(self._case.camera, film.info.size_wh, source.name)
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
-    def full_frames(self, source: Path, out: Path, poses: Mapping[int, np.ndarray]) -> Iterator[UnreadFrame]:
-        """Registered frames at full size, as a case names them; those of a video are written into a folder.
-
-        ``poses`` are ``cam_from_mesh`` ``(4, 4)``, mm, by the frame's number.
+    def full_frames(
+        self, source: Path, out: Path, chosen: Mapping[int, Candidate], mesh_from_model: np.ndarray
+    ) -> Iterator[UnreadFrame]:
+        """Write registered frames at full size into a folder, clear where something hides the surface, for a case.
 
         Raises
         ------
         RunError
             An image cannot be written.
         """
-        camera, distortion = self._case.camera, self._case.distortion
+        for number, image in self._full_images(source, chosen):
+            candidate, size_wh = chosen[number], (image.shape[1], image.shape[0])
+            shown = shown_pixels(candidate.hidden, self.camera, size_wh)
+            path = out / FRAME.format(number)
+            with writing(path):
+                write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))
+            own = camera_of_film(self._case.camera, size_wh, source.name)
+            pose = candidate.cam_from_model @ inverse_rigid(mesh_from_model)
+            yield UnreadFrame(path, own, self._case.distortion, pose)
+
+    def _full_images(self, source: Path, numbers: Collection[int]) -> Iterator[tuple[int, np.ndarray]]:
         if source.is_dir():
             paths = image_paths(source)
-            for number, pose in sorted(poses.items()):
-                size_wh = image_size(read_content(paths[number], "an image"))
-                own = camera_of_film(camera, size_wh, paths[number].name)
-                yield UnreadFrame(paths[number], own, distortion, pose)
+            for number in sorted(numbers):
+                yield number, to_uint8(read_image(paths[number], paths[number].name)[0])
             return
-        with Film(source, width=camera.width) as film:
-            own = camera_of_film(camera, film.info.small_wh, source.name)
-            for each in film:
-                if each.index in poses:
-                    path = out / FRAME.format(each.index)
-                    with writing(path):
-                        write_bytes_atomically(path, encode_png(np.ascontiguousarray(each.image)))
-                    yield UnreadFrame(path, own, distortion, poses[each.index])
+        with Film(source, width=self._case.camera.width) as film:
+            yield from ((each.index, each.image) for each in film if each.index in numbers)
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
         image, valid = read_image(path, path.name)

@@ -22,9 +22,9 @@ case's own pose says. DIR gets poses.json (cam_from_mesh of accepted and doubtfu
 covariance), bop_estimates.csv (the accepted ones), frames.png, on which to check them, and of a video overlay.mp4.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
-adjustment: a pose of the case that is some degrees off comes back. --colour-frames
-chooses accepted frames that show more of the surface, or show it better: colours then come from all of them, in the
-exposure of the case's own. DIR/case.toml holds the case with the new pose and these frames.
+adjustment: a pose of the case that is some degrees off comes back. --colour-frames chooses accepted frames that show
+more of the surface, or show it better: colours then come from all of them, in the exposure of the case's own.
+DIR/case.toml holds the case with the new pose and these frames.
 """
 
 MOST_REASONS = 10

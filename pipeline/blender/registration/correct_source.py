@@ -73,6 +73,8 @@ def correct_source(
     start = (loaded.case.alignment or {}).get("method")
     correction, poses = SourceCorrection(registrar.mesh, registrar.camera, pivot), dict[int, np.ndarray]()
     for number in range(MOST_ROUNDS):
+        if poses:
+            registrar = CaseRegistrar(loaded)
         fits, accepted = dict[int, FlowFit](), 0
         for done, frame in enumerate(frames):
             found = registrar.register(frame, poses.get(done))
@@ -89,7 +91,6 @@ def correct_source(
         points = np.concatenate([each.points_model for each in fits.values()])
         if mean_distance_px(registrar.camera, points, before, fit.cam_from_model) < SETTLED_PX:
             break
-        registrar = CaseRegistrar(loaded)
     progress(1.0)
     # of the last round: at a wrong pose of the case's frame, few of the frames agree
     if accepted < LEAST_FRAMES:

@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.case.load_case import load_case
         from ..blender.registration.correct_source import correct_source
         from ..blender.registration.register_case import CASE, FILM, NAMES, SHEET, register_case
+        from ..blender.registration.register_frames import doubt_of_case
         from ..case.case_file import read_case
         from ..case.case_writer import write_case
         from ..files.outputs import check_outputs, check_own_folder, writing
@@ -75,6 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
             )
         loaded = corrected.loaded
         output.write(f"{corrected.text}\n")
+    if doubt := doubt_of_case(loaded):
+        output.write(f"note: {doubt}\n")
     with ShareProgress("of the frames", stream=output) as shown:
         found = register_case(
             loaded,

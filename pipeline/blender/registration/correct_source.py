@@ -12,9 +12,10 @@ from ...case.alignment_record import FURTHER_FRAMES
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...files.numbers import format_two_digits
+from ...registration.blocks import SPREAD
 from ...registration.flow_refinement import FlowFit
 from ...registration.source_correction import SourceCorrection, Track
-from ...registration.verdict import ACCEPTED, SPREAD
+from ...registration.verdict import ACCEPTED
 from ...transforms import inverse_rigid, rotation_angle_deg, transform_points
 from .register_frames import CaseRegistrar
 
@@ -64,13 +65,15 @@ def correct_source(
     InputError
         The frames cannot be used, too few of them are accepted, or they leave the pose open.
     """
+    start = (loaded.case.alignment or {}).get("method")
+    # what is stated of the pose would doubt all frames
+    loaded = loaded.posed(loaded.case.cam_from_mesh, {})
     registrar = CaseRegistrar(loaded)
     with registrar.frames(source) as (count, _):
         every = -(-count // MOST_FRAMES)
     with registrar.frames(source, every) as (_, chosen):
         frames = list(chosen)
     first, pivot = loaded.frame.cam_from_model, registrar.pivot_model
-    start = (loaded.case.alignment or {}).get("method")
     correction, poses = SourceCorrection(registrar.mesh, registrar.camera, pivot), dict[int, np.ndarray]()
     for number in range(MOST_ROUNDS):
         if poses:

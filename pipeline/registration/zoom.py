@@ -4,6 +4,7 @@ A longer lens looks like a nearer camera, but for the relief of the surface: it 
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,16 +13,21 @@ from ..transforms import transform_points
 from .blocks import robust_step
 from .flow_refinement import FlowFit
 
-STEPS = 8
-LEAST_CHANGE, LEAST_SIGMAS = 0.03, 4.0
+STEPS, LARGEST_STEP = 8, 0.1
+"""Of the fit, and how far a step goes at most, as the logarithm of the focal length."""
+LEAST_CHANGE, LEAST_SIGMAS = 0.03, 3.0
 """How far the focal length must be from the aligned frame's, relatively and in its standard deviations."""
 
 
-def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> tuple[float, float]:
-    """The focal length of a frame relative to the aligned one's, found together with the pose, and its logarithm's σ.
+class Zoom(NamedTuple):
+    """The focal length of a frame relative to the aligned one's, and the standard deviation of its logarithm."""
 
-    ``fit`` is at the aligned frame's focal length; ``pivot_model`` is ``(3,)`` mm.
-    """
+    factor: float
+    sigma: float
+
+
+def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
+    """The zoom that fits together with a pose; ``fit`` is at the aligned frame's, ``pivot_model`` ``(3,)`` mm."""
     camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
     used = np.isfinite(fit.residuals_px)
     used[used] = np.arange(np.count_nonzero(used)) % max(1, np.count_nonzero(used) // 2000) == 0
@@ -35,12 +41,11 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> tuple[float, float]:
         jacobian = twist_jacobians(zoomed, offsets_cam[None], position)[0]
         jacobian = np.concatenate([jacobian, (predicted - centre)[:, :, None]], axis=2)
         step, covariance = robust_step(jacobian, moved - predicted, pixels)
+        step *= min(1.0, LARGEST_STEP / max(abs(step[6]), 1e-9))
         pose, zoom, sigma = apply_twist(step[:6], pose, pivot_model), zoom + step[6], float(np.sqrt(covariance[6, 6]))
-    return float(np.exp(zoom)), sigma
+    return Zoom(float(np.exp(zoom)), sigma)
 
 
-def zoom_reason(zoom: float, sigma: float) -> str:
-    """A sentence if the focal length has clearly changed; empty otherwise."""
-    if abs(zoom - 1) < LEAST_CHANGE or abs(np.log(zoom)) < LEAST_SIGMAS * sigma:
-        return ""
-    return f"the zoom is not that of the case's frame: about {zoom:.2g} times"
+def has_zoomed(zoom: Zoom) -> bool:
+    """Whether the focal length is clearly another."""
+    return abs(zoom.factor - 1) > LEAST_CHANGE and abs(np.log(zoom.factor)) > LEAST_SIGMAS * zoom.sigma

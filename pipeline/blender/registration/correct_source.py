@@ -65,22 +65,20 @@ def correct_source(
     InputError
         The frames cannot be used, too few of them are accepted, or they leave the pose open.
     """
-    start = (loaded.case.alignment or {}).get("method")
-    # what is stated of the pose would doubt all frames
-    loaded = loaded.posed(loaded.case.cam_from_mesh, {})
     registrar = CaseRegistrar(loaded)
     with registrar.frames(source) as (count, _):
         every = -(-count // MOST_FRAMES)
     with registrar.frames(source, every) as (_, chosen):
         frames = list(chosen)
     first, pivot = loaded.frame.cam_from_model, registrar.pivot_model
+    start = (loaded.case.alignment or {}).get("method")
     correction, poses = SourceCorrection(registrar.mesh, registrar.camera, pivot), dict[int, np.ndarray]()
     for number in range(MOST_ROUNDS):
         if poses:
             registrar = CaseRegistrar(loaded)
         fits, accepted = dict[int, FlowFit](), 0
         for done, frame in enumerate(frames):
-            found = registrar.register(frame, poses.get(done))
+            found = registrar.registered_alone(frame, poses.get(done))
             if found.fit is not None:
                 fits[done] = found.fit
                 accepted += found.verdict.state == ACCEPTED

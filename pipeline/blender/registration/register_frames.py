@@ -22,7 +22,8 @@ from ...registration.colour_sources import Candidate, shown_pixels
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
 from ...registration.source_uncertainty import doubt_of_source, with_source
-from ...registration.verdict import ACCEPTED
+from ...registration.verdict import ACCEPTED, REFUSED, Verdict
+from ...registration.zoom import has_zoomed, zoom_of
 from ...transforms import inverse_rigid, transform_points
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
@@ -87,20 +88,32 @@ class CaseRegistrar:
         self._before: tuple[np.ndarray, ...] = ()
 
     def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
-        """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from the one before.
+        """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
+
+        Refused at another focal length; what the case states of its own pose's error is included.
 
         Raises
         ------
         InputError
             The case's frame shows too little texture on the surface.
         """
+        found = self.registered_alone(frame, near)
+        if found.fit is not None and has_zoomed(zoom := zoom_of(found.fit, self.pivot_model)):
+            reason = (
+                f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off"
+            )
+            return RegisteredFrame(None, Verdict(REFUSED, 0.0, reason), None, self.pivot_model)
+        return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
+
+    def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
+        """The same as if the case's pose and the focal length were certain."""
         if near is None and not frame.name and self._before:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
         found = self._registrar.register(grey_codes(frame.image), frame.valid, near)
         accepted = found.cam_from_model is not None and found.verdict.state == ACCEPTED
         self._before = (*self._before[-1:], found.cam_from_model) if accepted else ()
-        return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
+        return found
 
     @contextmanager
     def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:

@@ -22,8 +22,9 @@ ACCEPTED, DOUBTFUL, REFUSED = "accepted", "doubtful", "refused"
 
 AGREEING_PX = 1.5
 """Largest residual of a pixel whose flow agrees with the pose."""
-LEAST_PIXELS, LEAST_SHARE = 8, 0.5
-"""Pixels that a block needs to count as a place of the image, and share of them that must agree."""
+LEAST_PIXELS, LEAST_SHARE, LEAST_LIKE = 8, 0.5, 0.5
+"""Pixels that a block needs to count as a place of the image, share of them that must agree, and correlation of their
+code values with the known view's: where a frame shows nothing, its flow is none, and agrees with any pose."""
 OFFSET, SLOPE = -10.6, 5.46
 """Logistic regression of the 389 poses on log(1 + agreeing blocks)."""
 WITHIN_DEG, WITHIN_SHARE, WITHIN_PX = 2.0, 0.02, 5.0
@@ -57,10 +58,10 @@ def judge(fit: FlowFit | None, found: Localised | None, pivot_model: np.ndarray)
     """
     if fit is None:
         return Verdict(REFUSED, 0.0, _nothing(found)), None
-    agrees = fit.residuals_px < AGREEING_PX
     blocks, block = blocks_of(fit.pixels)
-    pixels, agreeing = np.bincount(block), np.bincount(block, weights=agrees)
-    count = int(np.count_nonzero((pixels >= LEAST_PIXELS) & (agreeing >= LEAST_SHARE * pixels)))
+    pixels, agreeing = np.bincount(block), np.bincount(block, weights=fit.residuals_px < AGREEING_PX)
+    agrees = (pixels >= LEAST_PIXELS) & (agreeing >= LEAST_SHARE * pixels) & (_likeness(fit.codes, block) > LEAST_LIKE)
+    count = int(np.count_nonzero(agrees))
     covariance = _covariance(fit, pivot_model)
     probability = within(fit.cam_from_model, fit.camera, covariance, pivot_model)
     probability /= 1 + exp(-OFFSET - SLOPE * log(1 + count))
@@ -75,6 +76,16 @@ def _nothing(found: Localised | None) -> str:
     if found is None:
         return "it shares too few features with the aligned frame"
     return f"{found.inliers} features agree on a pose, but the image around them does not"
+
+
+def _likeness(codes: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """The correlation in each block of code values ``(N, 2)``."""
+    one, other = codes.T
+    count = np.bincount(block)
+    means = [np.bincount(block, weights=each) / count for each in (one, other)]
+    one, other = one - means[0][block], other - means[1][block]
+    together, alone, apart = (np.bincount(block, weights=each) for each in (one * other, one**2, other**2))
+    return together / np.sqrt(np.maximum(alone * apart, 1e-9))
 
 
 def within(cam_from_model: np.ndarray, camera: PinholeCamera, covariance: np.ndarray, pivot_model: np.ndarray) -> float:

@@ -99,9 +99,7 @@ class CaseRegistrar:
         """
         found = self.registered_alone(frame, near)
         if found.fit is not None and has_zoomed(zoom := zoom_of(found.fit, self.pivot_model)):
-            reason = (
-                f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off"
-            )
+            reason = f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off (--correct-source)"
             return RegisteredFrame(None, Verdict(REFUSED, 0.0, reason), None, self.pivot_model)
         return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
 

@@ -1,9 +1,10 @@
 """Register further frames to a case, and write their poses, a sheet of the frames, and of a video a film."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
@@ -12,26 +13,29 @@ from ...errors import InputError
 from ...files.content import write_bytes_atomically
 from ...files.outputs import check_own_folder, made_folder, writing
 from ...images.contact_sheet import contact_sheet
+from ...images.legend import put_border
 from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
 from ...registration.colour_sources import Candidate, chosen_sources, hidden_blocks, sharpness
+from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence, stretches
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
-from ...registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
+from ...registration.verdict import ACCEPTED
 from ...video.film_reader import Film
-from ..alignment.overlay_film import WIDEST, OverlayFilm
+from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
+from ..render.lettering import text_mask
 from .register_frames import CaseRegistrar, FurtherFrame
 
-SHEET, FILM, CASE = "frames.png", "overlay.mp4", "case.toml"
-NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, CASE, r"frame_\d+.png")).replace(".", r"\.")
+SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
+NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).replace(".", r"\.")
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
-BORDER_PX = 6
-COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60, 50)}
-"""State of a frame -> colour of its border, sRGB."""
+PICTURES, PICTURE_PX, WEBP = 240, 480, 75
+"""Of all frames, how many have a picture as evidence, and its width and quality; those that are not accepted all do."""
+STRUCTURE_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -43,13 +47,16 @@ class Registration:
     counts
         State -> number of frames.
     reasons
-        Of the frames that are not accepted, with their names or numbers.
+        Of the frames that are not accepted, with their names; of a video, of each stretch of them, with its numbers.
+    evidence
+        Of each frame, for a page.
     sources
         The frames to colour the surface with.
     """
 
     counts: dict[str, int]
     reasons: tuple[tuple[str, str], ...]
+    evidence: RegistrationEvidence
     sources: tuple[UnreadFrame, ...] = ()
 
 
@@ -77,7 +84,7 @@ def register_case(
     colour_frames
         Choose so many accepted frames, at most, to colour the surface with.
     progress
-        Called with the number of finished frames and of all.
+        Called with the number of finished steps and of all: a frame is one, and another one in the film.
 
     Raises
     ------
@@ -88,22 +95,28 @@ def register_case(
     """
     check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
-    scene = overlay_scene(loaded)
-    entries, tiles, poses, candidates = [], [], {}, []
+    scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
+    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), []
+    steps = 1 if source.is_dir() else 2
     with registrar.frames(source, every) as (count, frames):
-        shown_every = -(-count // SHEET_FRAMES)
+        shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         for done, frame in enumerate(frames):
             found = registrar.register(frame)
             surface, units = loaded.surface, loaded.case.mm_per_unit
             entries.append(pose_entry(frame.name, frame.number, found, surface.mesh_from_model, units))
-            if found.fit is not None and found.verdict.state == ACCEPTED:
-                pose = poses[frame.number] = found.fit.cam_from_model
-                if colour_frames:
-                    hidden = hidden_blocks(found.fit)
-                    candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
-            if done % shown_every == 0:
-                tiles.append(_tile(frame, found, scene, registrar))
-            progress(done + 1, count)
+            accepted = found.verdict.state == ACCEPTED
+            if colour_frames and found.fit is not None and accepted:
+                pose, hidden = found.fit.cam_from_model, hidden_blocks(found.fit)
+                candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
+            picture = None
+            if done % shown_every == 0 or done % kept_every == 0 or not accepted:
+                tile = _tile(frame, found, scene, registrar)
+                picture = _webp(tile)
+                if done % shown_every == 0:
+                    tiles.append(tile.astype(np.float32) / 255)
+            points = drawn if len(drawn) or found.fit is None else found.fit.points_model
+            evidence.append(frame_evidence(frame.number, found, registrar.camera, points, picture))
+            progress(done + 1, steps * count)
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
     made_folder(out / POSES)
@@ -111,32 +124,87 @@ def register_case(
     sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
-    if not source.is_dir() and every == 1:
-        with Film(source, width=WIDEST) as film:
-            track = [poses.get(number) for number in range(film.info.frames)]
-            OverlayFilm(loaded, film, track, explained=True).write(out / FILM, lambda: None)
+    if not source.is_dir():
+        _write_film(
+            loaded,
+            source,
+            out / FILM,
+            evidence,
+            every,
+            lambda share: progress(count + int(share * count), steps * count),
+        )
     counts = {state: sum(entry["state"] == state for entry in entries) for state in COLOURS}
-    reasons = tuple(
-        (str(entry.get("image", f"frame {entry['frame']}")), f"{entry['state']}: {entry['reason']}")
-        for entry in entries
-        if entry["state"] != ACCEPTED
-    )
+    lost = [ends for ends in stretches(evidence) if evidence[ends[0]].verdict.state != ACCEPTED]
+    if source.is_dir():
+        lost = [(at, at) for first, last in lost for at in range(first, last + 1)]
+    reasons = tuple((_called(entries[first], entries[last]), evidence[first].words) for first, last in lost)
     sources: tuple[UnreadFrame, ...] = ()
     if candidates:
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
         chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
         listed = {each.number: each for each in candidates if each.number in chosen}
         sources = tuple(registrar.full_frames(source, out, listed, loaded.surface.mesh_from_model))
-    return Registration(counts, reasons, sources)
+    known = RegistrationEvidence(
+        frames=tuple(evidence),
+        mesh=registrar.mesh,
+        source=registrar.source,
+        pivot_model=registrar.pivot_model,
+        alignment=loaded.case.alignment or {},
+        is_film=not source.is_dir(),
+    )
+    return Registration(counts, reasons, known, sources)
+
+
+def _called(first: Mapping[str, object], last: Mapping[str, object]) -> str:
+    """What a stretch of frames is called, by the entries of its ends."""
+    if first is last:
+        return str(first.get("image", f"frame {first['frame']}"))
+    return f"frames {first['frame']} to {last['frame']}"
+
+
+def _drawn_points(loaded: LoadedCase) -> np.ndarray:
+    """``(N, 3)`` some points of the structures, model frame."""
+    meshes = (mesh.vertices for _, mesh in loaded.surface.structures)
+    return np.concatenate([np.zeros((0, 3)), *(each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes)])
+
+
+def _write_film(
+    loaded: LoadedCase,
+    source: Path,
+    out: Path,
+    evidence: Sequence[FrameEvidence],
+    every: int,
+    progress: Callable[[float], None],
+) -> None:
+    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
+    marks, written = dict[int, FrameMark](), 0
+    poses: list[np.ndarray | None] = [None] * (evidence[-1].number + every + 1)
+    for each in evidence:
+        poses[each.number], state = each.cam_from_model, each.verdict.state
+        codes, words = (None, "") if state == ACCEPTED else (COLOURS[state], f"frame {each.number}, {each.words}")
+        marks[each.number] = FrameMark(each.opacity, codes, words)
+    with Film(source, every=every, width=WIDEST) as film:
+        drawing = OverlayFilm(loaded, film, poses, explained=True, marks=marks)
+
+        def advance() -> None:
+            nonlocal written
+            written += 1
+            progress(written / drawing.count)
+
+        drawing.write(out, advance)
+
+
+def _webp(tile: np.ndarray) -> bytes:
+    size_wh = PICTURE_PX, round(PICTURE_PX * tile.shape[0] / tile.shape[1])
+    small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
 
 
 def _tile(frame: FurtherFrame, found: RegisteredFrame, scene: OverlayScene, registrar: CaseRegistrar) -> np.ndarray:
-    """``(h, w, 3)`` float32: the frame with the overlay at its pose, in a border of its state's colour."""
+    """``(h, w, 3)`` uint8: the frame with the overlay at its pose, in a border of its state's colour."""
     picture = frame.image.copy()
     if found.cam_from_model is not None:
         camera, pose = registrar.camera, found.cam_from_model
         picture = draw_overlay(picture, scene.surface_layer(camera, pose), scene.layers(camera, pose))
-    colour = COLOURS[found.verdict.state]
-    for part in (np.s_[:BORDER_PX], np.s_[-BORDER_PX:], np.s_[:, :BORDER_PX], np.s_[:, -BORDER_PX:]):
-        picture[part] = colour
-    return picture.astype(np.float32) / 255
+    put_border(picture, COLOURS[found.verdict.state], "", text_mask)
+    return picture

@@ -1,0 +1,93 @@
+// The page of a registration: one frame is selected; time line, picture and 3D follow it.
+
+const frames = data.views;
+const figures = data.quantities.filter(({ colours }) => !colours);
+const inWords = (frame) => `frame ${frame.index}, ${frame.state}: ${frame.reason}`;
+document.documentElement.style.setProperty('--aspect', data.camera[0] / data.camera[1]);
+for (const [state, rgb] of Object.entries(data.colours)) document.documentElement.style.setProperty(`--${state}`, `rgb(${rgb})`);
+
+// --- the time line ----------------------------------------------------------------------------------------------------
+
+const HEIGHT = 100, STRIP = 16;
+const needle = svg('line', { class: 'needle', y1: 0, y2: HEIGHT + STRIP });
+const bar = (frame, place, y, height) => svg('rect', { class: frame.state, x: place, width: 1, y, height });
+byId('line').append(svg('svg', { viewBox: `0 0 ${frames.length} ${HEIGHT + STRIP}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' },
+    ...frames.map((frame, place) => bar(frame, place, HEIGHT * (1 - frame.probability), HEIGHT * frame.probability)),
+    ...frames.map((frame, place) => bar(frame, place, HEIGHT + 3, STRIP - 3)), needle));
+const hint = el('output', { class: 'readout', hidden: true });
+byId('line').append(hint);
+function under(event) {
+    const box = byId('line').getBoundingClientRect();
+    return Math.min(frames.length - 1, Math.max(0, Math.floor((event.clientX - box.left) / box.width * frames.length)));
+}
+byId('line').addEventListener('pointermove', (event) => {
+    hint.hidden = false;
+    hint.textContent = inWords(frames[under(event)]);
+    if (event.buttons) select(under(event));
+});
+byId('line').addEventListener('pointerdown', (event) => select(under(event)));
+byId('line').addEventListener('pointerleave', () => { hint.hidden = true; });
+const range = byId('at');
+range.max = frames.length - 1;
+range.addEventListener('input', () => select(range.valueAsNumber));
+for (const [state, count] of Object.entries(data.counts)) byId('states').append(el('span', { class: `key ${state}`, text: `${count} ${state}` }));
+
+const lost = frames.map((_, place) => place).filter((place) => frames[place].state !== 'accepted');
+byId('next-lost').hidden = !lost.length;
+byId('next-lost').addEventListener('click', () => select(lost.find((place) => place > at) ?? lost[0]));
+byId('previous').addEventListener('click', () => select(at - 1));
+byId('next').addEventListener('click', () => select(at + 1));
+document.addEventListener('keydown', (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (!step || event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+    event.preventDefault();
+    select(at + step);
+});
+
+// --- the frame ----------------------------------------------------------------------------------------------------------
+
+let at = -1;
+
+function select(place, { scroll = false } = {}) {
+    const frame = frames[place];
+    if (!frame) return;
+    at = place;
+    range.value = place;
+    range.setAttribute('aria-valuetext', inWords(frame));
+    for (const end of ['x1', 'x2']) needle.setAttribute(end, place + 0.5);
+    byId('number').textContent = frame.index;
+    byId('state').replaceChildren(el('span', { class: `key ${frame.state}`, text: frame.state }));
+    byId('reason').textContent = frame.reason;
+    const picture = byId('picture');
+    picture.hidden = !frame.picture;
+    byId('missing').hidden = Boolean(frame.picture);
+    if (frame.picture) picture.src = webp(frame.picture);
+    picture.alt = `${inWords(frame)}; the frame${frame.centre ? ' with the surface and the structures at its pose' : ''}`;
+    byId('facts').replaceChildren(...figures.map((quantity) => el('div', { title: quantity.about },
+        el('dt', { text: quantity.name }), el('dd', { text: measured(frame[quantity.key], quantity.digits, quantity.unit) }))));
+    byId('live').textContent = inWords(frame);
+    if (poses) poses.select(place);
+    if (scroll) byId('viewer').scrollIntoView({ block: 'start', behavior: calm() ? 'auto' : 'smooth' });
+}
+
+const poses = createPoses(byId('scene'), frames, (place) => select(place));
+steer(poses, NO_WEBGL);
+
+// --- what to look at first ------------------------------------------------------------------------------------------------
+
+const thumbnail = ({ place }) => el('button', {
+    type: 'button', 'aria-label': `Show frame ${frames[place].index}`, click: () => select(place, { scroll: true }),
+}, frames[place].picture ? el('img', { alt: '', src: webp(frames[place].picture), loading: 'lazy' }) : el('span', { text: 'show' }));
+byId('worst-table').append(createTable({
+    caption: 'Look at first',
+    columns: [{ key: 'picture', name: 'Frame', shown: thumbnail }, { key: 'numbers', name: 'Number' },
+        { key: 'state', name: 'State', shown: ({ state }) => el('span', { class: `key ${state}`, text: state }) }, { key: 'reason', name: 'Reason' },
+        ...figures.map((quantity) => ({ ...quantity, name: [quantity.name, quantity.unit.trim()].filter(Boolean).join(', '), title: quantity.about, number: true }))],
+    rows: data.worst.map(({ place, first, last }) => ({
+        ...frames[place], place,
+        numbers: first === last ? `${frames[place].index}` : `${frames[place].index} (${frames[first].index}–${frames[last].index})`,
+    })),
+}));
+
+select(data.worst.length && lost.length ? data.worst[0].place : 0);
+document.documentElement.dataset.ready = 'true';

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...case.case_writer import relative_name
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
@@ -103,7 +104,9 @@ def register_case(
         for done, frame in enumerate(frames):
             found = registrar.register(frame)
             surface, units = loaded.surface, loaded.case.mm_per_unit
-            entries.append(pose_entry(frame.name, frame.number, found, surface.mesh_from_model, units))
+            # as in a list of photographs: from the folder of the list
+            image = relative_name(source / frame.name, out) if frame.name else ""
+            entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
             accepted = found.verdict.state == ACCEPTED
             if colour_frames and found.fit is not None and accepted:
                 pose, hidden = found.fit.cam_from_model, hidden_blocks(found.fit)
@@ -158,7 +161,7 @@ def register_case(
 def _called(first: Mapping[str, object], last: Mapping[str, object]) -> str:
     """What a stretch of frames is called, by the entries of its ends."""
     if first is last:
-        return str(first.get("image", f"frame {first['frame']}"))
+        return Path(str(first.get("image", f"frame {first['frame']}"))).name
     return f"frames {first['frame']} to {last['frame']}"
 
 

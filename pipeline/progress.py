@@ -121,12 +121,7 @@ class Progress:
 
 
 class ShareProgress(Progress):
-    """The finished share of one task. What is soon done gets no line where the output is not a terminal.
-
-    The remaining time is that after the first step, which may have to prepare what the others share.
-    """
-
-    _first_reached: tuple[int, float] | None = None
+    """The finished share of one task. What is soon done gets no line where the output is not a terminal."""
 
     def __init__(self, noun: str, *, stream: TextIO | None = None, line_seconds: float = LINE_SECONDS) -> None:
         """Start the task that the output names ``noun``, such as ``"of the film"`` after a number of percent."""
@@ -138,7 +133,6 @@ class ShareProgress(Progress):
         with self._lock:
             if int(100 * share) > self._count:
                 self._count = int(100 * share)
-                self._first_reached = self._first_reached or (self._count, time.monotonic())
                 self._show()
 
     def _is_due(self, now: float) -> bool:
@@ -146,12 +140,7 @@ class ShareProgress(Progress):
 
     def _text(self, now: float) -> str:
         text = f"{self._count} % {self._noun}"
-        if self._count == self._total:
-            return f"{text}, {self._remaining(now)}"
-        if self._first_reached is None or self._first_reached[0] == self._count:
-            return text
-        count, then = self._first_reached
-        return f"{text}, {duration((now - then) / (self._count - count) * (self._total - self._count))} left"
+        return f"{text}, {self._remaining(now)}" if self._count else text
 
 
 @dataclass(frozen=True)

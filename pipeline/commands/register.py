@@ -95,11 +95,11 @@ def run(arguments: argparse.Namespace) -> int:
             write_case(out / CASE, replace(loaded.case, frames=further))
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
-    for name, reason in found.reasons[:MOST_REASONS]:
-        output.write(f"{name}: {reason}\n")
-    if len(found.reasons) > MOST_REASONS:
-        output.write(f"and {len(found.reasons) - MOST_REASONS} more, see {out / POSES}\n")
-    output.write(", ".join(f"{count} {state}" for state, count in found.counts.items()) + f": {out / POSES}\n")
+    reasons, counts = found.evidence.reasons, found.evidence.counts
+    output.write("".join(f"{reason}\n" for reason in reasons[:MOST_REASONS]))
+    if len(reasons) > MOST_REASONS:
+        output.write(f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}\n")
+    output.write(", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}\n")
     if found.evidence.is_film:
         output.write(f"the film with the overlay: {out / FILM}\n")
     output.write(f"some frames with the surface at their poses: {out / SHEET}\n")

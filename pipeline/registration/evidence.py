@@ -1,6 +1,6 @@
 """Registered frames as a film and a page show them: how sure each pose is, and what to look at first."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,8 @@ from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, Verdict
 
 COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60, 50)}
 """State of a frame -> its colour in pictures, sRGB."""
-FAINTEST = 0.25
-"""Opacity of an overlay that is least sure, relative to a sure one."""
+OPACITY = {ACCEPTED: (0.5, 1.0), DOUBTFUL: (0.2, 0.4), REFUSED: (0.0, 0.0)}
+"""Least and greatest opacity of an overlay."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class FrameEvidence:
 
     Attributes
     ----------
-    number
-        Counted from 0, in the video or among the images.
+    name, number
+        Of an image's file, and counted from 0; a frame of a video has no name.
     verdict
         State, probability and reason.
     cam_from_model
@@ -34,11 +34,12 @@ class FrameEvidence:
     rotation_deg, position_mm
         Standard deviations of the pose, about and along its least certain axis.
     image_px
-        Root mean square displacement of what is drawn, in the image that was registered.
+        Root mean square displacement of the surface in the image that was registered.
     picture
         The frame with the overlay as WebP; ``None`` if none was kept.
     """
 
+    name: str
     number: int
     verdict: Verdict
     cam_from_model: np.ndarray | None
@@ -50,14 +51,13 @@ class FrameEvidence:
     @property
     def opacity(self) -> float:
         """Of the overlay, 0..1: the less sure the fainter, none without a pose."""
-        if self.cam_from_model is None:
-            return 0.0
-        return max(FAINTEST, self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX))
+        sure = 0.0 if self.cam_from_model is None else self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX)
+        return float(np.clip(sure, *OPACITY[self.verdict.state]))
 
     @property
     def words(self) -> str:
-        """State and reason."""
-        return f"{self.verdict.state}: {self.verdict.reason}"
+        """Name or number, state and reason."""
+        return f"{self.name or f'frame {self.number}'}, {self.verdict.state}: {self.verdict.reason}"
 
 
 @dataclass(frozen=True)
@@ -85,19 +85,53 @@ class RegistrationEvidence:
     alignment: Mapping[str, object]
     is_film: bool
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """State -> number of frames."""
+        states = [frame.verdict.state for frame in self.frames]
+        return {state: states.count(state) for state in COLOURS}
+
+    @property
+    def lost(self) -> list[tuple[int, int]]:
+        """Places of the first and the last frame of each stretch that is not accepted; images stand alone."""
+        found = list[tuple[int, int]]()
+        for at, frame in enumerate(self.frames):
+            if frame.verdict.state == ACCEPTED:
+                continue
+            goes_on = at > 0 and self.is_film and frame.verdict.state == self.frames[at - 1].verdict.state
+            found.append((found.pop()[0] if goes_on else at, at))
+        return found
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why frames are not accepted: for each stretch what is said of its first frame."""
+        frames = self.frames
+        until = {last: f" (until frame {frames[last].number})" for first, last in self.lost if last > first}
+        return [frames[first].words + until.get(last, "") for first, last in self.lost]
+
+    def worst(self, most: int) -> list[tuple[int, int]]:
+        """Which frames to look at first: places of the first and the last of a stretch.
+
+        Those that are not accepted, the longest first, then the accepted frames that are least probable.
+        """
+        frames = self.frames
+        accepted = [at for at, frame in enumerate(frames) if frame.verdict.state == ACCEPTED]
+        accepted.sort(key=lambda at: (frames[at].verdict.probability, -frames[at].image_px))
+        lost = sorted(self.lost, key=lambda ends: ends[0] - ends[1])
+        return [*lost, *((at, at) for at in accepted)][:most]
+
 
 def frame_evidence(
-    number: int, found: RegisteredFrame, camera: PinholeCamera, points_model: np.ndarray, picture: bytes | None = None
+    name: str, number: int, found: RegisteredFrame, camera: PinholeCamera, picture: bytes | None = None
 ) -> FrameEvidence:
-    """What is known of a frame of a camera; ``points_model`` ``(N, 3)`` stand for what is drawn over it."""
-    if found.cam_from_model is None or found.covariance is None:
-        return FrameEvidence(number, found.verdict, None, picture=picture)
+    """What is known of a frame of a camera."""
+    if found.fit is None or found.cam_from_model is None or found.covariance is None:
+        return FrameEvidence(name, number, found.verdict, None, picture=picture)
     pose, pivot = found.cam_from_model, found.pivot_model
-    uncertainty = PoseUncertainty(
-        pivot, found.covariance, np.inf, np.nan, radius_mm=np.nan, pivot_cam=transform_points(pose, pivot[None])[0]
-    )
-    spread = uncertainty.pixel_covariances(points_model, camera, pose)
+    uncertainty = PoseUncertainty(pivot, found.covariance, np.inf, np.nan, np.nan, transform_points(pose, pivot))
+    spread = uncertainty.pixel_covariances(found.fit.points_model, camera, pose)
     return FrameEvidence(
+        name,
         number,
         found.verdict,
         pose,
@@ -106,22 +140,3 @@ def frame_evidence(
         float(np.sqrt(np.trace(spread, axis1=1, axis2=2).mean())),
         picture,
     )
-
-
-def stretches(frames: Sequence[FrameEvidence]) -> list[tuple[int, int]]:
-    """Where the state stays the same: places of the first and of the last frame of each stretch."""
-    starts = [at for at, frame in enumerate(frames) if at == 0 or frame.verdict.state != frames[at - 1].verdict.state]
-    return list(zip(starts, [*(at - 1 for at in starts[1:]), len(frames) - 1], strict=True))
-
-
-def worst_frames(frames: Sequence[FrameEvidence], most: int) -> list[tuple[int, tuple[int, int]]]:
-    """Which frames to look at first: places of the frame, and of the first and the last of its stretch.
-
-    One of each stretch that is not accepted, the longest first, then the accepted ones that are least probable.
-    """
-    lost = [ends for ends in stretches(frames) if frames[ends[0]].verdict.state != ACCEPTED]
-    lost.sort(key=lambda ends: ends[0] - ends[1])
-    rows = [((first + last) // 2, (first, last)) for first, last in lost]
-    accepted = [at for at, frame in enumerate(frames) if frame.verdict.state == ACCEPTED]
-    accepted.sort(key=lambda at: (frames[at].verdict.probability, -frames[at].image_px))
-    return [*rows, *((at, (at, at)) for at in accepted)][:most]

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
 from oneframe.registration.evidence import frame_evidence
 from oneframe.registration.register import Registrar
 from oneframe.registration.source_correction import SourceCorrection, Track
-from oneframe.registration.verdict import ACCEPTED, REFUSED
+from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
@@ -120,14 +121,15 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
 
 def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
     found = registrar.register(codes(photograph(mesh, seen_from(15, 10))), everywhere())
-    points = np.random.default_rng(0).uniform(-15, 15, (50, 3))
-    evidence = frame_evidence(7, found, CAMERA, points)
+    evidence, points = frame_evidence("", 7, found, CAMERA), found.fit.points_model[::20]
     twists = np.random.default_rng(1).multivariate_normal(np.zeros(6), found.covariance, 4000)
     moved = [apply_twist(twist, found.cam_from_model, PIVOT) for twist in twists]
     still = CAMERA.project(transform_points(found.cam_from_model, points))
     off = [((CAMERA.project(transform_points(pose, points)) - still) ** 2).sum(axis=1).mean() for pose in moved]
     assert evidence.image_px == pytest.approx(np.sqrt(np.mean(off)), rel=0.05)
     assert evidence.opacity == pytest.approx(found.verdict.probability * (1 - 2 * evidence.image_px / 5))
+    unsure = replace(evidence, verdict=replace(found.verdict, state=DOUBTFUL))
+    assert 0 < unsure.opacity < replace(evidence, image_px=np.float64(9)).opacity < evidence.opacity
 
 
 def test_what_covers_the_surface_gives_no_colour(registrar, mesh):

@@ -1,7 +1,8 @@
 """Register further frames to a case, and write their poses, a sheet of the frames, and of a video a film."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count as counted
 from pathlib import Path
 
 import cv2
@@ -20,7 +21,7 @@ from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
 from ...registration.colour_sources import Candidate, chosen_sources, hidden_blocks, sharpness
-from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence, stretches
+from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
 from ...registration.verdict import ACCEPTED
@@ -35,8 +36,7 @@ NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75
-"""Of all frames, how many have a picture as evidence, and its width and quality; those that are not accepted all do."""
-STRUCTURE_POINTS = 200
+"""How many frames have a picture as evidence, besides the first ones of each state, and its width and quality."""
 
 
 @dataclass(frozen=True)
@@ -45,18 +45,12 @@ class Registration:
 
     Attributes
     ----------
-    counts
-        State -> number of frames.
-    reasons
-        Of the frames that are not accepted, with their names; of a video, of each stretch of them, with its numbers.
     evidence
-        Of each frame, for a page.
+        Of each frame.
     sources
         The frames to colour the surface with.
     """
 
-    counts: dict[str, int]
-    reasons: tuple[tuple[str, str], ...]
     evidence: RegistrationEvidence
     sources: tuple[UnreadFrame, ...] = ()
 
@@ -96,7 +90,7 @@ def register_case(
     """
     check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
-    scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
+    scene = overlay_scene(loaded)
     entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), []
     steps = 1 if source.is_dir() else 2
     with registrar.frames(source, every) as (count, frames):
@@ -107,18 +101,19 @@ def register_case(
             # as in a list of photographs: from the folder of the list
             image = relative_name(source / frame.name, out) if frame.name else ""
             entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
-            accepted = found.verdict.state == ACCEPTED
-            if colour_frames and found.fit is not None and accepted:
+            if colour_frames and found.fit is not None and found.verdict.state == ACCEPTED:
                 pose, hidden = found.fit.cam_from_model, hidden_blocks(found.fit)
                 candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
             picture = None
-            if done % shown_every == 0 or done % kept_every == 0 or not accepted:
+            in_sheet, changed = (
+                done % shown_every == 0,
+                not evidence or evidence[-1].verdict.state != found.verdict.state,
+            )
+            if in_sheet or changed or done % kept_every == 0:
                 tile = _tile(frame, found, scene, registrar)
                 picture = _webp(tile)
-                if done % shown_every == 0:
-                    tiles.append(tile.astype(np.float32) / 255)
-            points = drawn if len(drawn) or found.fit is None else found.fit.points_model
-            evidence.append(frame_evidence(frame.number, found, registrar.camera, points, picture))
+                tiles += [tile.astype(np.float32) / 255] * in_sheet
+            evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, picture))
             progress(done + 1, steps * count)
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
@@ -128,19 +123,11 @@ def register_case(
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
     if not source.is_dir():
-        _write_film(
-            loaded,
-            source,
-            out / FILM,
-            evidence,
-            every,
-            lambda share: progress(count + int(share * count), steps * count),
-        )
-    counts = {state: sum(entry["state"] == state for entry in entries) for state in COLOURS}
-    lost = [ends for ends in stretches(evidence) if evidence[ends[0]].verdict.state != ACCEPTED]
-    if source.is_dir():
-        lost = [(at, at) for first, last in lost for at in range(first, last + 1)]
-    reasons = tuple((_called(entries[first], entries[last]), evidence[first].words) for first, last in lost)
+
+        def shown(share: float) -> None:
+            progress(int((1 + share) * count), 2 * count)
+
+        _write_film(loaded, source, out / FILM, evidence, every, shown)
     sources: tuple[UnreadFrame, ...] = ()
     if candidates:
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
@@ -148,27 +135,14 @@ def register_case(
         listed = {each.number: each for each in candidates if each.number in chosen}
         sources = tuple(registrar.full_frames(source, out, listed, loaded.surface.mesh_from_model))
     known = RegistrationEvidence(
-        frames=tuple(evidence),
-        mesh=registrar.mesh,
-        source=registrar.source,
-        pivot_model=registrar.pivot_model,
-        alignment=loaded.case.alignment or {},
+        tuple(evidence),
+        registrar.mesh,
+        registrar.source,
+        registrar.pivot_model,
+        loaded.case.alignment or {},
         is_film=not source.is_dir(),
     )
-    return Registration(counts, reasons, known, sources)
-
-
-def _called(first: Mapping[str, object], last: Mapping[str, object]) -> str:
-    """What a stretch of frames is called, by the entries of its ends."""
-    if first is last:
-        return Path(str(first.get("image", f"frame {first['frame']}"))).name
-    return f"frames {first['frame']} to {last['frame']}"
-
-
-def _drawn_points(loaded: LoadedCase) -> np.ndarray:
-    """``(N, 3)`` some points of the structures, model frame."""
-    meshes = (mesh.vertices for _, mesh in loaded.surface.structures)
-    return np.concatenate([np.zeros((0, 3)), *(each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes)])
+    return Registration(known, sources)
 
 
 def _write_film(
@@ -180,21 +154,16 @@ def _write_film(
     progress: Callable[[float], None],
 ) -> None:
     """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
-    marks, written = dict[int, FrameMark](), 0
-    poses: list[np.ndarray | None] = [None] * (evidence[-1].number + every + 1)
-    for each in evidence:
-        poses[each.number], state = each.cam_from_model, each.verdict.state
-        codes, words = (None, "") if state == ACCEPTED else (COLOURS[state], f"frame {each.number}, {each.words}")
-        marks[each.number] = FrameMark(each.opacity, codes, words)
     with Film(source, every=every, width=WIDEST) as film:
-        drawing = OverlayFilm(loaded, film, poses, explained=True, marks=marks)
-
-        def advance() -> None:
-            nonlocal written
-            written += 1
-            progress(written / drawing.count)
-
-        drawing.write(out, advance)
+        poses: list[np.ndarray | None] = [None] * (film.info.frames * every)
+        marks = dict[int, FrameMark]()
+        for each in evidence:
+            poses[each.number] = each.cam_from_model
+            sure = each.verdict.state == ACCEPTED
+            codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words)
+            marks[each.number] = FrameMark(each.opacity, codes, words)
+        drawing, written = OverlayFilm(loaded, film, poses, explained=True, marks=marks), counted(1)
+        drawing.write(out, lambda: progress(next(written) / drawing.count))
 
 
 def _webp(tile: np.ndarray) -> bytes:

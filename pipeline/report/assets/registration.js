@@ -9,37 +9,26 @@ for (const [state, rgb] of Object.entries(data.colours)) document.documentElemen
 // --- the time line ----------------------------------------------------------------------------------------------------
 
 const HEIGHT = 100, STRIP = 16;
-const needle = svg('line', { class: 'needle', y1: 0, y2: HEIGHT + STRIP });
 const bar = (frame, place, y, height) => svg('rect', { class: frame.state, x: place, width: 1, y, height });
-byId('line').append(svg('svg', { viewBox: `0 0 ${frames.length} ${HEIGHT + STRIP}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' },
-    ...frames.map((frame, place) => bar(frame, place, HEIGHT * (1 - frame.probability), HEIGHT * frame.probability)),
-    ...frames.map((frame, place) => bar(frame, place, HEIGHT + 3, STRIP - 3)), needle));
-const hint = el('output', { class: 'readout', hidden: true });
-byId('line').append(hint);
-function under(event) {
-    const box = byId('line').getBoundingClientRect();
-    return Math.min(frames.length - 1, Math.max(0, Math.floor((event.clientX - box.left) / box.width * frames.length)));
-}
-byId('line').addEventListener('pointermove', (event) => {
-    hint.hidden = false;
-    hint.textContent = inWords(frames[under(event)]);
-    if (event.buttons) select(under(event));
-});
-byId('line').addEventListener('pointerdown', (event) => select(under(event)));
-byId('line').addEventListener('pointerleave', () => { hint.hidden = true; });
+byId('line').setAttribute('viewBox', `0 0 ${frames.length} ${HEIGHT + STRIP}`);
+byId('line').append(...frames.flatMap((frame, place) => [
+    bar(frame, place, HEIGHT * (1 - frame.probability), HEIGHT * frame.probability), bar(frame, place, HEIGHT + 3, STRIP - 3)]));
+// lies over the time line, its thumb is the needle
 const range = byId('at');
-range.max = frames.length - 1;
-range.addEventListener('input', () => select(range.valueAsNumber));
+range.max = frames.length;
+range.addEventListener('input', () => select(Math.min(Math.floor(range.valueAsNumber), frames.length - 1)));
 for (const [state, count] of Object.entries(data.counts)) byId('states').append(el('span', { class: `key ${state}`, text: `${count} ${state}` }));
 
-const lost = frames.map((_, place) => place).filter((place) => frames[place].state !== 'accepted');
+// where each stretch begins
+const lost = frames.map((_, place) => place).filter((place) => frames[place].state !== 'accepted'
+    && !(data.isFilm && place && frames[place - 1].state === frames[place].state));
 byId('next-lost').hidden = !lost.length;
 byId('next-lost').addEventListener('click', () => select(lost.find((place) => place > at) ?? lost[0]));
 byId('previous').addEventListener('click', () => select(at - 1));
 byId('next').addEventListener('click', () => select(at + 1));
 document.addEventListener('keydown', (event) => {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (!step || event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+    if (!step || event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === 'SELECT') return;
     event.preventDefault();
     select(at + step);
 });
@@ -52,9 +41,8 @@ function select(place, { scroll = false } = {}) {
     const frame = frames[place];
     if (!frame) return;
     at = place;
-    range.value = place;
+    range.value = place + 0.5;
     range.setAttribute('aria-valuetext', inWords(frame));
-    for (const end of ['x1', 'x2']) needle.setAttribute(end, place + 0.5);
     byId('number').textContent = frame.index;
     byId('state').replaceChildren(el('span', { class: `key ${frame.state}`, text: frame.state }));
     byId('reason').textContent = frame.reason;
@@ -83,11 +71,11 @@ byId('worst-table').append(createTable({
     columns: [{ key: 'picture', name: 'Frame', shown: thumbnail }, { key: 'numbers', name: 'Number' },
         { key: 'state', name: 'State', shown: ({ state }) => el('span', { class: `key ${state}`, text: state }) }, { key: 'reason', name: 'Reason' },
         ...figures.map((quantity) => ({ ...quantity, name: [quantity.name, quantity.unit.trim()].filter(Boolean).join(', '), title: quantity.about, number: true }))],
-    rows: data.worst.map(({ place, first, last }) => ({
+    rows: data.worst.map(([place, last]) => ({
         ...frames[place], place,
-        numbers: first === last ? `${frames[place].index}` : `${frames[place].index} (${frames[first].index}–${frames[last].index})`,
+        numbers: place === last ? `${frames[place].index}` : `${frames[place].index}–${frames[last].index}`,
     })),
 }));
 
-select(data.worst.length && lost.length ? data.worst[0].place : 0);
+select(lost.length ? data.worst[0][0] : 0);
 document.documentElement.dataset.ready = 'true';

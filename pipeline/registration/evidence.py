@@ -34,7 +34,7 @@ class FrameEvidence:
     rotation_deg, position_mm
         Standard deviations of the pose, about and along its least certain axis.
     image_px
-        Root mean square displacement of the surface in the image that was registered.
+        Root mean square displacement of what is drawn, in the image that was registered.
     picture
         The frame with the overlay as WebP; ``None`` if none was kept.
     """
@@ -54,10 +54,11 @@ class FrameEvidence:
         sure = 0.0 if self.cam_from_model is None else self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX)
         return float(np.clip(sure, *OPACITY[self.verdict.state]))
 
-    @property
-    def words(self) -> str:
-        """Name or number, state and reason."""
-        return f"{self.name or f'frame {self.number}'}, {self.verdict.state}: {self.verdict.reason}"
+    def words(self, until: "FrameEvidence") -> str:
+        """State and reason, of the frames from this one until another one."""
+        one = self.name or f"frame {self.number}"
+        frames = one if until is self else f"frames {self.number} to {until.number}"
+        return f"{frames}, {self.verdict.state}: {self.verdict.reason}"
 
 
 @dataclass(frozen=True)
@@ -105,31 +106,23 @@ class RegistrationEvidence:
     @property
     def reasons(self) -> list[str]:
         """Why frames are not accepted: for each stretch what is said of its first frame."""
-        frames = self.frames
-        until = {last: f" (until frame {frames[last].number})" for first, last in self.lost if last > first}
-        return [frames[first].words + until.get(last, "") for first, last in self.lost]
-
-    def worst(self, most: int) -> list[tuple[int, int]]:
-        """Which frames to look at first: places of the first and the last of a stretch.
-
-        Those that are not accepted, the longest first, then the accepted frames that are least probable.
-        """
-        frames = self.frames
-        accepted = [at for at, frame in enumerate(frames) if frame.verdict.state == ACCEPTED]
-        accepted.sort(key=lambda at: (frames[at].verdict.probability, -frames[at].image_px))
-        lost = sorted(self.lost, key=lambda ends: ends[0] - ends[1])
-        return [*lost, *((at, at) for at in accepted)][:most]
+        return [self.frames[first].words(self.frames[last]) for first, last in self.lost]
 
 
 def frame_evidence(
-    name: str, number: int, found: RegisteredFrame, camera: PinholeCamera, picture: bytes | None = None
+    name: str,
+    number: int,
+    found: RegisteredFrame,
+    camera: PinholeCamera,
+    points_model: np.ndarray,
+    picture: bytes | None = None,
 ) -> FrameEvidence:
-    """What is known of a frame of a camera."""
-    if found.fit is None or found.cam_from_model is None or found.covariance is None:
+    """What is known of a frame of a camera; ``points_model`` ``(N, 3)`` stand for what is drawn over it."""
+    if found.cam_from_model is None or found.covariance is None:
         return FrameEvidence(name, number, found.verdict, None, picture=picture)
     pose, pivot = found.cam_from_model, found.pivot_model
     uncertainty = PoseUncertainty(pivot, found.covariance, np.inf, np.nan, np.nan, transform_points(pose, pivot))
-    spread = uncertainty.pixel_covariances(found.fit.points_model, camera, pose)
+    spread = uncertainty.pixel_covariances(points_model, camera, pose)
     return FrameEvidence(
         name,
         number,

@@ -15,14 +15,12 @@ from .thumbnails import base64_text
 from .view_geometry import SourceFrame, camera_data, pose_data
 
 SCRIPTS = ("elements.js", "layers.js", "table.js", "poses.js", "registration.js")
-WORST = 12
-"""Rows of the table of what to look at first."""
 QUANTITIES = (
     {"key": "state", "name": "State", "colours": COLOURS},
     {"key": "probability", "name": "Probability", "unit": "", "digits": 3, "about": "that the pose is right"},
     {
         "key": "image_px", "name": "In the image", "unit": " px", "digits": 2,
-        "about": "standard deviation of the surface's place, in px of the image that was registered",
+        "about": "standard deviation of the place of what is drawn, in px of the image that was registered",
     },
     {
         "key": "rotation_deg", "name": "Rotation", "unit": "°", "digits": 2,
@@ -71,7 +69,7 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         "views": [_frame_data(frame) for frame in frames],
         "source": SourceFrame(camera, evidence.source.cam_from_model, evidence.pivot_model).data(),
         "surface": packed_surface(evidence.mesh, colours),
-        "worst": evidence.worst(WORST),
+        "lost": evidence.lost,
     }
     title = f"{name} · OneFrame registration"
     return html_page(title=title, body=body, data=data, scripts=SCRIPTS, libraries=(THREE,))
@@ -98,7 +96,7 @@ def _limits(evidence: RegistrationEvidence) -> str:
     own = f"; it states {format_two_digits(error)} px" if isinstance(error, float) else "; it states no error"
     lines = [
         f"All poses follow the case's own one: where that is off, all are off by as much{own}. "
-        "A person should have looked at its overlay.",
+        "Look at its overlay first.",
         *([f"The case's pose itself is in doubt: {record['doubt']}"] if "doubt" in record else []),
         "The surface is taken for right: where it was drilled since, poses may follow the change.",
         "One K is taken for all frames: a slight zoom looks like another distance.",

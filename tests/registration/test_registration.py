@@ -121,7 +121,8 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
 
 def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
     found = registrar.register(codes(photograph(mesh, seen_from(15, 10))), everywhere())
-    evidence, points = frame_evidence("", 7, found, CAMERA), found.fit.points_model[::20]
+    points = np.random.default_rng(0).uniform(-15, 15, (50, 3))
+    evidence = frame_evidence("", 7, found, CAMERA, points)
     twists = np.random.default_rng(1).multivariate_normal(np.zeros(6), found.covariance, 4000)
     moved = [apply_twist(twist, found.cam_from_model, PIVOT) for twist in twists]
     still = CAMERA.project(transform_points(found.cam_from_model, points))

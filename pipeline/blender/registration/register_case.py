@@ -37,6 +37,7 @@ NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75
 """How many frames have a picture as evidence, besides the first ones of each state, and its width and quality."""
+STRUCTURE_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ def register_case(
     """
     check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
-    scene = overlay_scene(loaded)
+    scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
     entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), []
     steps = 1 if source.is_dir() else 2
     with registrar.frames(source, every) as (count, frames):
@@ -113,7 +114,8 @@ def register_case(
                 tile = _tile(frame, found, scene, registrar)
                 picture = _webp(tile)
                 tiles += [tile.astype(np.float32) / 255] * in_sheet
-            evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, picture))
+            points = drawn if len(drawn) or found.fit is None else found.fit.points_model
+            evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
             progress(done + 1, steps * count)
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
@@ -145,6 +147,12 @@ def register_case(
     return Registration(known, sources)
 
 
+def _drawn_points(loaded: LoadedCase) -> np.ndarray:
+    """``(N, 3)`` some points of the structures, model frame."""
+    meshes = (mesh.vertices for _, mesh in loaded.surface.structures)
+    return np.concatenate([np.zeros((0, 3)), *(each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes)])
+
+
 def _write_film(
     loaded: LoadedCase,
     source: Path,
@@ -160,7 +168,7 @@ def _write_film(
         for each in evidence:
             poses[each.number] = each.cam_from_model
             sure = each.verdict.state == ACCEPTED
-            codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words)
+            codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words(each))
             marks[each.number] = FrameMark(each.opacity, codes, words)
         drawing, written = OverlayFilm(loaded, film, poses, explained=True, marks=marks), counted(1)
         drawing.write(out, lambda: progress(next(written) / drawing.count))

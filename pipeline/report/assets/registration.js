@@ -19,11 +19,9 @@ range.max = frames.length;
 range.addEventListener('input', () => select(Math.min(Math.floor(range.valueAsNumber), frames.length - 1)));
 for (const [state, count] of Object.entries(data.counts)) byId('states').append(el('span', { class: `key ${state}`, text: `${count} ${state}` }));
 
-// where each stretch begins
-const lost = frames.map((_, place) => place).filter((place) => frames[place].state !== 'accepted'
-    && !(data.isFilm && place && frames[place - 1].state === frames[place].state));
-byId('next-lost').hidden = !lost.length;
-byId('next-lost').addEventListener('click', () => select(lost.find((place) => place > at) ?? lost[0]));
+
+byId('next-lost').hidden = !data.lost.length;
+byId('next-lost').addEventListener('click', () => select((data.lost.find(([place]) => place > at) ?? data.lost[0])[0]));
 byId('previous').addEventListener('click', () => select(at - 1));
 byId('next').addEventListener('click', () => select(at + 1));
 document.addEventListener('keydown', (event) => {
@@ -63,6 +61,10 @@ steer(poses, NO_WEBGL);
 
 // --- what to look at first ------------------------------------------------------------------------------------------------
 
+const WORST = 12;
+const longest = [...data.lost].sort(([first, last], [from, to]) => to - from - (last - first));
+const accepted = frames.map((frame, place) => [frame, place]).filter(([{ state }]) => state === 'accepted')
+    .sort(([one], [other]) => one.probability - other.probability || other.image_px - one.image_px).map(([, place]) => [place, place]);
 const thumbnail = ({ place }) => el('button', {
     type: 'button', 'aria-label': `Show frame ${frames[place].index}`, click: () => select(place, { scroll: true }),
 }, frames[place].picture ? el('img', { alt: '', src: webp(frames[place].picture), loading: 'lazy' }) : el('span', { text: 'show' }));
@@ -71,11 +73,11 @@ byId('worst-table').append(createTable({
     columns: [{ key: 'picture', name: 'Frame', shown: thumbnail }, { key: 'numbers', name: 'Number' },
         { key: 'state', name: 'State', shown: ({ state }) => el('span', { class: `key ${state}`, text: state }) }, { key: 'reason', name: 'Reason' },
         ...figures.map((quantity) => ({ ...quantity, name: [quantity.name, quantity.unit.trim()].filter(Boolean).join(', '), title: quantity.about, number: true }))],
-    rows: data.worst.map(([place, last]) => ({
+    rows: [...longest, ...accepted].slice(0, WORST).map(([place, last]) => ({
         ...frames[place], place,
         numbers: place === last ? `${frames[place].index}` : `${frames[place].index}–${frames[last].index}`,
     })),
 }));
 
-select(lost.length ? data.worst[0][0] : 0);
+select((longest[0] ?? [0])[0]);
 document.documentElement.dataset.ready = 'true';

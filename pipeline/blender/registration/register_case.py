@@ -36,7 +36,7 @@ NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75
-"""How many frames have a picture as evidence, besides the first ones of each state, and its width and quality."""
+"""How many frames have a picture as evidence, of all and where the state changes, and its width and quality."""
 STRUCTURE_POINTS = 200
 
 
@@ -93,7 +93,7 @@ def register_case(
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
     entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), []
-    steps = 1 if source.is_dir() else 2
+    steps, spare = 1 if source.is_dir() else 2, PICTURES
     with registrar.frames(source, every) as (count, frames):
         shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         for done, frame in enumerate(frames):
@@ -106,14 +106,13 @@ def register_case(
                 pose, hidden = found.fit.cam_from_model, hidden_blocks(found.fit)
                 candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
             picture = None
-            in_sheet, changed = (
-                done % shown_every == 0,
-                not evidence or evidence[-1].verdict.state != found.verdict.state,
-            )
+            in_sheet = done % shown_every == 0
+            changed = spare > 0 and (not evidence or evidence[-1].verdict.state != found.verdict.state)
             if in_sheet or changed or done % kept_every == 0:
                 tile = _tile(frame, found, scene, registrar)
                 picture = _webp(tile)
                 tiles += [tile.astype(np.float32) / 255] * in_sheet
+                spare -= changed
             points = drawn if len(drawn) or found.fit is None else found.fit.points_model
             evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
             progress(done + 1, steps * count)

@@ -77,6 +77,7 @@ class CaseRegistrar:
         small = replace(frame, image=image, valid=valid, camera=self.camera)
         view = colouring_view_of(replace(loaded, frames=(small,)))
         self.mesh, self.pivot_model, self.cam_from_model = view.mesh, view.pivot_model, frame.cam_from_model
+        self.source = view.view
         self._registrar = Registrar(view.mesh, view.view, view.pivot_model)
         self._case, self._own = loaded.case, _own_uncertainty(loaded, view)
         self._straight: Resampler | None = None

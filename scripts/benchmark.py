@@ -25,7 +25,7 @@ from oneframe.process.arguments import ArgumentParser
 from oneframe.process.command_line import run_script
 from oneframe.process.own_process import own_output
 
-TOPICS = ("speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "stability")
+TOPICS = ("speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "registration", "stability")
 
 
 def main(argv: Sequence[str]) -> int:

@@ -1,9 +1,9 @@
 """Registration of further frames: found, refused and wrong, where it ends, the corrected source, and what it colours.
 
-The sample's images are rendered; bloster's and LM-O's are photographs. Writes PATH/registration_PART.csv, a row for
-each frame, their charts, and with --bloster the evaluation of the colours, PATH/colour. Wrong: accepted, and off by
-more than 2 degrees, 2 % of the distance, or 5 px at the size of registration. It takes the arguments of the topic
-evaluation, of which --methods, --inception and --pictures say nothing here.
+The images of the sample and of --bones are rendered; bloster's and LM-O's are photographs. Writes, in PATH,
+registration_PART.csv, a row for each frame, their charts, and with --bloster the evaluation of the colours. Wrong:
+accepted, and off by more than 2 degrees, 2 % of the distance, or 5 px at the size of registration. It takes the
+arguments of the topic evaluation, of which --methods, --inception and --pictures say nothing here.
 """
 
 import argparse
@@ -37,18 +37,22 @@ COLOUR = "colour"
 PARTS = ("photographs", "film", "grid", "limits", "correction", COLOUR)
 TABLE = "registration_{}.csv"
 HEAD = "| part | data | kind | frames | found (95 %) | wrong | median | worst | seconds |\n|" + 9 * "---|"
-SAMPLE = "sample"
+SAMPLE, BONES = "sample", "bones"
 QUICK = {"width": 320, "sources": 1, "frames": 1, "photographs": 2}
-OBJECT_FRAMES = 8
-"""Photographs of a small object."""
+OBJECT_FRAMES, MOST_SOURCES = 8, 5
+"""Photographs of a small object, and sources of a data set to which all photographs are registered."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this topic."""
     evaluation.add_arguments(parser)
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=" ".join(PARTS))
-    parser.add_argument("--sources", metavar="N", type=int, default=3, help="of a data set, for bad frames and limits")
-    parser.add_argument("--frames", metavar="N", type=int, default=2, help="of a source, for bad frames and limits")
+    parser.add_argument(
+        "--sources", metavar="N", type=int, default=4, help="of a data set, for bad frames; half as many for limits"
+    )
+    parser.add_argument(
+        "--frames", metavar="N", type=int, default=1, help="of a source, for bad frames; twice as many for limits"
+    )
 
 
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
@@ -77,23 +81,24 @@ def draw(out: Path) -> list[Path]:
 def trials_of(part: str, scenes: Sequence[Scene], arguments: argparse.Namespace, folder: Path) -> sweeps.Trials:
     """The measurements of a part; ``folder`` is for temporary files."""
     quick, seed, few = arguments.quick, arguments.seed, (arguments.sources, arguments.frames)
+    half = -(-arguments.sources // 2), 2 * arguments.frames
     objects = [scene for scene in scenes if scene.name == "lmo"]
-    # a data set's other cases have the same photographs
-    whole = list({scene.name: scene for scene in reversed(scenes) if scene.name in ("bloster", SAMPLE)}.values())
+    # bloster's other case has the same photographs
+    whole = [each for each in scenes if each.name in (SAMPLE, BONES) or each.loaded.case.path.stem == "bloster_0"]
     sample = [scene for scene in whole if scene.name == SAMPLE]
     if part == "photographs":
-        yield from sweeps.photographs(whole, 2 if quick else None)
+        yield from sweeps.photographs(whole, 2 if quick else MOST_SOURCES)
     elif part == "grid":
         yield from sweeps.grid(whole, [*whole, *objects], seed, few, quick=quick)
     elif part == "limits":
-        yield from sweeps.texture_and_size(whole, seed, few, quick=quick)
+        yield from sweeps.texture_and_size([each for each in whole if each.name != BONES], seed, half, quick=quick)
         yield from sweeps.small_objects(objects, OBJECT_FRAMES)
         for scene in sample:
             yield from sweeps.light(scene, folder / "light", quick=quick)
             yield from sweeps.overlap(sweeps.around(scene, folder / "around", quick=quick))
     elif part == "correction":
-        for scene in whole:
-            yield from sweeps.corrections(scene, seed, few[0], surfaces=scene.name == SAMPLE, quick=quick)
+        for scene in (each for each in whole if each.name != BONES):
+            yield from sweeps.corrections(scene, seed, half[0], surfaces=scene.name == SAMPLE, quick=quick)
             if not quick:
                 more = sweeps.around(scene, folder / "more", quick=quick) if scene.name == SAMPLE else scene
                 yield from sweeps.more_frames(more, (4, 8, 12), seed)
@@ -118,7 +123,7 @@ def scene_of(pair: CaseFiles, folder: Path) -> Scene:
     listed, _ = read_photographs(pair[1], loaded.case)
     name, mesh_from_model = pair[0].relative_to(folder).parts[0], loaded.surface.mesh_from_model
     frames = (small(load_posed_frame(each, mesh_from_model, name=name)) for each in listed)
-    return Scene(name, name != SAMPLE, replace(loaded, frames=(small(loaded.frame),)), tuple(frames))
+    return Scene(name, name not in (SAMPLE, BONES), replace(loaded, frames=(small(loaded.frame),)), tuple(frames))
 
 
 def summary(rows: Sequence[RegistrationTrial]) -> list[str]:

@@ -17,7 +17,12 @@ from .log_axes import log_y, short_number
 from .stability_panels import bottom_legend, distinct, small_print
 
 Trials = Sequence[RegistrationTrial]
-NAMES = {"bloster": "real: bloster", "lmo": "real: LM-O", "sample": "rendered: the sample"}
+NAMES = {
+    "bloster": "real: bloster",
+    "lmo": "real: LM-O",
+    "sample": "rendered: sample",
+    "bones": "rendered: temporal bones",
+}
 LIMITS = (
     # kind, title, label, edges of the bins
     ("contrast", "Texture: contrast", "contrast of source and frame / the original's", ()),
@@ -47,8 +52,8 @@ def registration_charts(rows: Trials, conditions: Sequence[str], out: Path) -> l
 
 def _look(theme: Theme, scene: str) -> dict[str, Any]:
     """Real is drawn solid, rendered dashed and hollow."""
-    colour = {"bloster": theme.series[0], "sample": theme.series[2]}.get(scene, theme.muted)
-    rendered = scene == "sample"
+    colour = {"bloster": theme.series[0], "sample": theme.series[2], "lmo": theme.text}.get(scene, theme.muted)
+    rendered = NAMES[scene].startswith("rendered")
     return {
         "color": colour, "marker": "o", "markersize": 5, "linestyle": (0, (4, 2)) if rendered else "-",
         "markerfacecolor": theme.background if rendered else colour, "label": NAMES[scene],

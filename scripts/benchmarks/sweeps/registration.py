@@ -32,6 +32,8 @@ from .refinement import blurred, faded
 
 surface_once = cache(sample_surface)
 Trials = Iterator[RegistrationTrial]
+OTHERS = 6
+"""Images of other scenes that a source is shown."""
 CONTRASTS, PAINT_PX, SIZES = (1.0, 0.3, 0.1, 0.05, 0.02), (0.0, 1.5, 3.0, 6.0, 12.0), (1.0, 0.5, 0.25, 0.125)
 LIGHTS_DEG, LAMP_MM = (0.0, 15.0, 30.0, 45.0, 60.0), 300.0
 TILTS_DEG, DIRECTIONS = (10.0, 20.0, 30.0, 45.0, 60.0, 75.0), 4
@@ -65,10 +67,11 @@ def grid(scenes: Sequence[Scene], shown: Sequence[Scene], seed: int, few: tuple[
     """Spoil some photographs of each scene in every way, and show it some of all others; few sources and frames."""
     sources, frames = few
     for scene in scenes:
-        others = [frame for other in shown for frame in other.photographs if other.name != scene.name]
-        for number, source in enumerate(scene.sources(sources)):
+        cases = sum(other.name == scene.name for other in scenes)
+        others = [frame for other in shown for frame in other.photographs if other is not scene]
+        for number, source in enumerate(scene.sources(-(-sources // cases))):
             registration = Registration(source, "grid")
-            for place in spread(len(source.photographs), frames):
+            for place in chosen(source, number, frames):
                 frame = source.photographs[place]
                 yield registration.trial(frame, CLEAN)
                 yield registration.trial(frame, MIRRORED, image=frame.image[:, ::-1], shows=False)
@@ -78,10 +81,16 @@ def grid(scenes: Sequence[Scene], shown: Sequence[Scene], seed: int, few: tuple[
                             rng = np.random.default_rng([seed, number, place, kind, index])
                             spoilt = how.spoil(frame.image, amount, rng)
                             yield registration.trial(frame, name, amount, image=spoilt)
-            for place in spread(len(others), 2 * sources * frames)[number::sources]:
+            for place in spread(len(others), OTHERS * sources)[number::sources]:
                 image = fitted(others[place].image, registration.registrar.camera.shape_hw)
                 placed = replace(source.loaded.frame, path=others[place].path)
                 yield registration.trial(placed, OTHER_SCENE, image=image, shows=False)
+
+
+def chosen(source: Scene, number: int, frames: int) -> list[int]:
+    """Places of some photographs, others for each source."""
+    count = len(source.photographs)
+    return sorted({(place + number) % count for place in spread(count, frames)})
 
 
 def fitted(image: np.ndarray, shape_hw: tuple[int, int]) -> np.ndarray:

@@ -3,7 +3,8 @@
     python scripts/benchmark.py TOPIC --out PATH [--quick] [--redraw]
 
 Topics: speed (against PyVista), chart (speed against accuracy), landmarks and refinement (accuracy of poses), surface
-(from CT), reader, evaluation (on published photographs), stability (where methods fail). TOPIC --help describes one.
+(from CT), reader, evaluation (on published photographs), registration (of further frames), stability (where methods
+fail). TOPIC --help describes one.
 --quick only shows that it runs; --redraw draws the charts again from --out.
 """
 

@@ -12,7 +12,7 @@ from oneframe.charts.page import WARNING, Theme, write_chart
 from oneframe.registration.verdict import LEAST_ACCEPTED
 
 from ..alignment.registration_trials import RegistrationTrial, share
-from ..sweeps.degradations import CLEAN, DEGRADATIONS, MIRRORED, OTHER_SCENE
+from ..sweeps.degradations import CLEAN, DEGRADATIONS, WRONG
 from .log_axes import log_y, short_number
 from .stability_panels import bottom_legend, distinct, small_print
 
@@ -95,10 +95,7 @@ def _grid(figure: Any, theme: Theme, *, rows: Trials, conditions: Sequence[str])
         _share_panel(axes, theme, groups)
         axes.set_title(kind.capitalize() if kind.islower() else kind)
         axes.set_xlabel(how.label, fontsize=9.5)
-    shown = [(kind, [row for row in own if row.kind == kind]) for kind in (CLEAN, MIRRORED, OTHER_SCENE)]
-    _share_panel(panels[10], theme, shown)
-    panels[10].set_title("Right and wrong images")
-    panels[10].set_xlabel("any accepted one is wrong", fontsize=9.5)
+    _wrong_panel(panels[10], theme, own)
     _threshold_panel(panels[11], theme, own)
     _legend(figure, theme, own)
     small_print(figure, theme, SMALL, conditions)
@@ -108,11 +105,21 @@ def _at(row: RegistrationTrial, kind: str, amount: float, clean: bool) -> bool:
     return row.kind == CLEAN if clean else row.kind == kind and row.amount == amount
 
 
+def _wrong_panel(axes: Any, theme: Theme, own: Trials) -> None:
+    """Write how many images that do not show the surface, or mirrored, are accepted."""
+    axes.axis("off")
+    axes.set_title("Wrong images accepted")
+    for place, (scene, kind) in enumerate((s, k) for s in distinct([row.scene for row in own]) for k in WRONG):
+        rows = [row for row in own if (row.scene, row.kind) == (scene, kind)]
+        text = f"{sum(row.wrong for row in rows)} of {len(rows)} {kind}, {NAMES[scene]}"
+        axes.text(0, 0.9 - 0.14 * place, text, fontsize=9.5, color=_look(theme, scene)["color"])
+
+
 def _threshold_panel(axes: Any, theme: Theme, own: Trials) -> None:
     """Draw wrong poses of those accepted against the share found, as the probability that is accepted is swept."""
     for scene in distinct([row.scene for row in own]):
         rows, points = [row for row in own if row.scene == scene], []
-        showing = sum(row.kind not in (MIRRORED, OTHER_SCENE) for row in rows)
+        showing = sum(row.kind not in WRONG for row in rows)
         levels = sorted({row.probability for row in rows if np.isfinite(row.error_deg)} | {LEAST_ACCEPTED})
         for level in levels:
             accepted = [row for row in rows if row.probability >= level and not np.isnan(row.error_deg)]

@@ -65,4 +65,4 @@ DEGRADATIONS = {
     "blur": Degradation(blurred, (0.0, 1.5, 3.0, 5.0, 8.0), 0.0, "standard deviation (px)"),
     "motion blur": Degradation(shaken, (0.0, 9.0, 18.0, 35.0, 55.0), 0.0, "length (px)"),
 }
-CLEAN, MIRRORED, OTHER_SCENE = "clean", "mirrored", "other scene"
+CLEAN, WRONG = "clean", ("mirrored", "other scene")

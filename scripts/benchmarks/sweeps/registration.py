@@ -27,7 +27,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
 from ..alignment.registration_trials import NO_ERROR, Registration, RegistrationTrial, Scene, resized, spread
-from .degradations import CLEAN, DEGRADATIONS, MIRRORED, OTHER_SCENE
+from .degradations import CLEAN, DEGRADATIONS, WRONG
 from .refinement import blurred, faded
 
 surface_once = cache(sample_surface)
@@ -74,7 +74,7 @@ def grid(scenes: Sequence[Scene], shown: Sequence[Scene], seed: int, few: tuple[
             for place in chosen(source, number, frames):
                 frame = source.photographs[place]
                 yield registration.trial(frame, CLEAN)
-                yield registration.trial(frame, MIRRORED, image=frame.image[:, ::-1], shows=False)
+                yield registration.trial(frame, WRONG[0], image=frame.image[:, ::-1], shows=False)
                 for kind, (name, how) in enumerate(DEGRADATIONS.items()):
                     for index, amount in enumerate(how.amounts):
                         if amount != how.clean and (index == 4 or not quick):
@@ -84,7 +84,7 @@ def grid(scenes: Sequence[Scene], shown: Sequence[Scene], seed: int, few: tuple[
             for place in spread(len(others), OTHERS * sources)[number::sources]:
                 image = fitted(others[place].image, registration.registrar.camera.shape_hw)
                 placed = replace(source.loaded.frame, path=others[place].path)
-                yield registration.trial(placed, OTHER_SCENE, image=image, shows=False)
+                yield registration.trial(placed, WRONG[1], image=image, shows=False)
 
 
 def chosen(source: Scene, number: int, frames: int) -> list[int]:

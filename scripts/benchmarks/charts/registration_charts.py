@@ -27,8 +27,8 @@ LIMITS = (
     # kind, title, label, edges of the bins
     ("contrast", "Texture: contrast", "contrast of source and frame / the original's", ()),
     ("paint", "Texture: fine paint", "blur of source and frame (px)", ()),
-    ("size", "Size in the frame", "longer side of the surface shown (px)", (0, 60, 100, 130, 170, 340, 641)),
-    ("overlap", "Angle to the source", "angle between both views (°)", (0, 15, 25, 35, 50, 65, 90, 120, 181)),
+    ("size", "Size in the frame", "longer side of the surface shown, from (px)", (0, 60, 100, 130, 170, 340, 641)),
+    ("overlap", "Angle to the source", "angle between both views, from (°)", (0, 15, 25, 35, 50, 65, 90, 120, 181)),
     ("light", "Light", "light, from where the source has it (°)", ()),
 )
 LARGEST_WRONG = 0.01
@@ -109,10 +109,13 @@ def _wrong_panel(axes: Any, theme: Theme, own: Trials) -> None:
     """Write how many images that do not show the surface, or mirrored, are accepted."""
     axes.axis("off")
     axes.set_title("Wrong images accepted")
-    for place, (scene, kind) in enumerate((s, k) for s in distinct([row.scene for row in own]) for k in WRONG):
-        rows = [row for row in own if (row.scene, row.kind) == (scene, kind)]
-        text = f"{sum(row.wrong for row in rows)} of {len(rows)} {kind}, {NAMES[scene]}"
-        axes.text(0, 0.9 - 0.14 * place, text, fontsize=9.5, color=_look(theme, scene)["color"])
+    for place, scene in enumerate(distinct([row.scene for row in own])):
+        counts = []
+        for kind in WRONG:
+            rows = [row for row in own if (row.scene, row.kind) == (scene, kind)]
+            counts.append(f"{kind}: {sum(row.wrong for row in rows)} of {len(rows)}")
+        text = "\n  ".join([NAMES[scene], *counts])
+        axes.text(0, 0.78 - 0.33 * place, text, fontsize=9.5, color=_look(theme, scene)["color"])
 
 
 def _threshold_panel(axes: Any, theme: Theme, own: Trials) -> None:
@@ -131,10 +134,11 @@ def _threshold_panel(axes: Any, theme: Theme, own: Trials) -> None:
     axes.axhline(LARGEST_WRONG, color=theme.series[WARNING], linewidth=1, linestyle=(0, (1, 2)))
     axes.set_yticks([0, 0.01, 0.02, 0.04, 0.06], ["0", "1 %", "2 %", "4 %", "6 %"])
     axes.set_ylim(-0.002, 0.065)
-    axes.set_xticks([0.4, 0.6, 0.8, 1], ["40 %", "60 %", "80 %", "100 %"])
+    axes.set(xlim=(0, 1.05))
+    axes.set_xticks([0, 0.5, 1], ["0", "50 %", "100 %"])
     axes.grid(linewidth=0.8)
     axes.set_title("Wrong of those accepted")
-    axes.set_xlabel("share found; diamonds: LEAST_ACCEPTED", fontsize=9.5)
+    axes.set_xlabel("share found (diamond: as accepted)", fontsize=9.5)
 
 
 def _limits(figure: Any, theme: Theme, *, rows: Trials, conditions: Sequence[str]) -> None:
@@ -146,7 +150,7 @@ def _limits(figure: Any, theme: Theme, *, rows: Trials, conditions: Sequence[str
             own += [row for row in rows if row.part == "photographs"]
             value = lambda row: row.angle_deg  # noqa: E731
         if edges:
-            groups = [(f"{a}–{b - 1}", [row for row in own if a <= value(row) < b]) for a, b in pairwise(edges)]
+            groups = [(f"{a}–", [row for row in own if a <= value(row) < b]) for a, b in pairwise(edges)]
         else:
             groups = [
                 (short_number(x), [row for row in own if row.amount == x]) for x in distinct([r.amount for r in own])

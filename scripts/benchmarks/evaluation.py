@@ -21,8 +21,11 @@ from oneframe.errors import InputError
 from oneframe.files.temporary import temporary_folder
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
-from .published import LOADERS, CaseFiles
+from .alignment.bone_photographs import bone_cases
+from .published import LOADERS as PUBLISHED
+from .published import CaseFiles, Loader
 
+LOADERS: dict[str, Loader] = {**PUBLISHED, "bones": bone_cases}
 QUICK = {"photographs": 2, "width": 240}
 
 

@@ -21,6 +21,7 @@ from scripts.benchmarks.rendering.speed_accuracy import Configuration
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
 CHART = (".png", ".svg", "-dark.png", "-dark.svg")
+REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     # what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start"], []),
@@ -30,6 +31,10 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     "surface": ("surface.json", [], []),
     "reader": ("reader.json", ["{dataset}"], []),
     "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.svg"]),
+    "registration": (
+        "", ["--only", "photographs"],
+        ["registration_photographs.csv", *(f"{name}{end}" for name in REGISTRATION for end in CHART)],
+    ),
     "stability": (
         "", ["--only", "sampling"], [f"stability_sampling{end}" for end in (".csv", *CHART)]
     ),
@@ -55,7 +60,7 @@ def test_a_quick_form_writes_its_files(topic, tmp_path, write_tiny_case, render_
     expected = {*([name] if name else []), *written}
     assert made.keys() >= expected
     assert topic == "evaluation" or made.keys() == expected
-    if topic == "stability":
+    if topic in ("registration", "stability"):
         assert run("--redraw") == made
 
 

@@ -24,6 +24,8 @@ MOST_PIXELS = 600
 """Of a frame: more say nothing new."""
 MOST_ROUNDS, SETTLED_PX = 6, 0.1
 """Rounds of flow and fit, and mean movement, at the size of registration, below which no further one follows."""
+LEAST_AGREEMENT = 0.6
+"""Of the pixels at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
 LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
 
@@ -98,6 +100,12 @@ def correct_source(
         raise InputError(
             f"{source.name}: expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from "
             f"other sides, found {accepted} of {len(frames)}; the pose is not corrected"
+        )
+    if fit.agreement < LEAST_AGREEMENT:
+        raise InputError(
+            f"{source.name}: expected one pose of the case's frame with which the frames agree, found "
+            f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: align "
+            f"the frame again; the pose is not corrected"
         )
     camera, pose = loaded.case.camera, fit.cam_from_model
     uncertainty = PoseUncertainty(

@@ -1,4 +1,4 @@
-"""The preview of a refined pose: before and after in the view, until the user keeps one of them."""
+"""The preview of a pose that was found: before and after in the view, until the user keeps one of them."""
 
 from typing import Literal
 
@@ -14,10 +14,15 @@ from ..state.events import redraw
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import NAVIGATION, show_status
 from ..ui.operator import OperatorResult
+from ..ui.step_panel import show
+from ..video import shown_frame
 
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
 TAKE = {"RET", "NUMPAD_ENTER"}
 """With Ctrl: takes a refused pose. It must not happen by a habit of the hand."""
+
+shown = ""
+"""What is previewed now."""
 
 
 def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -> None:
@@ -31,27 +36,44 @@ def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -
 
 
 class Preview(bpy.types.Operator):
-    """Mixin: a modal operator that shows a refined pose and lets the user keep or discard it."""
+    """Mixin: a modal operator that shows a pose that was found, and lets the user keep or discard it."""
 
+    step = previews = ""
+    """The step of the work, which stays open in the sidebar; what is previewed, unless its poses tell."""
     is_shown = False
 
-    def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
-        """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one, to which the preview can go back."""
-        self._result, self._start, self.is_shown = result, start, True
-        self._start_record = pose_record(context.scene)
+    def show_poses(self, context: bpy.types.Context, found: np.ndarray, start: np.ndarray) -> None:
+        """Begin with the pose ``(4, 4)`` that was found; ``start``, the one before, is that to go back to."""
+        global shown
+        self._found, self._start, self.is_shown = found, start, True
+        shown = self.previews
+        shown_frame.restore(context.scene)
         self._show_pose(context, is_result=True)
         self._show_figures(context)
 
+    def keep(self, context: bpy.types.Context) -> str:
+        """Take the pose, and say so in a message."""
+        raise NotImplementedError
+
+    def figures(self, *, after: bool) -> str:
+        """What is known of the pose before or after, for the status bar."""
+        raise NotImplementedError
+
+    def is_kept(self, event: bpy.types.Event) -> bool:
+        """Whether a press keeps the pose."""
+        return event.type in KEEP
+
+    def keys(self) -> str:
+        """What the keys do, for the status bar."""
+        return "Enter or Left Click: Accept      Esc or Right Click: Discard      Space: Before / After"
+
     def _preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        result = self._result
         if event.value == "PRESS":
             if event.type in DISCARD:
                 self._show_pose(context, is_result=False)
-                return self._close(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
-            if (event.type in TAKE and event.ctrl) if result.can_be_taken else event.type in KEEP:
-                take(context.scene, result, self._start_record)
-                message = f"taken although refused: {result.objection}" if result.can_be_taken else result.message
-                return self._close(context, "FINISHED", message=message)
+                return self._close(context, "CANCELLED", message="the pose is discarded, that before is unchanged")
+            if self.is_kept(event):
+                return self._close(context, "FINISHED", message=self.keep(context))
             if event.type == "SPACE":
                 self._show_pose(context, is_result=not self._shows_result)
         self._show_figures(context)
@@ -80,6 +102,8 @@ class Preview(bpy.types.Operator):
         error: str = "",
     ) -> OperatorResult:
         """Restore the headers, report, and end."""
+        global shown
+        shown = ""
         show_status(context, None)
         if message:
             self.report({"INFO"}, message)
@@ -90,13 +114,45 @@ class Preview(bpy.types.Operator):
 
     def _show_figures(self, context: bpy.types.Context) -> None:
         shown = "AFTER" if self._shows_result else "BEFORE"
-        figures = _figures(self._result, refined=self._shows_result)
-        show_status(context, f"{shown}: {figures}      {_keys(self._result)}")
+        show_status(context, f"{shown}: {self.figures(after=self._shows_result)}      {self.keys()}")
 
     def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
-        set_cam_from_model(context.scene, self._result.found if is_result else self._start)
+        set_cam_from_model(context.scene, self._found if is_result else self._start)
         self._shows_result = is_result
+        show(context.scene, self.step)
         redraw()
+
+
+class RefinementPreview(Preview):
+    """Mixin: the preview of a refinement."""
+
+    step = "refine"
+
+    def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
+        """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one."""
+        self._result, self._start_record = result, pose_record(context.scene)
+        self.show_poses(context, result.found, start)
+
+    def keep(self, context: bpy.types.Context) -> str:
+        result = self._result
+        take(context.scene, result, self._start_record)
+        return f"taken although refused: {result.objection}" if result.can_be_taken else result.message
+
+    def figures(self, *, after: bool) -> str:
+        agreement = self._result.after if after else self._result.before
+        return f"{agreement.score:.0%} of the image explained, off by {error_text(self._result, refined=after)}"
+
+    def is_kept(self, event: bpy.types.Event) -> bool:
+        if self._result.can_be_taken:
+            return event.type in TAKE and event.ctrl
+        return super().is_kept(event)
+
+    def keys(self) -> str:
+        if self._result.can_be_taken:
+            return (
+                "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway      Space: Before / After"
+            )
+        return super().keys()
 
 
 def preview_text(result: Refinement) -> str:
@@ -110,14 +166,3 @@ def error_text(result: Refinement, *, refined: bool) -> str:
     if not np.isfinite(error_px):
         return "unknown"
     return f"{'' if result.verified else '≥ '}{format_two_digits(error_px)} px"
-
-
-def _figures(result: Refinement, *, refined: bool) -> str:
-    agreement = result.after if refined else result.before
-    return f"{agreement.score:.0%} of the image explained, off by {error_text(result, refined=refined)}"
-
-
-def _keys(result: Refinement) -> str:
-    if result.can_be_taken:
-        return "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway      Space: Before / After"
-    return "Enter or Left Click: Accept      Esc or Right Click: Discard      Space: Before / After"

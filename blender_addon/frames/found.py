@@ -1,0 +1,133 @@
+"""What registration has found of the film's frames: in memory with the scored film, for the pose that it began with."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..class_registration import at_end, class_registration, listening
+from ..pipeline.blender.registration.register_case import COLOURS
+from ..pipeline.blender.registration.register_frames import CaseRegistrar
+from ..pipeline.errors import InputError
+from ..pipeline.registration.colour_sources import Candidate, hidden_blocks, sharpness
+from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
+from ..state import another_frame
+from ..state.another_frame import SeenFrame
+from ..ui.background_operator import inputs_of
+from ..ui.strokes import Colour
+from ..video import session, shown_frame
+from ..video.session import FilmSession
+
+WORDS = {ACCEPTED: "found", DOUBTFUL: "doubtful", REFUSED: "lost"}
+
+
+class FoundFrame(NamedTuple):
+    """A frame's pose ``(4, 4)``, mm, if it has one, what to think of it, and what colouring needs if it is accepted."""
+
+    verdict: Verdict
+    cam_from_model: np.ndarray | None
+    candidate: Candidate | None
+
+
+@dataclass
+class FoundFrames:
+    """The frames of a film that are registered so far.
+
+    Attributes
+    ----------
+    film, inputs
+        The film, and the case at its pose as :func:`.inputs_of` says it.
+    frames
+        Position in the film's list of scores -> what was found.
+    """
+
+    film: FilmSession
+    inputs: tuple[object, ...]
+    frames: dict[int, FoundFrame] = field(default_factory=dict)
+
+    def register(self, registrar: CaseRegistrar, progress: Callable[[float], None]) -> None:
+        """Register all scored frames of the film; in any thread.
+
+        Raises
+        ------
+        InputError
+            The film has frames of another shape, or the case's frame shows too little texture.
+        """
+        positions = {score.index: at for at, score in enumerate(self.film.scores.frames)}
+        with registrar.frames(self.film.path) as (_, frames):
+            for frame in frames:
+                if frame.number not in positions:
+                    continue
+                found, candidate = registrar.register(frame), None
+                if found.fit is not None and found.verdict.state == ACCEPTED:
+                    hidden = hidden_blocks(found.fit)
+                    candidate = Candidate(frame.number, found.fit.cam_from_model, sharpness(frame.image), hidden)
+                self.frames[positions[frame.number]] = FoundFrame(found.verdict, found.cam_from_model, candidate)
+                progress(len(self.frames) / len(positions))
+
+    def candidates(self) -> list[Candidate]:
+        """The accepted frames."""
+        return [each.candidate for each in self.frames.values() if each.candidate is not None]
+
+    def summary(self) -> str:
+        """How many frames are found, doubtful and lost."""
+        states = [each.verdict.state for each in self.frames.values()]
+        return ", ".join(f"{states.count(state)} {word}" for state, word in WORDS.items())
+
+
+_latest: FoundFrames | None = None
+
+
+def begin(found: FoundFrames) -> None:
+    """Show what is found from now on."""
+    global _latest
+    _latest = found
+
+
+def forget() -> None:
+    """Show nothing of it any more."""
+    global _latest
+    _latest = None
+
+
+def latest(scene: bpy.types.Scene) -> FoundFrames | None:
+    """What was found last in the scene's film, whatever has become of the case's pose."""
+    return _latest if _latest is not None and _latest.film is session.of(scene) else None
+
+
+def of(scene: bpy.types.Scene) -> FoundFrames | None:
+    """What is found in the scene's film from the present pose of the case's frame."""
+    found = latest(scene)
+    try:
+        return found if found is not None and inputs_of(scene) == found.inputs else None
+    except InputError:
+        return None
+
+
+def colour_of(state: str) -> Colour:
+    """The colour of a state, as on the sheet of ``oneframe register``."""
+    red, green, blue = (value / 255 for value in COLOURS[state])
+    return red, green, blue, 1.0
+
+
+def text_of(verdict: Verdict) -> str:
+    """A state in words, with the probability that the pose is right."""
+    sure = "" if verdict.state == REFUSED else f", {verdict.probability:.0%} sure"
+    return f"{WORDS[verdict.state]}{sure}"
+
+
+def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
+    film = session.of(scene)
+    if film is None or not shown_frame.is_shown(scene):
+        return None
+    found = of(scene)
+    frame = None if found is None else found.frames.get(film.shown)
+    if frame is None:
+        return None
+    name = f"frame {film.score.index} of {film.path.name}"
+    return SeenFrame(name, text_of(frame.verdict), colour_of(frame.verdict.state), frame.cam_from_model)
+
+
+register, unregister = class_registration(__name__, listening(another_frame.finders, _seen), at_end(forget))

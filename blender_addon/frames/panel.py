@@ -1,0 +1,91 @@
+"""The step Frames: the other frames of the film, the correction of the first pose, further colour sources."""
+
+import json
+
+import bpy
+
+from ..class_registration import class_registration
+from ..pipeline.case.alignment_record import FURTHER_FRAMES
+from ..setup.alignment_record import pose_record
+from ..state import from_scene
+from ..state.scene_files import known_stamp, usual_folder
+from ..ui.keymap import draw_key
+from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.step_panel import StepPanel
+from ..video import session, shown_frame
+from ..video.session import FilmSession
+from . import found
+from .correct import record_text
+from .operators import is_aligned
+
+
+class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
+    """The other frames of the film"""
+
+    bl_label = "6  Frames"
+    bl_order = 7
+    step = "frames"
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        scene, film = context.scene, session.of(context.scene)
+        layout.operator_context = "INVOKE_DEFAULT"
+        if not is_aligned(scene):
+            draw_text(layout, "The other frames are found by this one: align it first.", icon="INFO")
+            return
+        if film is None:
+            _draw_opening(layout, scene)
+        else:
+            layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
+            _draw_found(layout, scene, film)
+        layout.separator()
+        layout.operator("oneframe.correct_first_pose", icon="SNAP_ON")
+        record = pose_record(scene)
+        if record.get("method") == FURTHER_FRAMES:
+            draw_text(layout, f"Corrected: {record_text(record)}, if the surface is right.", icon="CHECKMARK")
+        layout.separator()
+        row = layout.row(align=True)
+        row.operator("oneframe.use_colour_sources", icon="COLOR")
+        row.operator("oneframe.clear_colour_sources", text="", icon="X")
+        for each in from_scene.further_frames(scene):
+            layout.label(text=each.image.name, icon="IMAGE_DATA")
+
+
+def _draw_opening(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    if session.key_of(scene) is not None:
+        draw_text(layout, "The film's scores are not in memory.", icon="INFO")
+        layout.operator("oneframe.score_video", icon="FILE_REFRESH")
+        return
+    draw_text(layout, "Open the film that the frame is from, or another of the same surface and zoom.", icon="INFO")
+    text = scene.oneframe.video_text
+    named = usual_folder(scene) / json.loads(text)[0] if text else None
+    if named is not None and any(known_stamp(named)):
+        layout.operator("oneframe.open_video", text=f"Open {named.name}", icon="FILE_MOVIE").filepath = str(named)
+    layout.operator("oneframe.open_video", icon="FILE_MOVIE")
+
+
+def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
+    registered = found.of(scene)
+    if registered is None:
+        stale = found.latest(scene) is not None
+        why = "The case's pose has changed since: register them again." if stale else "No frame is registered yet."
+        draw_text(layout, why, icon="INFO")
+        return
+    total = len(film.scores.frames)
+    part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "
+    draw_text(layout, f"{part}{registered.summary()}")
+    row = layout.row(align=True)
+    row.operator("oneframe.play_frames", icon="PLAY")
+    row.operator("oneframe.case_frame", icon="LOOP_BACK")
+    draw_key(row, "oneframe.case_frame")
+    if not shown_frame.is_shown(scene):
+        draw_text(layout, "Click the strip below the view to see a frame with the surface at its pose.", icon="INFO")
+        return
+    frame = registered.frames.get(film.shown)
+    name = f"Frame {film.score.index}"
+    if frame is None:
+        draw_text(layout, f"{name} is not registered.", icon="INFO")
+        return
+    draw_text(layout, f"{name}: {found.text_of(frame.verdict)}. {frame.verdict.reason.capitalize()}.")
+
+
+register, unregister = class_registration(__name__)

@@ -114,7 +114,8 @@ def colour_of(state: str) -> Colour:
 
 def text_of(verdict: Verdict) -> str:
     """A state in words, with the probability that the pose is right."""
-    sure = "" if verdict.state == REFUSED else f", {verdict.probability:.0%} sure"
+    # 0.997 is not 100 %
+    sure = "" if verdict.state == REFUSED else f", {int(100 * verdict.probability)} % sure"
     return f"{WORDS[verdict.state]}{sure}"
 
 

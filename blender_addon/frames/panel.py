@@ -18,6 +18,9 @@ from . import found
 from .correct import record_text
 from .operators import is_aligned
 
+TEXT_LINES = 3
+"""Of what is said of the frame in view: no button moves under the pointer while the film plays."""
+
 
 class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
     """The other frames of the film"""
@@ -37,6 +40,9 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
         else:
             layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
             _draw_found(layout, scene, film)
+            row = layout.split(factor=0.85, align=True)
+            row.operator("oneframe.case_frame", icon="LOOP_BACK")
+            draw_key(row, "oneframe.case_frame")
         layout.separator()
         layout.operator("oneframe.correct_first_pose", icon="SNAP_ON")
         record = pose_record(scene)
@@ -73,19 +79,16 @@ def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSe
     total = len(film.scores.frames)
     part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "
     draw_text(layout, f"{part}{registered.summary()}")
-    row = layout.row(align=True)
-    row.operator("oneframe.play_frames", icon="PLAY")
-    row.operator("oneframe.case_frame", icon="LOOP_BACK")
-    draw_key(row, "oneframe.case_frame")
-    if not shown_frame.is_shown(scene):
-        draw_text(layout, "Click the strip below the view to see a frame with the surface at its pose.", icon="INFO")
-        return
+    layout.operator("oneframe.play_frames", icon="PLAY")
     frame = registered.frames.get(film.shown)
-    name = f"Frame {film.score.index}"
-    if frame is None:
-        draw_text(layout, f"{name} is not registered.", icon="INFO")
-        return
-    draw_text(layout, f"{name}: {found.text_of(frame.verdict)}. {frame.verdict.reason.capitalize()}.")
+    if not shown_frame.is_shown(scene):
+        text = "Click the strip below the view to see a frame with the surface at its pose."
+    elif frame is None:
+        text = f"Frame {film.score.index} is not registered."
+    else:
+        reason = f"{frame.verdict.reason[:1].upper()}{frame.verdict.reason[1:]}"
+        text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason}."
+    draw_text(layout, text, lines=TEXT_LINES)
 
 
 register, unregister = class_registration(__name__)

@@ -62,6 +62,8 @@ def instruction(context: bpy.types.Context) -> str:
     missing = missing_step(scene)
     if missing:
         return missing
+    if another_frame.seen(scene) is not None:
+        return "Another frame is in view; Esc: back to the case's frame"
     landmarks = from_scene.landmarks_model(scene)
     in_frame = shows_frame(context)
     if active_tool(context) == PIN_TOOL and in_frame:

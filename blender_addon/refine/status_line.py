@@ -66,7 +66,7 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
     if (other := another_frame.seen(scene)) is not None:
         back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
-        return f"{name}, {saved}  |  In view is {other.name} at its own pose, {other.text}  |  {back}", ()
+        return f"{name}, {saved}  |  In view: {other.name}, {other.text}  |  {back}", ()
     line = f"{name}, {saved}  |  {pose_text(scene)}"
     step = next_step(scene, is_saved=saved == "saved")
     return f"{line}  |  {step}" if step else line, doubts(scene)

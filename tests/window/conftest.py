@@ -5,10 +5,14 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
+from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import write_sample_case
-from oneframe.sample.temporal_bone import sample_surface
+from oneframe.sample.film import film_poses
+from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 from tests.window import session
 
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "window"
@@ -42,11 +46,32 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return case
 
 
+@pytest.fixture(scope="session")
+def write_film() -> Callable[[Path], None]:
+    """Writes a film of the coarse sample, at half its size: a loop about the frame's pose; the last one is mirrored."""
+
+    def write(path: Path) -> None:
+        poses, small = film_poses()[::5], MICROSCOPE.resized(480, 360)
+        shots = [(pose, path.with_name(f"film_{number}.png")) for number, pose in enumerate(poses)]
+        images = [cv2.imread(str(each)) for each in take_photographs(sample_surface(spacing_mm=0.6), small, shots)]
+        images[-1] = np.ascontiguousarray(images[-1][:, ::-1])
+        writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 5.0, small.size_wh)
+        for image in images:
+            writer.write(image)
+        writer.release()
+
+    return write
+
+
 @pytest.fixture
-def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callable[[Path, float], dict]:
+def play(
+    blender: str, resources: Path, sample: Path, tmp_path: Path, write_film: Callable[[Path], None]
+) -> Callable[[Path, float], dict]:
     """Plays a scenario file in a separate Blender; returns its facts, and fails if the scenario fails."""
 
     def run(scenario: Path, timeout_s: float) -> dict:
+        if "film.avi" in scenario.read_text() and not sample.with_name("film.avi").exists():
+            write_film(sample.with_name("film.avi"))
         pictures = PICTURES / scenario.stem.removeprefix("scenario_")
         return session.play_scenario(
             blender,

@@ -18,9 +18,6 @@ from ..ui.operator import Messages, Reporting, available
 from . import found
 from .operators import NeedsFound
 
-NAMES = r"frame_\d+\.png"
-"""Regular expression of the files that :data:`FRAME` names."""
-
 
 class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
     """Let found frames colour what they show better than the case's frame; Save Case keeps that"""
@@ -37,23 +34,20 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         if registered is None or not registered.candidates():
             raise InputError("expected frames that are found, there are none; press Register Frames")
         if not path:
-            raise InputError(
-                "expected a case with a file, beside which the frames go, found none; press Save Case first"
-            )
+            raise InputError("expected a case with a file, beside which the frames go; press Save Case first")
         film, case = registered.film.path, from_scene.absolute_path(path)
         folder = self._folder = case.with_name(f"{case.stem}_{film.stem}_frames")
-        check_own_folder(folder, NAMES)
+        check_own_folder(folder, r"frame_\d+\.png")
         loaded, count = from_scene.loaded_case(scene), self.count
         registrar, mesh_from_model = CaseRegistrar(loaded), loaded.surface.mesh_from_model
         self._inputs = inputs_of(scene)
 
         def choose(progress: Any) -> tuple[UnreadFrame, ...]:
-            by_number = {each.number: each for each in registered.candidates()}
-            first, camera = registrar.cam_from_model, registrar.camera
-            numbers = chosen_sources(registrar.mesh, camera, first, list(by_number.values()), count)
+            candidates, first = registered.candidates(), registrar.cam_from_model
+            numbers = chosen_sources(registrar.mesh, registrar.camera, first, candidates, count)
             progress(0.5)
             made_folder(folder / FRAME)
-            chosen = {number: by_number[number] for number in numbers}
+            chosen = {each.number: each for each in candidates if each.number in numbers}
             return tuple(registrar.full_frames(film, folder, chosen, mesh_from_model))
 
         return choose

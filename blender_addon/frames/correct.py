@@ -1,6 +1,5 @@
 """The operator that corrects the pose of the case's frame by the film's others: a preview to accept or discard."""
 
-from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -12,57 +11,48 @@ from ..pipeline.blender.colour.reference_view import can_rasterise
 from ..pipeline.blender.registration.correct_source import CorrectedSource, correct_source
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..refine.preview import Preview
-from ..setup.alignment_record import pose_record, tool_and_date
+from ..refine.preview import BackgroundPreview
+from ..setup.alignment_record import tool_and_date
 from ..state import from_scene, image_evidence, pose_evidence
 from ..state.pose import set_cam_from_model
-from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
-from ..ui.operator import Messages, OperatorResult
+from ..ui.background_operator import Work, check_inputs, inputs_of
+from ..ui.operator import Messages
 from ..ui.step_panel import show
 from ..video import session
-from .operators import NeedsFrames
+from .operators import NeedsFrames, recorded_case
 
 
-class ONEFRAME_OT_correct_first_pose(NeedsFrames, InBackground, Preview):
+class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
     """Correct the pose of the case's frame by others of the film, with a preview: Enter accepts it, Esc discards it"""
 
     bl_label = "Correct the First Pose"
     bl_options = {"REGISTER", "UNDO"}
     doing = "Correcting the pose of the case's frame"
-    step, previews = "frames", "the pose that the film corrects"
+    step = "frames"
 
     def work(self, context: bpy.types.Context) -> Work:
-        scene = context.scene
-        loaded, film = from_scene.loaded_case(scene), session.scored(scene)
+        loaded, film = recorded_case(context.scene), session.scored(context.scene).path
         if not can_rasterise(loaded):
             raise InputError("expected the whole surface in front of the camera, found part of it behind; cut it off")
-        loaded = replace(loaded, case=replace(loaded.case, alignment=pose_record(scene)))
         tool, date = tool_and_date()
-        self._inputs, self._before = inputs_of(scene), loaded.frame.cam_from_model
-        return lambda progress: correct_source(loaded, film.path, tool=tool, date=date, progress=progress)
+        self._inputs, self._before = inputs_of(context.scene), loaded.frame.cam_from_model
+        return lambda progress: correct_source(loaded, film, tool=tool, date=date, progress=progress)
 
     def run(self, context: bpy.types.Context) -> Messages:
         """Correct without a preview, as scripts do."""
         self._result: CorrectedSource = self.work(context)(lambda _fraction: None)
         return (self.keep(context),)
 
-    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+    def finish(self, context: bpy.types.Context, result: Any) -> None:
         check_inputs(context.scene, self._inputs)
         self._result = result
         self.show_poses(context, result.loaded.frame.cam_from_model, self._before)
-        return ()
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if self.is_shown:
-            return Preview.modal(self, context, event)
-        outcome = super().modal(context, event)
-        return {"RUNNING_MODAL"} if self.is_shown else outcome
 
     def keep(self, context: bpy.types.Context) -> str:
         scene, loaded = context.scene, self._result.loaded
-        pose, surface = loaded.frame.cam_from_model, from_scene.surface_of(scene)
+        pose = loaded.frame.cam_from_model
         set_cam_from_model(scene, pose)
-        set_exact(surface, from_scene.READ_POSE, np.stack([pose, loaded.case.cam_from_mesh]))
+        set_exact(from_scene.surface_of(scene), from_scene.READ_POSE, np.stack([pose, loaded.case.cam_from_mesh]))
         # it belongs to the pose before
         image_evidence.drop(scene)
         pose_evidence.remember(scene, loaded.case.alignment, pose)
@@ -76,9 +66,8 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, InBackground, Preview):
 def record_text(record: dict[str, object]) -> str:
     """What a correction has moved, and how sure it is, from the record of the pose."""
     moved_deg, moved_px, error_px = (float(str(record[key])) for key in ("moved_deg", "moved_px", "error_px"))
-    return (
-        f"moved by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, off by about {format_two_digits(error_px)} px"
-    )
+    moved = f"moved by {moved_deg:.2g}° and {format_two_digits(moved_px)} px"
+    return f"{moved}, off by about {format_two_digits(error_px)} px"
 
 
 register, unregister = class_registration(__name__)

@@ -1,4 +1,4 @@
-"""What registration has found of the film's frames: in memory with the scored film, for the pose that it began with."""
+"""What registration has found of the film's frames: in memory, for the pose of the case's frame that it began with."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import class_registration, listening
 from ..pipeline.blender.registration.register_case import COLOURS
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
@@ -77,31 +77,15 @@ class FoundFrames:
         return ", ".join(f"{states.count(state)} {word}" for state, word in WORDS.items())
 
 
-_latest: FoundFrames | None = None
-
-
-def begin(found: FoundFrames) -> None:
-    """Show what is found from now on."""
-    global _latest
-    _latest = found
-
-
-def forget() -> None:
-    """Show nothing of it any more."""
-    global _latest
-    _latest = None
-
-
-def latest(scene: bpy.types.Scene) -> FoundFrames | None:
-    """What was found last in the scene's film, whatever has become of the case's pose."""
-    return _latest if _latest is not None and _latest.film is session.of(scene) else None
+latest: FoundFrames | None = None
 
 
 def of(scene: bpy.types.Scene) -> FoundFrames | None:
     """What is found in the scene's film from the present pose of the case's frame."""
-    found = latest(scene)
+    if latest is None or latest.film is not session.of(scene):
+        return None
     try:
-        return found if found is not None and inputs_of(scene) == found.inputs else None
+        return latest if inputs_of(scene) == latest.inputs else None
     except InputError:
         return None
 
@@ -120,15 +104,12 @@ def text_of(verdict: Verdict) -> str:
 
 
 def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
-    film = session.of(scene)
-    if film is None or not shown_frame.is_shown(scene):
+    found, film = of(scene), session.of(scene)
+    if found is None or film is None or film.shown not in found.frames or not shown_frame.is_shown(scene):
         return None
-    found = of(scene)
-    frame = None if found is None else found.frames.get(film.shown)
-    if frame is None:
-        return None
+    verdict, pose, _ = found.frames[film.shown]
     name = f"frame {film.score.index} of {film.path.name}"
-    return SeenFrame(name, text_of(frame.verdict), colour_of(frame.verdict.state), frame.cam_from_model)
+    return SeenFrame(name, text_of(verdict), colour_of(verdict.state), pose)
 
 
-register, unregister = class_registration(__name__, listening(another_frame.finders, _seen), at_end(forget))
+register, unregister = class_registration(__name__, listening(another_frame.finders, _seen))

@@ -1,14 +1,16 @@
 """Operators that register the frames of the film, play them with the surface drawn in, and go back to the case's."""
 
-import time
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ..class_registration import class_registration
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
 from ..state import from_scene
@@ -16,13 +18,10 @@ from ..ui.background_operator import NAVIGATION, InBackground, Work, inputs_of, 
 from ..ui.keymap import TOOLS, Key, keys
 from ..ui.operator import Messages, OperatorResult, available
 from ..video import session, shown_frame, strip_layout
+from ..video.frame_fetcher import AHEAD
 from ..video.operators import NeedsFilm
 from . import found
 from .found import FoundFrames
-
-TICK_S = 0.02
-MOST_SKIPPED_S = 0.2
-"""Of the film, from one picture that is played to the next: a slow display plays slower rather than leaves out more."""
 
 
 def is_aligned(scene: bpy.types.Scene) -> bool:
@@ -31,6 +30,12 @@ def is_aligned(scene: bpy.types.Scene) -> bool:
         return from_scene.is_set_up(scene) and pose_record(scene).get("method") not in (INITIAL_GUESS, OTHER_FRAME)
     except InputError:
         return False
+
+
+def recorded_case(scene: bpy.types.Scene) -> LoadedCase:
+    """The case with the record of its pose, which says how sure it is."""
+    loaded = from_scene.loaded_case(scene)
+    return replace(loaded, case=replace(loaded.case, alignment=pose_record(scene)))
 
 
 class NeedsFrames(NeedsFilm):
@@ -42,7 +47,7 @@ class NeedsFrames(NeedsFilm):
 
 
 class NeedsFound(NeedsFilm):
-    """Mixin: available once the film's frames are registered."""
+    """Mixin: available once frames of the film are registered."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -62,8 +67,8 @@ class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
         scene = context.scene
         self._found = FoundFrames(session.scored(scene), inputs_of(scene))
         # may render: in the main thread
-        registrar = CaseRegistrar(from_scene.loaded_case(scene))
-        found.begin(self._found)
+        registrar = CaseRegistrar(recorded_case(scene))
+        found.latest = self._found
         scene.oneframe_video.visible = True
         return partial(self._found.register, registrar)
 
@@ -95,40 +100,35 @@ class ONEFRAME_OT_play_frames(NeedsFound):
     _timer: bpy.types.Timer | None = None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        film = session.scored(context.scene)
-        context.scene.oneframe_video.visible = True
+        scene, film = context.scene, session.scored(context.scene)
+        scene.oneframe_video.visible = True
         is_last = film.shown == len(film.times_s) - 1
         # from the frame in view, at the end from the first one
-        self._next = 0 if is_last or not shown_frame.is_shown(context.scene) else film.shown
-        self._began = time.monotonic()
-        self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
+        self._next = 0 if is_last or not shown_frame.is_shown(scene) else film.shown
+        # a slow display plays slower, and leaves out nothing
+        step_s = float(np.median(np.diff(film.times_s))) if len(film.times_s) > 1 else 0.1
+        self._timer = context.window_manager.event_timer_add(step_s, window=context.window)
         context.window_manager.modal_handler_add(self)
         show_status(context, "Playing      Esc or Click: Stop")
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if (event.type in ("ESC", "LEFTMOUSE", "RIGHTMOUSE") and event.value == "PRESS") or not self.poll(context):
-            self.cancel(context)
-            return {"FINISHED"}
-        if event.type == "TIMER" and not self._step(context.scene):
+        is_stopped = event.type in ("ESC", "LEFTMOUSE", "RIGHTMOUSE") and event.value == "PRESS"
+        if is_stopped or not self.poll(context) or (event.type == "TIMER" and not self._step(context.scene)):
             self.cancel(context)
             return {"FINISHED"}
         return {"PASS_THROUGH"} if event.type in NAVIGATION | {"TIMER"} else {"RUNNING_MODAL"}
 
     def _step(self, scene: bpy.types.Scene) -> bool:
-        """Show the next picture if it is due and decoded; returns False at the end of the film."""
-        film, now = session.scored(scene), time.monotonic()
-        times_s, at = film.times_s, self._next
+        """Show the next picture if it is decoded; returns False at the end of the film."""
+        film, at = session.scored(scene), self._next
         if film.fetcher.frame(at) is None and not film.fetcher.failure(at):
             film.fetcher.want(at)
             return True
-        passed_s = now - self._began
-        if at > film.shown and passed_s < times_s[at] - times_s[film.shown]:
-            return True
         shown_frame.show(scene, at)
-        film.span_s, self._began = strip_layout.following(film), now
-        self._next = max(at + 1, film.at_time(times_s[at] + min(passed_s, MOST_SKIPPED_S)))
-        return at + 1 < len(times_s) and self._next < len(times_s)
+        film.span_s, self._next = strip_layout.following(film), at + 1
+        film.fetcher.want(min(at + AHEAD, len(film.times_s) - 1))
+        return self._next < len(film.times_s)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender too, when it ends the operator."""

@@ -1,14 +1,11 @@
 """The step Frames: the other frames of the film, the correction of the first pose, further colour sources."""
 
-import json
-
 import bpy
 
 from ..class_registration import class_registration
 from ..pipeline.case.alignment_record import FURTHER_FRAMES
 from ..setup.alignment_record import pose_record
 from ..state import from_scene
-from ..state.scene_files import known_stamp, usual_folder
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import StepPanel
@@ -36,13 +33,14 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
             draw_text(layout, "The other frames are found by this one: align it first.", icon="INFO")
             return
         if film is None:
-            _draw_opening(layout, scene)
-        else:
-            layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
-            _draw_found(layout, scene, film)
-            row = layout.split(factor=0.85, align=True)
-            row.operator("oneframe.case_frame", icon="LOOP_BACK")
-            draw_key(row, "oneframe.case_frame")
+            draw_text(layout, "Open the film of the frame, or another of the same surface and zoom.", icon="INFO")
+            layout.operator("oneframe.open_video", icon="FILE_MOVIE")
+            return
+        layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
+        _draw_found(layout, scene, film)
+        row = layout.split(factor=0.85, align=True)
+        row.operator("oneframe.case_frame", icon="LOOP_BACK")
+        draw_key(row, "oneframe.case_frame")
         layout.separator()
         layout.operator("oneframe.correct_first_pose", icon="SNAP_ON")
         record = pose_record(scene)
@@ -56,23 +54,10 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
             layout.label(text=each.image.name, icon="IMAGE_DATA")
 
 
-def _draw_opening(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    if session.key_of(scene) is not None:
-        draw_text(layout, "The film's scores are not in memory.", icon="INFO")
-        layout.operator("oneframe.score_video", icon="FILE_REFRESH")
-        return
-    draw_text(layout, "Open the film that the frame is from, or another of the same surface and zoom.", icon="INFO")
-    text = scene.oneframe.video_text
-    named = usual_folder(scene) / json.loads(text)[0] if text else None
-    if named is not None and any(known_stamp(named)):
-        layout.operator("oneframe.open_video", text=f"Open {named.name}", icon="FILE_MOVIE").filepath = str(named)
-    layout.operator("oneframe.open_video", icon="FILE_MOVIE")
-
-
 def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
     registered = found.of(scene)
     if registered is None:
-        stale = found.latest(scene) is not None
+        stale = found.latest is not None and found.latest.film is film
         why = "The case's pose has changed since: register them again." if stale else "No frame is registered yet."
         draw_text(layout, why, icon="INFO")
         return
@@ -86,8 +71,8 @@ def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSe
     elif frame is None:
         text = f"Frame {film.score.index} is not registered."
     else:
-        reason = f"{frame.verdict.reason[:1].upper()}{frame.verdict.reason[1:]}"
-        text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason}."
+        reason = frame.verdict.reason
+        text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."
     draw_text(layout, text, lines=TEXT_LINES)
 
 

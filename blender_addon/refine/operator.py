@@ -21,14 +21,14 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, image_evidence, pose_evidence
-from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
+from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from ..ui.step_panel import show
-from .preview import RefinementPreview, preview_text, take
+from .preview import BackgroundPreview, RefinementPreview, preview_text, take
 
 
-class ONEFRAME_OT_refine(NeedsAlignment, InBackground, RefinementPreview):
+class ONEFRAME_OT_refine(NeedsAlignment, BackgroundPreview, RefinementPreview):
     """Refine the rough pose against the image, with a preview: Enter accepts it, Esc discards it"""
 
     bl_label = "Refine Pose"
@@ -69,12 +69,6 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, RefinementPreview):
         if not result.accepted:
             self.report({"WARNING"}, f"{preview_text(result)}: {result.objection}")
         self.show_result(context, result, self._start)
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if self.is_shown:
-            return RefinementPreview.modal(self, context, event)
-        outcome = super().modal(context, event)
-        return {"RUNNING_MODAL"} if self.is_shown else outcome
 
 
 class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, RefinementPreview):

@@ -12,7 +12,7 @@ from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
 from ..state.events import redraw
 from ..state.pose import set_cam_from_model
-from ..ui.background_operator import NAVIGATION, show_status
+from ..ui.background_operator import NAVIGATION, InBackground, show_status
 from ..ui.operator import OperatorResult
 from ..ui.step_panel import show
 from ..video import shown_frame
@@ -20,9 +20,6 @@ from ..video import shown_frame
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
 TAKE = {"RET", "NUMPAD_ENTER"}
 """With Ctrl: takes a refused pose. It must not happen by a habit of the hand."""
-
-shown = ""
-"""What is previewed now."""
 
 
 def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -> None:
@@ -35,18 +32,22 @@ def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -
     solve.follow(scene)
 
 
+shown = ""
+"""Label of the operator whose pose is previewed now."""
+
+
 class Preview(bpy.types.Operator):
     """Mixin: a modal operator that shows a pose that was found, and lets the user keep or discard it."""
 
-    step = previews = ""
-    """The step of the work, which stays open in the sidebar; what is previewed, unless its poses tell."""
-    is_shown = False
+    step = ""
+    """The step of the work, which stays open in the sidebar."""
+    is_shown = is_refused = False
 
     def show_poses(self, context: bpy.types.Context, found: np.ndarray, start: np.ndarray) -> None:
         """Begin with the pose ``(4, 4)`` that was found; ``start``, the one before, is that to go back to."""
         global shown
         self._found, self._start, self.is_shown = found, start, True
-        shown = self.previews
+        shown = self.bl_label
         shown_frame.restore(context.scene)
         self._show_pose(context, is_result=True)
         self._show_figures(context)
@@ -59,20 +60,12 @@ class Preview(bpy.types.Operator):
         """What is known of the pose before or after, for the status bar."""
         raise NotImplementedError
 
-    def is_kept(self, event: bpy.types.Event) -> bool:
-        """Whether a press keeps the pose."""
-        return event.type in KEEP
-
-    def keys(self) -> str:
-        """What the keys do, for the status bar."""
-        return "Enter or Left Click: Accept      Esc or Right Click: Discard      Space: Before / After"
-
     def _preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if event.value == "PRESS":
             if event.type in DISCARD:
                 self._show_pose(context, is_result=False)
-                return self._close(context, "CANCELLED", message="the pose is discarded, that before is unchanged")
-            if self.is_kept(event):
+                return self._close(context, "CANCELLED", message="the pose found is discarded, the pose is unchanged")
+            if (event.type in TAKE and event.ctrl) if self.is_refused else event.type in KEEP:
                 return self._close(context, "FINISHED", message=self.keep(context))
             if event.type == "SPACE":
                 self._show_pose(context, is_result=not self._shows_result)
@@ -113,14 +106,32 @@ class Preview(bpy.types.Operator):
         return {outcome}
 
     def _show_figures(self, context: bpy.types.Context) -> None:
-        shown = "AFTER" if self._shows_result else "BEFORE"
-        show_status(context, f"{shown}: {self.figures(after=self._shows_result)}      {self.keys()}")
+        when = "AFTER" if self._shows_result else "BEFORE"
+        keys = "Enter or Left Click: Accept      Esc or Right Click: Discard"
+        if self.is_refused:
+            keys = "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway"
+        figures = self.figures(after=self._shows_result)
+        show_status(context, f"{when}: {figures}      {keys}      Space: Before / After")
 
     def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
         set_cam_from_model(context.scene, self._found if is_result else self._start)
         self._shows_result = is_result
         show(context.scene, self.step)
         redraw()
+
+
+class BackgroundPreview(InBackground, Preview):
+    """Mixin: work in the background that ends with a preview."""
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if self.is_shown:
+            return Preview.modal(self, context, event)
+        outcome = super().modal(context, event)
+        return {"RUNNING_MODAL"} if self.is_shown else outcome
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        InBackground.cancel(self, context)
+        Preview.cancel(self, context)
 
 
 class RefinementPreview(Preview):
@@ -130,29 +141,16 @@ class RefinementPreview(Preview):
 
     def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
         """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one."""
-        self._result, self._start_record = result, pose_record(context.scene)
+        self._result, self._start_record, self.is_refused = result, pose_record(context.scene), result.can_be_taken
         self.show_poses(context, result.found, start)
 
     def keep(self, context: bpy.types.Context) -> str:
-        result = self._result
-        take(context.scene, result, self._start_record)
-        return f"taken although refused: {result.objection}" if result.can_be_taken else result.message
+        take(context.scene, self._result, self._start_record)
+        return f"taken although refused: {self._result.objection}" if self.is_refused else self._result.message
 
     def figures(self, *, after: bool) -> str:
         agreement = self._result.after if after else self._result.before
         return f"{agreement.score:.0%} of the image explained, off by {error_text(self._result, refined=after)}"
-
-    def is_kept(self, event: bpy.types.Event) -> bool:
-        if self._result.can_be_taken:
-            return event.type in TAKE and event.ctrl
-        return super().is_kept(event)
-
-    def keys(self) -> str:
-        if self._result.can_be_taken:
-            return (
-                "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway      Space: Before / After"
-            )
-        return super().keys()
 
 
 def preview_text(result: Refinement) -> str:

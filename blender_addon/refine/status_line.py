@@ -74,11 +74,11 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
 
 def pose_text(scene: bpy.types.Scene) -> str:
     """How the shown pose was found, and its error."""
-    if preview.shown:
-        return f"Preview of {preview.shown}"
     found = operator.outcome(scene)
     if found is not None and operator.is_previewed(scene):
         return f"{preview_text(found)}, off by {error_text(found, refined=True)}"
+    if preview.shown:
+        return f"Preview: {preview.shown}"
     record = pose_record(scene)
     text, _ = kind_of(scene, record)
     error_px = record.get("error_px")

@@ -1,6 +1,4 @@
-"""The film's frames in the add-on: found as by the command, looked at without a trace, and as colour sources."""
-
-import json
+"""The film's frames in the add-on: found where they are, looked at without a trace, a correction, colour sources."""
 
 import bpy
 import cv2
@@ -11,18 +9,19 @@ from blender_addon.colour.operators import is_outdated
 from blender_addon.frames import found
 from blender_addon.setup.open_case import unsaved_parts
 from blender_addon.state import another_frame, from_scene
-from blender_addon.video import session, shown_frame
+from blender_addon.video import shown_frame
 from oneframe.alignment.reprojection import apply_twist
-from oneframe.blender.case.load_case import load_case
 from oneframe.blender.colour.surface_colour import colour_record
-from oneframe.blender.registration.correct_source import correct_source
+from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import read_case
 from oneframe.registration.verdict import ACCEPTED, REFUSED
+from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, PIVOT, SOURCE, photograph, seen_from, write_case
 
 ROUGH = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([0.6, -0.8, 0.4])]), SOURCE, PIVOT)
-MIRRORED = 4
+POSES = [seen_from(8, 5), seen_from(-20, 30), seen_from(15, 90)]
+MIRRORED = len(POSES)
 """Number of the frame that shows another surface."""
 
 
@@ -32,8 +31,7 @@ def folder(tmp_path_factory):
     write_case(made, mesh, ROUGH)
     (made / "case.toml").rename(made / "rough.toml")
     write_case(made, mesh, SOURCE)
-    images = [photograph(mesh, seen_from(*pose)) for pose in ((8, 5), (-20, 30), (15, 90), (25, 0), (0, 0))]
-    images[MIRRORED] = images[MIRRORED][:, ::-1]
+    images = [*(photograph(mesh, pose) for pose in POSES), photograph(mesh, SOURCE)[:, ::-1]]
     writer = cv2.VideoWriter(str(made / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, CAMERA.size_wh)
     for image in images:
         writer.write(np.ascontiguousarray(np.rint(255 * image).astype(np.uint8)))
@@ -45,13 +43,23 @@ def folder(tmp_path_factory):
 def opened(addon, folder, tmp_path):
     def opened(name):
         case = tmp_path / name
-        case.write_text((folder / name).read_text().replace('= "frame.png"', f'= "{folder}/frame.png"'))
-        case.write_text(case.read_text().replace('= "surface.ply"', f'= "{folder}/surface.ply"'))
+        text = (folder / name).read_text()
+        for file in ("frame.png", "surface.ply"):
+            text = text.replace(f'= "{file}"', f'= "{folder}/{file}"')
+        case.write_text(text)
         bpy.ops.oneframe.open_case(filepath=str(case))
         bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
         return bpy.context.scene
 
     return opened
+
+
+def off_by_deg(pose, true):
+    return rotation_angle_deg(pose[:3, :3] @ true[:3, :3].T)
+
+
+def is_at(pose, true):
+    return off_by_deg(pose, true) < 0.5 and np.linalg.norm((pose - true)[:3, 3]) < 1.0
 
 
 def state_of(scene, path):
@@ -62,47 +70,56 @@ def state_of(scene, path):
     return path.read_bytes(), objects, str(scene.oneframe.items()), shown, scene.oneframe_view.opacity
 
 
-def test_the_frames_are_those_of_the_command_and_looking_at_them_leaves_no_trace(
-    opened, folder, tmp_path, run_oneframe
-):
+def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opened, tmp_path):
     scene = opened("case.toml")
     bpy.ops.oneframe.case_frame()
     bpy.ops.oneframe.landmark_set(point=(1, 2, 3), pixel=(100, 100))
-    before = state_of(scene, tmp_path / "kept.toml")
+    bpy.ops.oneframe.project_colour()
+    before = state_of(scene, tmp_path / "case.toml")
     assert not bpy.ops.oneframe.play_frames.poll()
     bpy.ops.oneframe.register_frames()
-    command = run_oneframe("register", folder / "case.toml", folder / "film.avi", "--out", tmp_path / "out")
-    assert command.returncode == 0, command.stderr
-    listed = json.loads((tmp_path / "out" / "poses.json").read_text())
-    assert [entry["state"] for entry in listed] == [ACCEPTED] * MIRRORED + [REFUSED]
     frames, mesh_from_model = found.of(scene).frames, from_scene.mesh_from_model_of(scene.oneframe.surface)
-    for at, entry in enumerate(listed):
+    for at in range(MIRRORED + 1):
         verdict, pose, _ = frames[at]
-        assert (verdict.state, round(verdict.probability, 4)) == (entry["state"], entry["probability"])
         shown_frame.show(scene, at)
-        seen = another_frame.seen(scene)
-        assert seen.cam_from_model is pose
+        assert another_frame.seen(scene).cam_from_model is pose
         if at == MIRRORED:
-            assert (pose, seen.text) == (None, "lost")
+            assert (verdict.state, pose, another_frame.seen(scene).text) == (REFUSED, None, "lost")
             continue
-        assert np.allclose(pose, entry["cam_from_mesh"] @ mesh_from_model, rtol=0, atol=1e-9)
+        assert verdict.state == ACCEPTED
+        assert is_at(pose @ inverse_rigid(mesh_from_model), POSES[at])
         # what is done in the view would go to the case's own frame
         for refused in (bpy.ops.oneframe.nudge, lambda: bpy.ops.oneframe.landmark_set(point=(0, 0, 0))):
             with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Esc"):
                 refused()
     bpy.ops.oneframe.case_frame()
     assert another_frame.seen(scene) is None
-    assert state_of(scene, tmp_path / "kept.toml") == before
-    # what was found holds for the pose that it began with, and again once that is back
+    assert state_of(scene, tmp_path / "case.toml") == before
+    # the same again replaces them
+    for _ in range(2):
+        bpy.ops.oneframe.use_colour_sources(count=2)
+        used = from_scene.further_frames(scene)
+        assert len(used) == 2
+    assert unsaved_parts(scene) == ("colour sources",)
+    assert is_outdated(scene, colour_record(scene.oneframe.surface))
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
+    for each in read_case(tmp_path / "case.toml").frames:
+        assert cv2.imread(str(each.image), cv2.IMREAD_UNCHANGED).shape == (*CAMERA.shape_hw, 4)
+        assert is_at(each.cam_from_mesh, POSES[int(each.image.stem.removeprefix("frame_"))])
+    bpy.ops.oneframe.project_colour()
+    assert not is_outdated(scene, colour_record(scene.oneframe.surface))
+    bpy.ops.oneframe.clear_colour_sources()
+    assert from_scene.further_frames(scene) == ()
+    # what was found holds for the pose that it began with
     bpy.ops.oneframe.nudge(step_px=1.0)
     assert found.of(scene) is None
     assert not bpy.ops.oneframe.use_colour_sources.poll()
 
 
-def test_the_first_pose_is_corrected_as_by_the_command_and_undone(opened, folder, tmp_path, monkeypatch):
+def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monkeypatch):
     monkeypatch.setattr("oneframe.blender.registration.correct_source.MOST_ROUNDS", 2)
-    scene = opened("rough.toml")
-    rough = from_scene.cam_from_model(scene)
+    opened("rough.toml")
+    rough = from_scene.cam_from_model(bpy.context.scene)
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.oneframe.correct_first_pose()
     bpy.ops.ed.undo_push(message="corrected")
@@ -110,45 +127,13 @@ def test_the_first_pose_is_corrected_as_by_the_command_and_undone(opened, folder
     assert np.array_equal(from_scene.cam_from_model(bpy.context.scene), rough)
     bpy.ops.ed.redo()
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "corrected.toml"))
-    loaded = load_case(read_case(folder / "rough.toml"))
-    other = correct_source(loaded, folder / "film.avi", tool="", date="", progress=lambda _: None).loaded.case
-    ours = read_case(tmp_path / "corrected.toml")
-    assert np.array_equal(ours.cam_from_mesh, other.cam_from_mesh)
-    assert {**ours.alignment, "tool": "", "date": ""} == {**other.alignment, "start_method": "manual"}
+    corrected = read_case(tmp_path / "corrected.toml")
+    assert off_by_deg(corrected.cam_from_mesh, SOURCE) < 0.3 * off_by_deg(ROUGH, SOURCE)
+    assert (corrected.alignment["method"], corrected.alignment["start_method"]) == (FURTHER_FRAMES, "manual")
 
 
-def test_found_frames_colour_the_surface_once_the_case_is_saved(opened, tmp_path):
+def test_a_frame_without_texture_registers_nothing(opened, folder):
     scene = opened("case.toml")
-    bpy.ops.oneframe.project_colour()
-    bpy.ops.oneframe.register_frames()
-    bpy.ops.oneframe.use_colour_sources(count=2)
-    used = from_scene.further_frames(scene)
-    assert len(used) == 2
-    assert unsaved_parts(scene) == ("colour sources",)
-    assert is_outdated(scene, colour_record(scene.oneframe.surface))
-    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
-    accepted = [frame.cam_from_model for frame in found.of(scene).frames.values() if frame.candidate is not None]
-    mesh_from_model = from_scene.mesh_from_model_of(scene.oneframe.surface)
-    for each in read_case(tmp_path / "case.toml").frames:
-        assert cv2.imread(str(each.image), cv2.IMREAD_UNCHANGED).shape == (*CAMERA.shape_hw, 4)
-        assert min(np.abs(each.cam_from_mesh @ mesh_from_model - pose).max() for pose in accepted) < 1e-9
-    # the same again replaces them
-    bpy.ops.oneframe.use_colour_sources(count=2)
-    assert [each.image for each in from_scene.further_frames(scene)] == [each.image for each in used]
-    bpy.ops.oneframe.project_colour()
-    assert not is_outdated(scene, colour_record(scene.oneframe.surface))
-    bpy.ops.oneframe.clear_colour_sources()
-    assert from_scene.further_frames(scene) == ()
-
-
-def test_without_a_film_or_an_aligned_frame_nothing_begins(addon, opened, folder):
-    assert not bpy.ops.oneframe.register_frames.poll()
-    scene = opened("case.toml")
-    assert bpy.ops.oneframe.register_frames.poll()
-    session._forget()
-    assert not bpy.ops.oneframe.register_frames.poll()
-    bpy.ops.oneframe.score_video()
-    # a frame that shows no texture
     (blank := folder / "blank.png").write_bytes(cv2.imencode(".png", np.full((240, 320, 3), 90, np.uint8))[1])
     scene.oneframe.frame_path = str(blank)
     with pytest.raises(RuntimeError, match="expected texture on the surface"):

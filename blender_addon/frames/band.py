@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 
 from ..class_registration import class_registration, drawing
+from ..pipeline.blender.registration.register_case import COLOURS
 from ..video.strip_drawing import draw_triangles
 from ..video.strip_layout import StripLayout
 from . import found
@@ -30,7 +31,8 @@ def _draw_band() -> None:
         if len(left):
             corners = [(left, low), (right, low), (right, high), (left, low), (right, high), (left, high)]
             points = [np.stack([x, np.full(len(x), y)], axis=-1) for x, y in corners]
-            draw_triangles(np.stack(points, axis=1).reshape(-1, 2), found.colour_of(state))
+            red, green, blue = (value / 255 for value in COLOURS[state])
+            draw_triangles(np.stack(points, axis=1).reshape(-1, 2), (red, green, blue, 1.0))
 
 
 register, unregister = class_registration(__name__, drawing(bpy.types.SpaceView3D, _draw_band, "POST_PIXEL"))

@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 
 from ..class_registration import class_registration, listening
-from ..pipeline.blender.registration.register_case import COLOURS
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
 from ..pipeline.registration.colour_sources import Candidate, hidden_blocks, sharpness
@@ -16,7 +15,6 @@ from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..state import another_frame
 from ..state.another_frame import SeenFrame
 from ..ui.background_operator import inputs_of
-from ..ui.strokes import Colour
 from ..video import session, shown_frame
 from ..video.session import FilmSession
 
@@ -90,12 +88,6 @@ def of(scene: bpy.types.Scene) -> FoundFrames | None:
         return None
 
 
-def colour_of(state: str) -> Colour:
-    """The colour of a state, as on the sheet of ``oneframe register``."""
-    red, green, blue = (value / 255 for value in COLOURS[state])
-    return red, green, blue, 1.0
-
-
 def text_of(verdict: Verdict) -> str:
     """A state in words, with the probability that the pose is right."""
     # 0.997 is not 100 %
@@ -109,7 +101,7 @@ def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
         return None
     verdict, pose, _ = found.frames[film.shown]
     name = f"frame {film.score.index} of {film.path.name}"
-    return SeenFrame(name, text_of(verdict), colour_of(verdict.state), pose)
+    return SeenFrame(name, text_of(verdict), pose)
 
 
 register, unregister = class_registration(__name__, listening(another_frame.finders, _seen))

@@ -57,9 +57,7 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
 def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
     registered = found.of(scene)
     if registered is None:
-        stale = found.latest is not None and found.latest.film is film
-        why = "The case's pose has changed since: register them again." if stale else "No frame is registered yet."
-        draw_text(layout, why, icon="INFO")
+        draw_text(layout, "No frame is registered from the present pose.", icon="INFO")
         return
     total = len(film.scores.frames)
     part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "

@@ -16,19 +16,13 @@ from .initial_pose import has_initial_pose
 
 
 class SeenFrame(NamedTuple):
-    """Another frame that the view shows at a pose of its own: the case's frame, pose and landmarks stay as they are.
+    """Another frame that the view shows at its own pose ``(4, 4)``, mm, if that is found; the text says how sure it is.
 
-    Attributes
-    ----------
-    name, text, colour
-        Which it is, what is known of its pose, and the colour that says so.
-    cam_from_model
-        ``(4, 4)``, mm; ``None`` if it has no pose.
+    The case's frame, pose and landmarks stay as they are.
     """
 
     name: str
     text: str
-    colour: tuple[float, float, float, float]
     cam_from_model: np.ndarray | None
 
 

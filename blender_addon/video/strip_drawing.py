@@ -192,7 +192,7 @@ def _draw_texts(
     """Figures of the frame in view, also while the pointer is over the strip, and what the view shows."""
     unit = layout.unit
     y = layout.thumbnails[1] + 5 * unit
-    state, colour = _state(scene, film, over=over)
+    state = _state(scene, film, over=over)
     room = layout.high[0] - layout.low[0] - 12 * unit - strokes.width_of(state)
     if room < strokes.width_of(figures(film, film.shown)[0]):
         state, room = "", layout.high[0] - layout.low[0] - 6 * unit
@@ -201,20 +201,20 @@ def _draw_texts(
         parts.pop()
     strokes.text(np.array([layout.low[0] + 5 * unit, y]), "   ".join(parts), INK)
     if state:
-        strokes.text(np.array([layout.high[0] - 5 * unit - strokes.width_of(state), y]), state, colour)
+        strokes.text(np.array([layout.high[0] - 5 * unit - strokes.width_of(state), y]), state, FAINT)
 
 
-def _state(scene: bpy.types.Scene, film: FilmSession, *, over: bool) -> tuple[str, Colour]:
+def _state(scene: bpy.types.Scene, film: FilmSession, *, over: bool) -> str:
     failure = film.fetcher.failure(film.shown)
     if failure:
-        return "cannot be decoded", FAINT
+        return "cannot be decoded"
     if (other := another_frame.seen(scene)) is not None:
-        return other.text, other.colour
+        return other.text
     if from_scene.present_camera(scene) is not None and not shown_frame.is_shown(scene):
-        return "the case's frame is in view", FAINT
+        return "the case's frame is in view"
     if not film.is_full:
-        return "decoding ...", FAINT
-    return ("Enter: Take" if over else "not taken"), FAINT
+        return "decoding ..."
+    return "Enter: Take" if over else "not taken"
 
 
 def draw_triangles(points: np.ndarray, colour: Colour) -> None:

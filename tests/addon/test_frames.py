@@ -130,11 +130,3 @@ def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monke
     corrected = read_case(tmp_path / "corrected.toml")
     assert off_by_deg(corrected.cam_from_mesh, SOURCE) < 0.3 * off_by_deg(ROUGH, SOURCE)
     assert (corrected.alignment["method"], corrected.alignment["start_method"]) == (FURTHER_FRAMES, "manual")
-
-
-def test_a_frame_without_texture_registers_nothing(opened, folder):
-    scene = opened("case.toml")
-    (blank := folder / "blank.png").write_bytes(cv2.imencode(".png", np.full((240, 320, 3), 90, np.uint8))[1])
-    scene.oneframe.frame_path = str(blank)
-    with pytest.raises(RuntimeError, match="expected texture on the surface"):
-        bpy.ops.oneframe.register_frames()

@@ -16,7 +16,7 @@ from .correct import record_text
 from .operators import is_aligned
 
 TEXT_LINES = 3
-"""Of what is said of the frame in view: no button moves under the pointer while the film plays."""
+"""Of what is said of the frame in view: no button moves under the pointer, here and above, when a text changes."""
 
 
 class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
@@ -61,7 +61,7 @@ def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSe
         return
     total = len(film.scores.frames)
     part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "
-    draw_text(layout, f"{part}{registered.summary()}")
+    draw_text(layout, f"{part}{registered.summary()}", lines=2)
     layout.operator("oneframe.play_frames", icon="PLAY")
     frame = registered.frames.get(film.shown)
     if not shown_frame.is_shown(scene):

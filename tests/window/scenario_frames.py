@@ -32,7 +32,7 @@ def scenario(user):
     yield from play(user)
     assert np.array_equal(pose(user), before), "looking moves nothing"
     yield from user.press("use_colour_sources")
-    yield from user.until(lambda: user.window.scene.oneframe.case_frames_text, "further frames", 60)
+    yield from user.until(lambda: user.window.scene.oneframe.case_frames_text, "further frames", 120)
     yield from correct(user)
 
 
@@ -44,13 +44,13 @@ def register(user):
     """Esc keeps what was found; from the start again, all are found."""
     found, scene = part("frames.found"), user.window.scene
     yield from user.press("register_frames")
-    yield from user.until(lambda: found.of(scene) and len(found.of(scene).frames) > 1, "frames", 60)
+    yield from user.until(lambda: found.of(scene) and len(found.of(scene).frames) > 1, "frames", 120)
     yield from user.key("ESC", user.middle())
     yield from ended(user)
     assert 1 < len(found.of(scene).frames) < COUNT, "what was found stays"
     yield from user.picture("1_stopped")
     yield from user.press("register_frames")
-    yield from user.until(lambda: len(found.of(scene).frames) == COUNT, "all frames", 60)
+    yield from user.until(lambda: len(found.of(scene).frames) == COUNT, "all frames", 120)
     yield from ended(user)
     assert found.of(scene).summary() == "5 found, 0 doubtful, 1 lost"
 
@@ -61,14 +61,14 @@ def look(user):
     film = part("video.session").of(scene)
     with user.context():
         layout = part("video.strip_layout").StripLayout.of(bpy.context)
-    for at, name in ((LOST, "2_lost"), (3, "3_found")):
+    for at, name in ((LOST, "2_lost"), (2, "3_found")):
         place = region.x + float(layout.x_of(film.times_s[at])), region.y + sum(layout.curve) / 2
         yield from user.click(place)
         yield from user.until(lambda: film.is_full, "the full frame")
         assert (part("state.another_frame").seen(scene).cam_from_model is None) == (at == LOST)
         yield from user.picture(name)
     yield from user.key("LEFT_ARROW", user.middle())
-    assert film.shown == 2, "arrows go through the film"
+    assert film.shown == 1, "arrows go through the film"
     yield from user.key("ESC", user.middle())
     assert not part("video.shown_frame").is_shown(scene)
 
@@ -76,21 +76,23 @@ def look(user):
 def play(user):
     film = part("video.session").of(user.window.scene)
     yield from user.press("play_frames")
-    yield from user.until(lambda: film.shown == COUNT - 1, "the last picture", 60)
+    yield from user.until(lambda: film.shown == COUNT - 1, "the last picture", 120)
     yield from ended(user)
     yield from user.key("ESC", user.middle())
 
 
 def correct(user):
     scene, true = user.window.scene, pose(user)
-    turned = part("pipeline.transforms").se3_exp(np.array([0.4, -0.4, 2.0, 0.02, -0.03, 0.02]))
+    # fewer rounds: quicker, and less exact
+    part("pipeline.blender.registration.correct_source").MOST_ROUNDS = 2
+    turned = part("pipeline.transforms").se3_exp(np.array([0.4, -0.4, 2.0, 0.004, -0.006, 0.02]))
     with user.context():
         part("state.pose").set_cam_from_model(scene, turned @ true)
         bpy.ops.ed.undo_push(message="rough")
     yield from user.show_step("frames")
     rough = pose(user)
     yield from user.press("correct_first_pose")
-    yield from user.until(lambda: not np.array_equal(pose(user), rough), "a corrected pose", 120)
+    yield from user.until(lambda: not np.array_equal(pose(user), rough), "a corrected pose", 300)
     found = pose(user)
     yield from user.key("SPACE", user.middle())
     yield from user.until(lambda: np.array_equal(pose(user), rough), "the pose before")

@@ -1,9 +1,9 @@
 """The Blender add-on: align a frame to a surface, assess the alignment, colour the surface, render a dataset.
 
 Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup`` with ``mask``,
-``video`` and ``case_queue``, ``view``, ``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds
-the properties and converts them to and from the pipeline's types; ``ui`` holds the drawing and input code that the
-topics share.
+``video`` and ``case_queue``, ``view``, ``move``, ``landmarks``, ``refine``, ``frames``, ``colour``, ``dataset``.
+``state`` holds the properties and converts them to and from the pipeline's types; ``ui`` holds the drawing and input
+code that the topics share.
 Operators are thin: they read the scene, call one function of the pipeline and report.
 
 The extension contains the pipeline inside this package. In a checkout it lies next to it, and ``.pipeline`` is an alias
@@ -113,6 +113,12 @@ _MODULES = tuple(
         "refine.operator",
         "refine.status_line",
         "refine.panel",
+        "frames.found",
+        "frames.operators",
+        "frames.correct",
+        "frames.colour_sources",
+        "frames.band",
+        "frames.panel",
         "dataset.background_job",
         "colour.operators",
         "colour.panel",

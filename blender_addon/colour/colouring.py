@@ -80,6 +80,7 @@ def put(scene: bpy.types.Scene, source: Source, found: Colouring) -> tuple[str, 
     messages = list(found.messages)
     record = {
         "frame": str(source.loaded.case.image),
+        "further": [str(each.image) for each in source.loaded.case.frames],
         "cam_from_model": source.loaded.frame.cam_from_model.tolist(),
         "of_view": found.coverage.of_view,
         "of_surface": found.coverage.of_surface,

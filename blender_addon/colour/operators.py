@@ -120,7 +120,7 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile):
 
 
 def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
-    """Whether the colours on the surface come from a frame or pose other than the current one.
+    """Whether the colours on the surface come from other frames or another pose than the current ones.
 
     Raises
     ------
@@ -128,7 +128,10 @@ def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
         There is no valid pose.
     """
     pose, frame = from_scene.cam_from_model(scene), from_scene.absolute_path(scene.oneframe.frame_path)
-    return record["frame"] != str(frame) or not np.array_equal(record["cam_from_model"], pose)
+    further = [str(each.image) for each in from_scene.further_frames(scene)]
+    if record["frame"] != str(frame) or record.get("further", []) != further:
+        return True
+    return not np.array_equal(record["cam_from_model"], pose)
 
 
 def show_colour(surface: bpy.types.Object) -> None:

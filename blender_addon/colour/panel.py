@@ -13,8 +13,8 @@ from . import operators
 class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
     """Project the frame's colours on the surface"""
 
-    bl_label = "6  Colour"
-    bl_order = 7
+    bl_label = "7  Colour"
+    bl_order = 8
     step = "colour"
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

@@ -26,8 +26,8 @@ RENDERING = ("colour", "unseen", "max_incidence_deg", "engine", "samples", "scal
 class ONEFRAME_PT_dataset(StepPanel):
     """Render a dataset of posed views"""
 
-    bl_label = "7  Dataset"
-    bl_order = 8
+    bl_label = "8  Dataset"
+    bl_order = 9
     step = "dataset"
 
     @classmethod

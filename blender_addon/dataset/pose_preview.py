@@ -104,7 +104,8 @@ def content_key(
         files.append(Path(options.poses))
     stamps = [(str(path), *stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
-    content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps)
+    further = [(each.image, each.cam_from_mesh.tolist()) for each in from_scene.further_frames(scene)]
+    content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps, further)
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 

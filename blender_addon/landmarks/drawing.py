@@ -6,7 +6,7 @@ import numpy as np
 from ..class_registration import class_registration, cursor, drawing
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
-from ..state import from_scene, workbench
+from ..state import another_frame, from_scene, workbench
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.keymap import LANDMARK_TOOL, active_tool
@@ -141,7 +141,7 @@ def _draw_view() -> None:
     is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
     if not scene.oneframe.show_landmarks or not is_used or not from_scene.is_set_up(scene):
         return
-    if scene.oneframe.aligned_path:
+    if scene.oneframe.aligned_path or another_frame.seen(scene) is not None:
         # they are of another frame
         return
     try:

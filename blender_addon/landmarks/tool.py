@@ -4,7 +4,7 @@ import bpy
 
 from ..class_registration import at_end, class_registration, tool
 from ..pipeline.alignment.manual.picking import next_step
-from ..state import from_scene
+from ..state import another_frame, from_scene
 from ..state.workbench import next_step as missing_step
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, ViewTool, active_tool
@@ -62,6 +62,8 @@ def instruction(context: bpy.types.Context) -> str:
     missing = missing_step(scene)
     if missing:
         return missing
+    if another_frame.seen(scene) is not None:
+        return "Another frame is in view; Esc: back to the case's frame"
     landmarks = from_scene.landmarks_model(scene)
     in_frame = shows_frame(context)
     if active_tool(context) == PIN_TOOL and in_frame:
@@ -75,8 +77,10 @@ def is_active(context: bpy.types.Context) -> bool:
 
 
 def is_waiting(context: bpy.types.Context) -> bool:
-    """Whether a click picks or pulls: not while a refinement, a colouring or a drag of the surface has the mouse."""
+    """Whether a click picks or pulls: not while something else has the mouse, or another frame is in view."""
     running = () if context.window is None else context.window.modal_operators
+    if another_frame.seen(context.scene) is not None:
+        return False
     return is_active(context) and not any(
         operator.bl_idname.startswith("ONEFRAME_OT_") and operator.bl_idname != GESTURE for operator in running
     )

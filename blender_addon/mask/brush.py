@@ -10,7 +10,7 @@ from ..class_registration import class_registration, cursor, drawing, prop, tool
 from ..pipeline.blender.colour.surface_colour import UNSEEN
 from ..pipeline.camera.distortion import distorted_pixels
 from ..pipeline.images.masked_frame import painted
-from ..state import from_scene
+from ..state import another_frame, from_scene
 from ..state.events import redraw
 from ..ui.brush import BrushSize, BrushStroke, size_keys
 from ..ui.frame_view import FrameView, shows_frame
@@ -78,8 +78,9 @@ class ONEFRAME_OT_mask_brush_size(BrushSize):
 
 
 def is_ready(context: bpy.types.Context) -> bool:
-    """Whether a drag paints: the tool is active in a view of the frame."""
-    return active_tool(context) == MASK_TOOL and shows_frame(context) and bool(context.scene.oneframe.frame_path)
+    """Whether a drag paints: the tool is active in a view of the case's frame."""
+    scene, in_frame = context.scene, active_tool(context) == MASK_TOOL and shows_frame(context)
+    return in_frame and bool(scene.oneframe.frame_path) and another_frame.seen(scene) is None
 
 
 def draw_brush(pointer: tuple[int, int]) -> None:

@@ -8,7 +8,7 @@ from ..class_registration import class_registration, prop, tool
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_from_vector, transform_points, turned_about
-from ..state import from_scene
+from ..state import another_frame, from_scene
 from ..state.events import redraw
 from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh, set_cam_from_model
 from ..ui.frame_view import FrameView, shows_frame, window_region
@@ -42,6 +42,7 @@ class _Mover(NeedsAlignment):
     """Mixin: moves the surface about the pivot, by keys or drags."""
 
     def _begin(self, context: bpy.types.Context) -> None:
+        another_frame.check_own(context.scene)
         self._pivot, self._radius = pivot_of(context.scene)
         self._start_pose = from_scene.cam_from_model(context.scene)
         keep_pivot(context.scene, self._pivot, self._radius)

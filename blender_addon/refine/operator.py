@@ -21,14 +21,14 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, image_evidence, pose_evidence
-from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
+from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from ..ui.step_panel import show
-from .preview import Preview, preview_text, take
+from .preview import BackgroundPreview, RefinementPreview, preview_text, take
 
 
-class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
+class ONEFRAME_OT_refine(NeedsAlignment, BackgroundPreview, RefinementPreview):
     """Refine the rough pose against the image, with a preview: Enter accepts it, Esc discards it"""
 
     bl_label = "Refine Pose"
@@ -70,14 +70,8 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
             self.report({"WARNING"}, f"{preview_text(result)}: {result.objection}")
         self.show_result(context, result, self._start)
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if self.is_shown:
-            return Preview.modal(self, context, event)
-        outcome = super().modal(context, event)
-        return {"RUNNING_MODAL"} if self.is_shown else outcome
 
-
-class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, Preview):
+class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, RefinementPreview):
     """Look at the pose that the refinement found and refused, before and after, and take it if it is right"""
 
     bl_label = "Look at Refused Pose"

@@ -1,4 +1,4 @@
-"""The preview of a refined pose: before and after in the view, until the user keeps one of them."""
+"""The preview of a pose that was found: before and after in the view, until the user keeps one of them."""
 
 from typing import Literal
 
@@ -12,8 +12,10 @@ from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
 from ..state.events import redraw
 from ..state.pose import set_cam_from_model
-from ..ui.background_operator import NAVIGATION, show_status
+from ..ui.background_operator import NAVIGATION, InBackground, show_status
 from ..ui.operator import OperatorResult
+from ..ui.step_panel import show
+from ..video import shown_frame
 
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
 TAKE = {"RET", "NUMPAD_ENTER"}
@@ -30,28 +32,41 @@ def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -
     solve.follow(scene)
 
 
+shown = ""
+"""Label of the operator whose pose is previewed now."""
+
+
 class Preview(bpy.types.Operator):
-    """Mixin: a modal operator that shows a refined pose and lets the user keep or discard it."""
+    """Mixin: a modal operator that shows a pose that was found, and lets the user keep or discard it."""
 
-    is_shown = False
+    step = ""
+    """The step of the work, which stays open in the sidebar."""
+    is_shown = is_refused = False
 
-    def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
-        """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one, to which the preview can go back."""
-        self._result, self._start, self.is_shown = result, start, True
-        self._start_record = pose_record(context.scene)
+    def show_poses(self, context: bpy.types.Context, found: np.ndarray, start: np.ndarray) -> None:
+        """Begin with the pose ``(4, 4)`` that was found; ``start``, the one before, is that to go back to."""
+        global shown
+        self._found, self._start, self.is_shown = found, start, True
+        shown = self.bl_label
+        shown_frame.restore(context.scene)
         self._show_pose(context, is_result=True)
         self._show_figures(context)
 
+    def keep(self, context: bpy.types.Context) -> str:
+        """Take the pose, and say so in a message."""
+        raise NotImplementedError
+
+    def figures(self, *, after: bool) -> str:
+        """What is known of the pose before or after, for the status bar."""
+        raise NotImplementedError
+
     def _preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        result = self._result
         if event.value == "PRESS":
             if event.type in DISCARD:
                 self._show_pose(context, is_result=False)
-                return self._close(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
-            if (event.type in TAKE and event.ctrl) if result.can_be_taken else event.type in KEEP:
-                take(context.scene, result, self._start_record)
-                message = f"taken although refused: {result.objection}" if result.can_be_taken else result.message
-                return self._close(context, "FINISHED", message=message)
+                return self._close(context, "CANCELLED", message="the pose found is discarded, the pose is unchanged")
+            if (event.type in TAKE and event.ctrl) if self.is_refused else event.type in KEEP:
+                return self._close(context, "FINISHED", message=self.keep(context))
             if event.type == "SPACE":
                 self._show_pose(context, is_result=not self._shows_result)
         self._show_figures(context)
@@ -80,6 +95,8 @@ class Preview(bpy.types.Operator):
         error: str = "",
     ) -> OperatorResult:
         """Restore the headers, report, and end."""
+        global shown
+        shown = ""
         show_status(context, None)
         if message:
             self.report({"INFO"}, message)
@@ -89,14 +106,51 @@ class Preview(bpy.types.Operator):
         return {outcome}
 
     def _show_figures(self, context: bpy.types.Context) -> None:
-        shown = "AFTER" if self._shows_result else "BEFORE"
-        figures = _figures(self._result, refined=self._shows_result)
-        show_status(context, f"{shown}: {figures}      {_keys(self._result)}")
+        when = "AFTER" if self._shows_result else "BEFORE"
+        keys = "Enter or Left Click: Accept      Esc or Right Click: Discard"
+        if self.is_refused:
+            keys = "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway"
+        figures = self.figures(after=self._shows_result)
+        show_status(context, f"{when}: {figures}      {keys}      Space: Before / After")
 
     def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
-        set_cam_from_model(context.scene, self._result.found if is_result else self._start)
+        set_cam_from_model(context.scene, self._found if is_result else self._start)
         self._shows_result = is_result
+        show(context.scene, self.step)
         redraw()
+
+
+class BackgroundPreview(InBackground, Preview):
+    """Mixin: work in the background that ends with a preview."""
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if self.is_shown:
+            return Preview.modal(self, context, event)
+        outcome = super().modal(context, event)
+        return {"RUNNING_MODAL"} if self.is_shown else outcome
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        InBackground.cancel(self, context)
+        Preview.cancel(self, context)
+
+
+class RefinementPreview(Preview):
+    """Mixin: the preview of a refinement."""
+
+    step = "refine"
+
+    def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
+        """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one."""
+        self._result, self._start_record, self.is_refused = result, pose_record(context.scene), result.can_be_taken
+        self.show_poses(context, result.found, start)
+
+    def keep(self, context: bpy.types.Context) -> str:
+        take(context.scene, self._result, self._start_record)
+        return f"taken although refused: {self._result.objection}" if self.is_refused else self._result.message
+
+    def figures(self, *, after: bool) -> str:
+        agreement = self._result.after if after else self._result.before
+        return f"{agreement.score:.0%} of the image explained, off by {error_text(self._result, refined=after)}"
 
 
 def preview_text(result: Refinement) -> str:
@@ -110,14 +164,3 @@ def error_text(result: Refinement, *, refined: bool) -> str:
     if not np.isfinite(error_px):
         return "unknown"
     return f"{'' if result.verified else '≥ '}{format_two_digits(error_px)} px"
-
-
-def _figures(result: Refinement, *, refined: bool) -> str:
-    agreement = result.after if refined else result.before
-    return f"{agreement.score:.0%} of the image explained, off by {error_text(result, refined=refined)}"
-
-
-def _keys(result: Refinement) -> str:
-    if result.can_be_taken:
-        return "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway      Space: Before / After"
-    return "Enter or Left Click: Accept      Esc or Right Click: Discard      Space: Before / After"

@@ -23,13 +23,13 @@ from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
 from ..setup.open_case import saved_case, unsaved_parts
 from ..setup.sample_task import task_lines
-from ..state import from_scene, pose_evidence, workbench
+from ..state import another_frame, from_scene, pose_evidence, workbench
 from ..state.events import areas
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.keymap import binding
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, uncovered_rectangle
-from . import operator
+from . import operator, preview
 from .preview import error_text, preview_text
 
 PLAIN: Colour = (1.0, 1.0, 1.0, 1.0)
@@ -64,6 +64,9 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
         name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
     parts = unsaved_parts(scene, _saved_case)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
+    if (other := another_frame.seen(scene)) is not None:
+        back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
+        return f"{name}, {saved}  |  In view: {other.name}, {other.text}  |  {back}", ()
     line = f"{name}, {saved}  |  {pose_text(scene)}"
     step = next_step(scene, is_saved=saved == "saved")
     return f"{line}  |  {step}" if step else line, doubts(scene)
@@ -74,6 +77,8 @@ def pose_text(scene: bpy.types.Scene) -> str:
     found = operator.outcome(scene)
     if found is not None and operator.is_previewed(scene):
         return f"{preview_text(found)}, off by {error_text(found, refined=True)}"
+    if preview.shown:
+        return f"Preview: {preview.shown}"
     record = pose_record(scene)
     text, _ = kind_of(scene, record)
     error_px = record.get("error_px")
@@ -110,7 +115,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if missing := workbench.next_step(scene):
         return missing
     found, record = operator.outcome(scene), pose_record(scene)
-    if operator.is_previewed(scene):
+    if preview.shown or operator.is_previewed(scene):
         return "Esc: go back" if found is not None and found.can_be_taken else "Enter: keep it, Esc: go back"
     if found is not None and not found.accepted and not operator.is_taken(scene):
         return f"Refused: {found.objection}; add landmarks at the green ring" if found.objection else found.message

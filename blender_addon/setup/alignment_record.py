@@ -29,7 +29,7 @@ def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
 
 def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     """The table ``[alignment]`` of the case file."""
-    tool, date = _tool_and_date()
+    tool, date = tool_and_date()
     record = pose_evidence.remembered(scene)
     if record:
         # pins and doubtful poses are recorded where the tool is not known; other records stay as they are
@@ -73,7 +73,7 @@ def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict
 
     ``start`` is the record of the initial pose.
     """
-    record = refinement_record(refinement, start, *_tool_and_date())
+    record = refinement_record(refinement, start, *tool_and_date())
     if refinement.evidence is None:
         image_evidence.drop(scene)
     else:
@@ -82,5 +82,6 @@ def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict
     pose_evidence.remember(scene, record, refinement.found, uncertainty)
 
 
-def _tool_and_date() -> tuple[str, str]:
+def tool_and_date() -> tuple[str, str]:
+    """The program and today, for records."""
     return f"OneFrame {__version__}, Blender {bpy.app.version_string}", datetime.date.today().isoformat()

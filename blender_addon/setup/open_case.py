@@ -36,6 +36,7 @@ _WORDS = {
     "distortion": "distortion",
     "mesh": "surface",
     "cam_from_mesh": "pose",
+    "frames": "colour sources",
     "structures": "structures",
     "dataset": "dataset options",
     "landmarks": "landmarks",

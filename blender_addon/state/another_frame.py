@@ -1,6 +1,8 @@
 """Pose and image points belong to the frame in which they were found; what becomes of them when another one comes."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -11,6 +13,32 @@ from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from ..pipeline.errors import InputError
 from . import events, from_scene, pose_evidence
 from .initial_pose import has_initial_pose
+
+
+class SeenFrame(NamedTuple):
+    """Another frame that the view shows at its own pose ``(4, 4)``, mm, if that is found; the text says how sure it is.
+
+    The case's frame, pose and landmarks stay as they are.
+    """
+
+    name: str
+    text: str
+    cam_from_model: np.ndarray | None
+
+
+finders: list[Callable[[bpy.types.Scene], SeenFrame | None]] = []
+"""Say which other frame the view shows at its own pose; ``None`` for none."""
+
+
+def seen(scene: bpy.types.Scene) -> SeenFrame | None:
+    """The other frame that the view shows at its own pose; ``None`` while it shows the case's."""
+    return next((found for find in finders if (found := find(scene)) is not None), None)
+
+
+def check_own(scene: bpy.types.Scene) -> None:
+    """Raise :class:`InputError` while the view shows another frame: what is done there would go to the case's own."""
+    if (other := seen(scene)) is not None:
+        raise InputError(f"expected the case's frame in the view, found {other.name}; press Esc to go back to it")
 
 
 def leave_frame(scene: bpy.types.Scene, image: np.ndarray, valid: np.ndarray) -> bool:

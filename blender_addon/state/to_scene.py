@@ -62,8 +62,14 @@ def remember_file(scene: bpy.types.Scene, case: Case) -> None:
     """Tie the scene to the file of a case, as it was read or written: Save Case writes there."""
     settings = scene.oneframe
     settings.case_path, settings.case_dataset_text = str(case.path.resolve()), json.dumps(case.dataset)
-    settings.case_frames_text = case_text(case.path, replace(case, dataset={}, landmarks=())) if case.frames else ""
+    set_further_frames(scene, case)
     settings.case_files_text = json.dumps([str(case.image.resolve()), str(case.mesh.resolve())])
+
+
+def set_further_frames(scene: bpy.types.Scene, case: Case) -> None:
+    """Take a case's further frames, which colour the surface, as those of the scene."""
+    text = case_text(case.path, replace(case, dataset={}, landmarks=())) if case.frames else ""
+    scene.oneframe.case_frames_text = text
 
 
 def _part_from_case(scene: bpy.types.Scene) -> None:

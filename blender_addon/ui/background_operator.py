@@ -116,6 +116,8 @@ class InBackground(Reporting):
 
     doing = "Working"
     """What the status bar says meanwhile."""
+    stopped = "nothing was changed"
+    """What Esc leaves."""
 
     _background: BackgroundWork
     _timer: bpy.types.Timer | None = None
@@ -159,7 +161,7 @@ class InBackground(Reporting):
             if event.type == "ESC" and event.value == "PRESS":
                 background.stop()
                 self._end(context)
-                self.report({"INFO"}, f"{self.doing}: stopped, nothing was changed")
+                self.report({"INFO"}, f"{self.doing}: stopped, {self.stopped}")
                 return {"CANCELLED"}
             if event.type == "LEFTMOUSE" and event.value == "PRESS":
                 self._pressed, self._next_shown = True, 0.0

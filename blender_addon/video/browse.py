@@ -9,6 +9,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..class_registration import class_registration, prop
+from ..state import another_frame
 from ..state.events import redraw
 from ..ui.keymap import TOOLS, Key, Place, keys
 from ..ui.operator import OperatorResult
@@ -20,6 +21,9 @@ from .strip_layout import StripLayout
 class OverStrip(NeedsFilm):
     """Mixin: a key counts only where the pointer is over the strip."""
 
+    counts_for_seen = False
+    """Whether it also counts elsewhere in the view while that shows a registered frame of the film."""
+
     key: bool = prop(BoolProperty, description="Called by a key", options={"SKIP_SAVE", "HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
@@ -27,7 +31,8 @@ class OverStrip(NeedsFilm):
         if context.region is not None and context.region.type == "WINDOW":
             layout = StripLayout.of(context)
         inside = layout is not None and layout.contains(event.mouse_region_x, event.mouse_region_y)
-        if self.key and not inside:
+        is_seen = self.counts_for_seen and another_frame.seen(context.scene) is not None
+        if self.key and not (inside or is_seen):
             return {"PASS_THROUGH"}
         self.time_s = layout.time_at(event.mouse_region_x) if inside and layout is not None else None
         return self.execute(context)
@@ -47,6 +52,7 @@ class ONEFRAME_OT_video_step(OverStrip):
 
     bl_label = "Next Frame"
     bl_options = {"INTERNAL"}
+    counts_for_seen = True
 
     step: int = prop(IntProperty, "Step", default=1)
 

@@ -45,7 +45,7 @@ def put(scene: bpy.types.Scene, film: FilmSession) -> None:
     redraw()
     camera_object = from_scene.present_camera(scene)
     if camera_object is not None and scene.oneframe_video.visible:
-        alignment_scene.show_frame(camera_object, _image(_undistorted(scene, film)))
+        alignment_scene.show_frame(camera_object, _image(_undistorted(scene, film)), outside=1.0)
 
 
 def restore(scene: bpy.types.Scene) -> None:
@@ -103,6 +103,9 @@ def _poll() -> float | None:
     for scene in bpy.data.scenes:
         film = session.of(scene)
         if film is None or film.is_full or not scene.oneframe_video.visible:
+            continue
+        if from_scene.present_camera(scene) is not None and not is_shown(scene):
+            # the case's frame is in view again
             continue
         if film.fetcher.failure(film.shown):
             # the strip and the panel report it

@@ -13,7 +13,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, class_registration, drawing, listening
-from ..state import from_scene, workbench
+from ..state import another_frame, from_scene, workbench
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import free_rectangle, reserved
@@ -54,7 +54,7 @@ def draw_strip() -> None:
     pointer = strip_gizmo.pointer_in(context.region)
     (left, below), (right, above) = layout.low, layout.high
     corners = [(left, below), (right, below), (right, above), (left, below), (right, above), (left, above)]
-    _triangles(np.array(corners), BACKGROUND)
+    draw_triangles(np.array(corners), BACKGROUND)
     _draw_thumbnails(film, layout)
     strokes = Strokes()
     _draw_curve(film, layout, strokes)
@@ -139,7 +139,7 @@ def _draw_curve(film: FilmSession, layout: StripLayout, strokes: Strokes) -> Non
     if len(line) > 1:
         base = np.stack([inside, np.full(len(inside), low)], axis=1)
         quads = np.stack([base[:-1], base[1:], line[1:], base[:-1], line[1:], line[:-1]], axis=1).reshape(-1, 2)
-        _triangles(quads, AREA)
+        draw_triangles(quads, AREA)
     strokes.line(line, CURVE, width=1.0)
     strokes.line(np.array([[layout.low[0], low], [layout.high[0], low]]), FAINT, width=0.5)
 
@@ -208,6 +208,8 @@ def _state(scene: bpy.types.Scene, film: FilmSession, *, over: bool) -> str:
     failure = film.fetcher.failure(film.shown)
     if failure:
         return "cannot be decoded"
+    if (other := another_frame.seen(scene)) is not None:
+        return other.text
     if from_scene.present_camera(scene) is not None and not shown_frame.is_shown(scene):
         return "the case's frame is in view"
     if not film.is_full:
@@ -215,7 +217,8 @@ def _state(scene: bpy.types.Scene, film: FilmSession, *, over: bool) -> str:
     return "Enter: Take" if over else "not taken"
 
 
-def _triangles(points: np.ndarray, colour: Colour) -> None:
+def draw_triangles(points: np.ndarray, colour: Colour) -> None:
+    """Fill triangles, three points ``(2,)`` each, px of the region."""
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     batch = batch_for_shader(shader, "TRIS", {"pos": np.float32(points)})
     shader.bind()

@@ -11,7 +11,7 @@ from ..view.zoom import uncovered_rectangle
 from . import session
 from .session import FilmSession
 
-MARGIN, TEXT_ROW, CURVE, THUMBNAILS, GAP = 8, 20, 44, 60, 3
+MARGIN, TEXT_ROW, CURVE, THUMBNAILS, GAP = 8, 20, 44, 60, 9
 """Heights at interface scale 1."""
 
 LARGEST_SHARE = 0.4

@@ -3,15 +3,18 @@
 It draws after Blender's objects and before gizmos, texts and the marks of other tools, which therefore stay on top.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import gpu
 import numpy as np
+from mathutils import Matrix
 
 from ..class_registration import at_end, class_registration, drawing, start_timer, timers
+from ..pipeline.blender.bridge.camera import cam_from_model_of
 from ..pipeline.errors import InputError
-from ..state import from_scene
+from ..pipeline.transforms import inverse_rigid
+from ..state import another_frame, from_scene
 from ..state.events import areas
 from ..ui.frame_view import FrameView, shows_frame
 from .operators import ONEFRAME_PG_view
@@ -103,6 +106,13 @@ def projection_of(
     )
 
 
+def _at_pose(projection: Projection, scene: bpy.types.Scene, cam_from_model: np.ndarray) -> Projection:
+    """The projection that shows the surface, which stays where it is, at another pose."""
+    world_from_cam = inverse_rigid(cam_from_model_of(from_scene.camera_object_of(scene)))
+    moved = Matrix(world_from_cam @ cam_from_model) @ from_scene.surface_of(scene).matrix_world.inverted()
+    return replace(projection, view_from_world=projection.view_from_world @ moved)
+
+
 def draw_view() -> None:
     """Draw over the view that Blender is drawing now (a POST_VIEW draw handler)."""
     context = bpy.context
@@ -125,15 +135,20 @@ def draw_view() -> None:
 
 def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None:
     view, region = scene.oneframe_view, context.region
-    mode = view.comparison
-    if mode == "NONE" and not view.wireframe and view.opacity < 1:
+    mode, contour, other = view.comparison, view.contour, another_frame.seen(scene)
+    # of another frame, Blender's own surface, at the pose of the case's, is covered
+    if mode == "NONE" and (other is not None or (not view.wireframe and view.opacity < 1)):
         mode = "FADE"
-    if mode == "NONE" and not view.contour and not shown_structures(from_scene.surface_of(scene)):
+    if other is not None and other.cam_from_model is None:
+        mode, contour = "FRAME", False
+    if mode == "NONE" and not contour and not shown_structures(from_scene.surface_of(scene)):
         return
     try:
         frame_view = FrameView.of(scene, region, context.region_data)
         image = frame_image_of(scene)
         projection = projection_of(scene, region, context.region_data, frame=True)
+        if other is not None and other.cam_from_model is not None:
+            projection = _at_pose(projection, scene, other.cam_from_model)
     except InputError:
         # the panel reports it
         return
@@ -143,10 +158,10 @@ def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None
         start_timer(_blink, BLINK_S)
         mode = "FRAME" if _blink_shows_frame else "SURFACE"
     picture = picture_of(region.as_pointer(), region.width, region.height)
-    picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if view.contour else None)
+    picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if contour else None)
     low, high = frame_rectangle(frame_view, region)
     if (low < high).all():
-        Composite(mode, frame_view, image, picture, view.contour).draw(view, tuple(low), tuple(high))
+        Composite(mode, frame_view, image, picture, contour).draw(view, tuple(low), tuple(high))
 
 
 def picture_of(key: int, width: int, height: int) -> SurfacePicture:

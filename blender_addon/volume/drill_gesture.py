@@ -8,6 +8,7 @@ import numpy as np
 
 from ..class_registration import class_registration, tool
 from ..pipeline.volume.drill.burr import way_over_bone
+from ..state import another_frame
 from ..state.events import redraw
 from ..ui.brush import BrushSize, BrushStroke, size_keys
 from ..ui.keymap import DRILL_TOOL, TOOLS, Key, ViewTool, active_tool, keys
@@ -113,9 +114,10 @@ class ONEFRAME_OT_burr_size(BrushSize):
 
 
 def is_ready(context: bpy.types.Context) -> bool:
-    """Whether a drag drills: the tool is active in a 3D view, and the drill in use."""
+    """Whether a drag drills: the tool is active in a 3D view, the drill in use, and the surface where it is seen."""
     in_view = context.space_data is not None and context.space_data.type == "VIEW_3D"
-    return in_view and active_tool(context) == DRILL_TOOL and drill_session.of(context.scene) is not None
+    is_used = active_tool(context) == DRILL_TOOL and drill_session.of(context.scene) is not None
+    return in_view and is_used and another_frame.seen(context.scene) is None
 
 
 class DrillTool(ViewTool):

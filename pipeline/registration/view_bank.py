@@ -34,6 +34,9 @@ class ViewBank:
         self._points = np.concatenate(points)
         self._matcher = cv2.FlannBasedMatcher({"algorithm": 1, "trees": 4}, {"checks": 64})
         self._matcher.add([np.concatenate(descriptors)])
+        # its trees are random: the same ones every time
+        cv2.setRNGSeed(0)
+        self._matcher.train()
         spread = np.ptp(points[0], axis=0) if len(points[0]) else np.zeros(3)
         self._same_mm = SAME_PLACE * float(np.linalg.norm(spread))
 

@@ -5,10 +5,14 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
+from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import write_sample_case
-from oneframe.sample.temporal_bone import sample_surface
+from oneframe.sample.film import film_poses
+from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, sample_surface
 from tests.window import session
 
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "window"
@@ -34,12 +38,26 @@ def resources(blender: str, extension_zip: Path, tmp_path_factory: pytest.TempPa
 
 @pytest.fixture(scope="session")
 def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The case file of the built-in sample, without the held-out photographs."""
+    """The case file of the built-in sample, without the held-out photographs; beside it, ``film.avi``."""
     folder = tmp_path_factory.mktemp("sample")
     # coarse: software OpenGL draws it in half the time
     finest = {} if os.environ.get("ONEFRAME_SCREENSHOTS") else {"spacing_mm": 0.6}
-    *_, case = write_sample_case(folder, sample_surface(**finest), held_out=False)
+    surface = sample_surface(**finest)
+    *_, case = write_sample_case(folder, surface, held_out=False)
+    write_film(folder / "film.avi", surface, tmp_path_factory.mktemp("film"))
     return case
+
+
+def write_film(path: Path, surface: SampleSurface, folder: Path) -> None:
+    """Write a film of six frames, at half the size: a loop about the frame's pose; the last one is mirrored."""
+    small = MICROSCOPE.resized(480, 360)
+    shots = [(pose, folder / f"{number}.png") for number, pose in enumerate(film_poses()[::10])]
+    images = [cv2.imread(str(each)) for each in take_photographs(surface, small, shots)]
+    images[-1] = np.ascontiguousarray(images[-1][:, ::-1])
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 5.0, small.size_wh)
+    for image in images:
+        writer.write(image)
+    writer.release()
 
 
 @pytest.fixture

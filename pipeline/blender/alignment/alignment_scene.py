@@ -112,7 +112,6 @@ def put_camera(
     camera_object.lock_location = camera_object.lock_rotation = camera_object.lock_scale = (True,) * 3
     camera_object.hide_select = True
     camera_object.data.show_passepartout = True
-    camera_object.data.passepartout_alpha = 0.6
     # as small as possible: orbiting begins where the camera is, and its symbol would cover the surface
     camera_object.data.display_size = DISPLAY_SIZE_MM
     set_exact(camera_object, INTRINSICS, [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
@@ -155,9 +154,13 @@ def frame_image(path: Path, changed: np.ndarray | None) -> bpy.types.Image:
     return new_packed_image(name, encode_png(to_uint8(changed)), width=width, height=height)
 
 
-def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
-    """Make an image the camera's background: it fills the camera view pixel by pixel, behind everything."""
+def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image, *, outside: float = 0.6) -> None:
+    """Make an image the camera's background: it fills the camera view pixel by pixel, behind everything.
+
+    ``outside`` is the opacity, 0..1, of what darkens the view beside it.
+    """
     data = camera_object.data
+    data.passepartout_alpha = outside
     data.show_background_images = True
     background = data.background_images[0] if data.background_images else data.background_images.new()
     background.image = image

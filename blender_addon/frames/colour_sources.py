@@ -1,0 +1,82 @@
+"""Operators that take registered frames as further colour sources of the case, and give them up."""
+
+from dataclasses import replace
+from typing import Any
+
+import bpy
+from bpy.props import IntProperty
+
+from ..class_registration import class_registration, prop
+from ..pipeline.blender.registration.register_frames import FRAME, CaseRegistrar
+from ..pipeline.case.posed_frame import UnreadFrame
+from ..pipeline.errors import InputError
+from ..pipeline.files.outputs import check_own_folder, made_folder
+from ..pipeline.registration.colour_sources import chosen_sources
+from ..state import from_scene, to_scene
+from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
+from ..ui.operator import Messages, Reporting, available
+from . import found
+from .operators import NeedsFound
+
+
+class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
+    """Let found frames colour what they show better than the case's frame; Save Case keeps that"""
+
+    bl_label = "Use as Colour Sources"
+    bl_options = {"REGISTER", "UNDO"}
+    doing = "Choosing frames that colour the surface"
+
+    count: int = prop(IntProperty, "Frames", "How many frames at most", default=3, min=1, max=100)
+
+    def work(self, context: bpy.types.Context) -> Work:
+        scene = context.scene
+        registered, path = found.of(scene), scene.oneframe.case_path
+        if registered is None or not registered.candidates():
+            raise InputError("expected frames that are found, there are none; press Register Frames")
+        if not path:
+            raise InputError("expected a case with a file, beside which the frames go; press Save Case first")
+        film, case = registered.film.path, from_scene.absolute_path(path)
+        folder = self._folder = case.with_name(f"{case.stem}_{film.stem}_frames")
+        check_own_folder(folder, r"frame_\d+\.png")
+        loaded, count = from_scene.loaded_case(scene), self.count
+        registrar, mesh_from_model = CaseRegistrar(loaded), loaded.surface.mesh_from_model
+        self._inputs = inputs_of(scene)
+
+        def choose(progress: Any) -> tuple[UnreadFrame, ...]:
+            candidates, first = registered.candidates(), registrar.cam_from_model
+            numbers = chosen_sources(registrar.mesh, registrar.camera, first, candidates, count)
+            progress(0.5)
+            made_folder(folder / FRAME)
+            chosen = {each.number: each for each in candidates if each.number in numbers}
+            return tuple(registrar.full_frames(film, folder, chosen, mesh_from_model))
+
+        return choose
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        scene = context.scene
+        check_inputs(scene, self._inputs)
+        if not result:
+            raise InputError("no frame shows more of the surface, or shows it better, than the case's own does")
+        # those of this film before are replaced
+        others = [each for each in from_scene.further_frames(scene) if each.image.parent != self._folder]
+        case = from_scene.case(scene, self._folder)
+        to_scene.set_further_frames(scene, replace(case, frames=(*others, *result)))
+        names = ", ".join(each.image.name for each in result)
+        return (f"{names} colour the surface too; press Project Colour to see it, and Save Case to keep it",)
+
+
+class ONEFRAME_OT_clear_colour_sources(Reporting):
+    """Colour the surface from the case's own frame alone; the files stay"""
+
+    bl_label = "Clear Colour Sources"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        there = bool(context.scene.oneframe.case_frames_text)
+        return available(cls, there, "The case's own frame alone colours the surface")
+
+    def run(self, context: bpy.types.Context) -> None:
+        context.scene.oneframe.case_frames_text = ""
+
+
+register, unregister = class_registration(__name__)

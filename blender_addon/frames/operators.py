@@ -1,0 +1,141 @@
+"""Operators that register the frames of the film, play them with the surface drawn in, and go back to the case's."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..class_registration import class_registration
+from ..pipeline.blender.registration.register_frames import CaseRegistrar
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.errors import InputError
+from ..setup.alignment_record import pose_record
+from ..state import from_scene
+from ..ui.background_operator import NAVIGATION, InBackground, Work, inputs_of, show_status
+from ..ui.keymap import TOOLS, Key, keys
+from ..ui.operator import Messages, OperatorResult, available
+from ..video import session, shown_frame, strip_layout
+from ..video.frame_fetcher import AHEAD
+from ..video.operators import NeedsFilm
+from . import found
+from .found import FoundFrames
+
+
+def is_aligned(scene: bpy.types.Scene) -> bool:
+    """Whether somebody has aligned the case's frame, from which the others are registered."""
+    try:
+        return from_scene.is_set_up(scene) and pose_record(scene).get("method") not in (INITIAL_GUESS, OTHER_FRAME)
+    except InputError:
+        return False
+
+
+def recorded_case(scene: bpy.types.Scene) -> LoadedCase:
+    """The case with the record of its pose, which says how sure it is."""
+    loaded = from_scene.loaded_case(scene)
+    return replace(loaded, case=replace(loaded.case, alignment=pose_record(scene)))
+
+
+class NeedsFrames(NeedsFilm):
+    """Mixin: available with a film and an aligned frame."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and available(cls, is_aligned(context.scene), "Align the case's frame first")
+
+
+class NeedsFound(NeedsFilm):
+    """Mixin: available once frames of the film are registered."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        there = found.of(context.scene) is not None
+        return super().poll(context) and available(cls, there, "Press Register Frames first")
+
+
+class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
+    """Find the pose of every frame of the film by what the case's frame shows; the case stays as it is. Esc stops it"""
+
+    bl_label = "Register Frames"
+    bl_options = {"REGISTER"}
+    doing = "Registering the frames"
+    stopped = "the frames found so far are shown"
+
+    def work(self, context: bpy.types.Context) -> Work:
+        scene = context.scene
+        self._found = FoundFrames(session.scored(scene), inputs_of(scene))
+        # may render: in the main thread
+        registrar = CaseRegistrar(recorded_case(scene))
+        found.latest = self._found
+        scene.oneframe_video.visible = True
+        return partial(self._found.register, registrar)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        return (f"{self._found.film.path.name}: {self._found.summary()}",)
+
+
+class ONEFRAME_OT_case_frame(bpy.types.Operator):
+    """Show the case's own frame again; looking at others has changed nothing of it"""
+
+    bl_label = "Back to Case Frame"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return available(cls, shown_frame.is_shown(context.scene), "The view shows the case's frame")
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        shown_frame.restore(context.scene)
+        return {"FINISHED"}
+
+
+class ONEFRAME_OT_play_frames(NeedsFound):
+    """Play the film with surface and structures at the pose of each frame; Esc or a click stops"""
+
+    bl_label = "Play"
+    bl_options = {"REGISTER"}
+
+    _timer: bpy.types.Timer | None = None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        scene, film = context.scene, session.scored(context.scene)
+        scene.oneframe_video.visible = True
+        is_last = film.shown == len(film.times_s) - 1
+        # from the frame in view, at the end from the first one
+        self._next = 0 if is_last or not shown_frame.is_shown(scene) else film.shown
+        # a slow display plays slower, and leaves out nothing
+        step_s = float(np.median(np.diff(film.times_s))) if len(film.times_s) > 1 else 0.1
+        self._timer = context.window_manager.event_timer_add(step_s, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        show_status(context, "Playing      Esc or Click: Stop")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        is_stopped = event.type in ("ESC", "LEFTMOUSE", "RIGHTMOUSE") and event.value == "PRESS"
+        if is_stopped or not self.poll(context) or (event.type == "TIMER" and not self._step(context.scene)):
+            self.cancel(context)
+            return {"FINISHED"}
+        return {"PASS_THROUGH"} if event.type in NAVIGATION | {"TIMER"} else {"RUNNING_MODAL"}
+
+    def _step(self, scene: bpy.types.Scene) -> bool:
+        """Show the next picture if it is decoded; returns False at the end of the film."""
+        film, at = session.scored(scene), self._next
+        if film.fetcher.frame(at) is None and not film.fetcher.failure(at):
+            film.fetcher.want(at)
+            return True
+        shown_frame.show(scene, at)
+        film.span_s, self._next = strip_layout.following(film), at + 1
+        film.fetcher.want(min(at + AHEAD, len(film.times_s) - 1))
+        return self._next < len(film.times_s)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender too, when it ends the operator."""
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+        self._timer = None
+        show_status(context, None)
+
+
+register, unregister = class_registration(__name__, keys(Key("oneframe.case_frame", "ESC", tools=tuple(TOOLS))))

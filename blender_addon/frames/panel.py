@@ -1,0 +1,77 @@
+"""The step Frames: the other frames of the film, the correction of the first pose, further colour sources."""
+
+import bpy
+
+from ..class_registration import class_registration
+from ..pipeline.case.alignment_record import FURTHER_FRAMES
+from ..setup.alignment_record import pose_record
+from ..state import from_scene
+from ..ui.keymap import draw_key
+from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.step_panel import StepPanel
+from ..video import session, shown_frame
+from ..video.session import FilmSession
+from . import found
+from .correct import record_text
+from .operators import is_aligned
+
+TEXT_LINES = 3
+"""Of what is said of the frame in view: no button moves under the pointer, here and above, when a text changes."""
+
+
+class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
+    """The other frames of the film"""
+
+    bl_label = "6  Frames"
+    bl_order = 7
+    step = "frames"
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        scene, film = context.scene, session.of(context.scene)
+        layout.operator_context = "INVOKE_DEFAULT"
+        if not is_aligned(scene):
+            draw_text(layout, "The other frames are found by this one: align it first.", icon="INFO")
+            return
+        if film is None:
+            draw_text(layout, "Open the film of the frame, or another of the same surface and zoom.", icon="INFO")
+            layout.operator("oneframe.open_video", icon="FILE_MOVIE")
+            return
+        layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
+        _draw_found(layout, scene, film)
+        row = layout.split(factor=0.85, align=True)
+        row.operator("oneframe.case_frame", icon="LOOP_BACK")
+        draw_key(row, "oneframe.case_frame")
+        layout.separator()
+        layout.operator("oneframe.correct_first_pose", icon="SNAP_ON")
+        record = pose_record(scene)
+        if record.get("method") == FURTHER_FRAMES:
+            draw_text(layout, f"Corrected: {record_text(record)}, if the surface is right.", icon="CHECKMARK")
+        layout.separator()
+        row = layout.row(align=True)
+        row.operator("oneframe.use_colour_sources", icon="COLOR")
+        row.operator("oneframe.clear_colour_sources", text="", icon="X")
+        for each in from_scene.further_frames(scene):
+            layout.label(text=each.image.name, icon="IMAGE_DATA")
+
+
+def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
+    registered = found.of(scene)
+    if registered is None:
+        draw_text(layout, "No frame is registered from the present pose.", icon="INFO")
+        return
+    total = len(film.scores.frames)
+    part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "
+    draw_text(layout, f"{part}{registered.summary()}", lines=2)
+    layout.operator("oneframe.play_frames", icon="PLAY")
+    frame = registered.frames.get(film.shown)
+    if not shown_frame.is_shown(scene):
+        text = "Click the strip below the view to see a frame with the surface at its pose."
+    elif frame is None:
+        text = f"Frame {film.score.index} is not registered."
+    else:
+        reason = frame.verdict.reason
+        text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."
+    draw_text(layout, text, lines=TEXT_LINES)
+
+
+register, unregister = class_registration(__name__)

@@ -1,0 +1,132 @@
+"""The film's frames in the add-on: found where they are, looked at without a trace, a correction, colour sources."""
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from blender_addon.colour.operators import is_outdated
+from blender_addon.frames import found
+from blender_addon.setup.open_case import unsaved_parts
+from blender_addon.state import another_frame, from_scene
+from blender_addon.video import shown_frame
+from oneframe.alignment.reprojection import apply_twist
+from oneframe.blender.colour.surface_colour import colour_record
+from oneframe.case.alignment_record import FURTHER_FRAMES
+from oneframe.case.case_file import read_case
+from oneframe.registration.verdict import ACCEPTED, REFUSED
+from oneframe.transforms import inverse_rigid, rotation_angle_deg
+from tests.alignment.test_refinement import hills
+from tests.registration.test_registration import CAMERA, PIVOT, SOURCE, photograph, seen_from, write_case
+
+ROUGH = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([0.6, -0.8, 0.4])]), SOURCE, PIVOT)
+POSES = [seen_from(8, 5), seen_from(-20, 30), seen_from(15, 90)]
+MIRRORED = len(POSES)
+"""Number of the frame that shows another surface."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made, mesh = tmp_path_factory.mktemp("case"), hills(1)
+    write_case(made, mesh, ROUGH)
+    (made / "case.toml").rename(made / "rough.toml")
+    write_case(made, mesh, SOURCE)
+    images = [*(photograph(mesh, pose) for pose in POSES), photograph(mesh, SOURCE)[:, ::-1]]
+    writer = cv2.VideoWriter(str(made / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, CAMERA.size_wh)
+    for image in images:
+        writer.write(np.ascontiguousarray(np.rint(255 * image).astype(np.uint8)))
+    writer.release()
+    return made
+
+
+@pytest.fixture
+def opened(addon, folder, tmp_path):
+    def opened(name):
+        case = tmp_path / name
+        text = (folder / name).read_text()
+        for file in ("frame.png", "surface.ply"):
+            text = text.replace(f'= "{file}"', f'= "{folder}/{file}"')
+        case.write_text(text)
+        bpy.ops.oneframe.open_case(filepath=str(case))
+        bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
+        return bpy.context.scene
+
+    return opened
+
+
+def off_by_deg(pose, true):
+    return rotation_angle_deg(pose[:3, :3] @ true[:3, :3].T)
+
+
+def is_at(pose, true):
+    return off_by_deg(pose, true) < 0.5 and np.linalg.norm((pose - true)[:3, 3]) < 1.0
+
+
+def state_of(scene, path):
+    """All that looking might change: the saved case, the scene's own properties, and the picture behind the camera."""
+    bpy.ops.oneframe.save_case(filepath=str(path))
+    objects = [(each.name, np.array(each.matrix_world).tobytes(), str(dict(each.items()))) for each in scene.objects]
+    shown = scene.oneframe.camera_object.data.background_images[0].image.name
+    return path.read_bytes(), objects, str(scene.oneframe.items()), shown, scene.oneframe_view.opacity
+
+
+def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opened, tmp_path):
+    scene = opened("case.toml")
+    bpy.ops.oneframe.case_frame()
+    bpy.ops.oneframe.landmark_set(point=(1, 2, 3), pixel=(100, 100))
+    bpy.ops.oneframe.project_colour()
+    before = state_of(scene, tmp_path / "case.toml")
+    assert not bpy.ops.oneframe.play_frames.poll()
+    bpy.ops.oneframe.register_frames()
+    frames, mesh_from_model = found.of(scene).frames, from_scene.mesh_from_model_of(scene.oneframe.surface)
+    for at in range(MIRRORED + 1):
+        verdict, pose, _ = frames[at]
+        shown_frame.show(scene, at)
+        assert another_frame.seen(scene).cam_from_model is pose
+        if at == MIRRORED:
+            assert (verdict.state, pose, another_frame.seen(scene).text) == (REFUSED, None, "lost")
+            continue
+        assert verdict.state == ACCEPTED
+        assert is_at(pose @ inverse_rigid(mesh_from_model), POSES[at])
+        # what is done in the view would go to the case's own frame
+        for refused in (bpy.ops.oneframe.nudge, lambda: bpy.ops.oneframe.landmark_set(point=(0, 0, 0))):
+            with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Esc"):
+                refused()
+    bpy.ops.oneframe.case_frame()
+    assert another_frame.seen(scene) is None
+    assert state_of(scene, tmp_path / "case.toml") == before
+    # the same again replaces them
+    for _ in range(2):
+        bpy.ops.oneframe.use_colour_sources(count=2)
+        used = from_scene.further_frames(scene)
+        assert len(used) == 2
+    assert unsaved_parts(scene) == ("colour sources",)
+    assert is_outdated(scene, colour_record(scene.oneframe.surface))
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
+    for each in read_case(tmp_path / "case.toml").frames:
+        assert cv2.imread(str(each.image), cv2.IMREAD_UNCHANGED).shape == (*CAMERA.shape_hw, 4)
+        assert is_at(each.cam_from_mesh, POSES[int(each.image.stem.removeprefix("frame_"))])
+    bpy.ops.oneframe.project_colour()
+    assert not is_outdated(scene, colour_record(scene.oneframe.surface))
+    bpy.ops.oneframe.clear_colour_sources()
+    assert from_scene.further_frames(scene) == ()
+    # what was found holds for the pose that it began with
+    bpy.ops.oneframe.nudge(step_px=1.0)
+    assert found.of(scene) is None
+    assert not bpy.ops.oneframe.use_colour_sources.poll()
+
+
+def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monkeypatch):
+    monkeypatch.setattr("oneframe.blender.registration.correct_source.MOST_ROUNDS", 2)
+    opened("rough.toml")
+    rough = from_scene.cam_from_model(bpy.context.scene)
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.oneframe.correct_first_pose()
+    bpy.ops.ed.undo_push(message="corrected")
+    bpy.ops.ed.undo()
+    assert np.array_equal(from_scene.cam_from_model(bpy.context.scene), rough)
+    bpy.ops.ed.redo()
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "corrected.toml"))
+    corrected = read_case(tmp_path / "corrected.toml")
+    assert off_by_deg(corrected.cam_from_mesh, SOURCE) < 0.3 * off_by_deg(ROUGH, SOURCE)
+    assert (corrected.alignment["method"], corrected.alignment["start_method"]) == (FURTHER_FRAMES, "manual")

@@ -91,7 +91,7 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
     wide = cast_rays(MESH, WIDE, pose, beyond=1)
     depth = wide[height : 2 * height, width : 2 * width].astype(np.float32)
     mask, observed = depth > 0, (depth > 0) & (np.arange(width) > 12)
-    view = RenderedView(np.zeros((height, width, 3), np.float32), depth, observed, np.zeros_like(mask))
+    view = RenderedView(np.zeros((height, width, 3), np.float32), depth, observed.astype(np.uint8), np.zeros_like(mask))
     planned = PlannedPose(pose, ViewStatistics(1, 1, 1), 5, Rejections(surface=4))
     paths = ViewPaths(tmp_path, 1007)
     files, record = encode_view(

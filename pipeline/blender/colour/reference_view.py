@@ -82,9 +82,9 @@ def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceVi
     seen: list[RenderedView] = []
     for frame in loaded.frames:
         if rays is not None:
-            seen.append(RayTracer(mesh, frame.camera, None, rays=rays).render(frame.cam_from_model))
+            seen.append(RayTracer(mesh, frame.camera, rays=rays).render(frame.cam_from_model))
             continue
-        with SurfaceScene(mesh, frame.camera, None) as surface_scene:
+        with SurfaceScene(mesh, frame.camera) as surface_scene:
             seen.append(render_view(surface_scene, frame.cam_from_model))
     view = _view_of(loaded, [each.depth_mm for each in seen], seen[0].observed)
     return replace(view, rays=rays) if view.mesh is mesh else view

@@ -13,6 +13,7 @@ from oneframe.blender.render.engines import opened_engine
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import case_from_text
 from oneframe.dataset.options import DatasetOptions
+from oneframe.projection.edge_pixels import edge_pixels
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
@@ -60,14 +61,19 @@ def test_a_pixel_has_the_colour_from_the_frame_that_shows_its_face_best(loaded, 
         best.append((ray * normal).sum(axis=-1) / np.linalg.norm(ray, axis=-1) / pixel_mm)
     chosen = np.where(seen, best, -np.inf).argmax(axis=0)
     expected = np.take_along_axis(np.stack([view.rgb for view in alone]), chosen[None, ..., None], axis=0)[0]
-    same = (together.rgb == expected).all(axis=-1)
+    # with several samples, pixels at an edge are means over rays, each of the frame that is best there
+    edges = np.any([view.near_unseen | edge_pixels(view.depth_mm, view.observed, CAMERA) for view in alone], axis=0)
+    inside = together.observed & ~(edges & (samples > 1))
     # beside an edge of a face, double and single precision may meet another one
-    assert same[together.observed].mean() > 0.99
+    assert (together.rgb == expected).all(axis=-1)[inside].mean() > 0.99
+    assert (together.source == chosen + 1)[together.observed].mean() > 0.99
     assert all((chosen[together.observed] == number).mean() > 0.05 for number in range(3))
-    assert (together.rgb == np.stack([view.rgb for view in alone])).all(axis=-1).any(axis=0).all()
+    # Cycles mixes colours with a rounding
+    off = np.abs(together.rgb - np.stack([view.rgb for view in alone])).max(axis=-1).min(axis=0)
+    assert off[~(edges & (samples > 1))].max() < 1e-6
     backwards = rendered(source.views[::-1])
-    assert np.array_equal(backwards.rgb, together.rgb)
-    assert np.array_equal(backwards.observed, together.observed)
+    assert np.allclose(backwards.rgb, together.rgb, rtol=0, atol=1e-6)
+    assert np.array_equal(backwards.source, np.where(together.observed, 4 - together.source, 0))
 
 
 @pytest.mark.parametrize("mode", ["texture", "vertex"])

@@ -1,0 +1,63 @@
+"""Highlights leave the colour: they move with the lens, so of three frames that saw a point, most show it without.
+
+Where three frames or more saw a point, the one in which it is clearly brighter than in their median does not colour it;
+another one does. What a frame is brighter by on the whole (exposure) and at random (noise, a pose or a surface that is
+slightly off) does not count.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..transforms import inverse_rigid, transform_points
+from .footprint_filter import sums_of_nine
+from .source_view import SourceView
+
+STEP_PX = 2
+"""Between the pixels that are compared: highlights are larger."""
+FEWEST_FRAMES = 3
+LEAST_EXCESS = 0.1
+"""Code values by which a highlight is brighter than the median, at least, and"""
+LEAST_DEVIATIONS = 4.0
+"""standard deviations of the differences, by their median."""
+MAD_TO_SIGMA = 1.4826
+
+
+def without_highlights(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
+    """The same views, in one exposure, masked where they show a highlight that others do not."""
+    if len(views) < FEWEST_FRAMES:
+        return tuple(views)
+    return tuple(_masked(view, views) for view in views)
+
+
+def _masked(view: SourceView, views: Sequence[SourceView]) -> SourceView:
+    depth_mm = view.depth_mm[::STEP_PX, ::STEP_PX]
+    shown = depth_mm > 0
+    pixels = view.camera.pixel_grid()[::STEP_PX, ::STEP_PX][shown]
+    points = transform_points(
+        inverse_rigid(view.cam_from_model), view.camera.rays_cam(pixels) * depth_mm[shown][:, None]
+    )
+    brightness = np.full((len(views), len(points)), np.nan, np.float32)
+    for number, other in enumerate(views):
+        seen = other.unoccluded(points)
+        brightness[number, seen] = other.colours(other.project(points[seen])[0]).mean(axis=1)
+    count = np.isfinite(brightness).sum(axis=0)
+    # the lower of two in the middle; what is not known is sorted to the end
+    median = np.take_along_axis(np.sort(brightness, axis=0), (np.maximum(count, 1) - 1)[None] // 2, axis=0)[0]
+    excess = view.image[::STEP_PX, ::STEP_PX][shown].mean(axis=1) - median
+    compared = (count >= FEWEST_FRAMES) & np.isfinite(excess)
+    if not compared.any():
+        return view
+    deviation = MAD_TO_SIGMA * float(np.median(np.abs(excess[compared])))
+    bright, known = np.zeros((2, *shown.shape), np.float32)
+    known[shown] = compared
+    bright[shown] = compared & (excess > max(LEAST_EXCESS, LEAST_DEVIATIONS * deviation))
+    # not single pixels, but with the skirts; where others saw all around it
+    core = sums_of_nine(bright[..., None])[..., 0] > 8
+    highlight = sums_of_nine(sums_of_nine(core.astype(np.float32)[..., None]))[..., 0] > 0
+    highlight &= sums_of_nine(known[..., None])[..., 0] > 8
+    height, width = view.valid.shape
+    masked = np.repeat(np.repeat(highlight, STEP_PX, axis=0), STEP_PX, axis=1)[:height, :width]
+    inverse_depth = np.where(masked, np.float32(0), view.inverse_depth)
+    return replace(view, valid=view.valid & ~masked, inverse_depth=inverse_depth)

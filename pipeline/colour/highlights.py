@@ -1,14 +1,15 @@
 """Highlights leave the colour: they move with the lens, so of three frames that saw a point, most show it without.
 
 Where three frames or more saw a point, the one in which it is clearly brighter than in their median does not colour it;
-another one does. What a frame is brighter by on the whole (exposure) and at random (noise, a pose or a surface that is
-slightly off) does not count.
+another one does. What a frame is brighter by at random (noise) does not count, and neither does what the median shows
+close by: there pattern is out of place, as poses and surface are slightly off.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ..transforms import inverse_rigid, transform_points
 from .footprint_filter import sums_of_nine
@@ -17,6 +18,8 @@ from .source_view import SourceView
 STEP_PX = 2
 """Between the pixels that are compared: highlights are larger."""
 FEWEST_FRAMES = 3
+OUT_OF_PLACE = 0.01
+"""Of the frame's width: so far from its place a pattern may be."""
 LEAST_EXCESS = 0.1
 """Code values by which a highlight is brighter than the median, at least, and"""
 LEAST_DEVIATIONS = 4.0
@@ -50,6 +53,9 @@ def _masked(view: SourceView, views: Sequence[SourceView]) -> SourceView:
     if not compared.any():
         return view
     deviation = MAD_TO_SIGMA * float(np.median(np.abs(excess[compared])))
+    usual = np.zeros(shown.shape, np.float32)
+    usual[shown] = np.where(compared, median, 0)
+    excess += median - _largest_around(usual, round(OUT_OF_PLACE * view.camera.width / STEP_PX))[shown]
     bright, known = np.zeros((2, *shown.shape), np.float32)
     known[shown] = compared
     bright[shown] = compared & (excess > max(LEAST_EXCESS, LEAST_DEVIATIONS * deviation))
@@ -61,3 +67,11 @@ def _masked(view: SourceView, views: Sequence[SourceView]) -> SourceView:
     masked = np.repeat(np.repeat(highlight, STEP_PX, axis=0), STEP_PX, axis=1)[:height, :width]
     inverse_depth = np.where(masked, np.float32(0), view.inverse_depth)
     return replace(view, valid=view.valid & ~masked, inverse_depth=inverse_depth)
+
+
+def _largest_around(values: np.ndarray, radius: int) -> np.ndarray:
+    """``(H, W)`` values, not negative -> the largest in a square around each."""
+    for axis in range(2):
+        around = np.pad(values, [(radius, radius) if axis == each else (0, 0) for each in range(2)])
+        values = sliding_window_view(around, 2 * radius + 1, axis=axis).max(axis=-1)
+    return values

@@ -13,7 +13,7 @@ from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_d
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
 from ...dataset.description import farthest_listed_mm, view_camera
-from ...dataset.layout import ViewPaths
+from ...dataset.layout import ViewPaths, view_kinds
 from ...dataset.options import DatasetOptions
 from ...dataset.run.resume_record import ViewRecord
 from ...dataset.view import RenderedSample, depth_scale_for, encode_view
@@ -113,6 +113,7 @@ class ViewRenderer:
         self._resources = ExitStack()
         opened = _opened_renderer(source, self.camera, colours, options, threads)
         self.render, self._probe = self._resources.enter_context(opened)
+        self._kinds = view_kinds(float_depth=options.float_depth, several_frames=len(loaded.frames) > 1)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
         reference = ReferencePose(loaded.frame.cam_from_model, source.pivot_model)
@@ -186,7 +187,7 @@ class ViewRenderer:
             self.camera,
             identity=self._identity,
             depth_scale=self.depth_scale,
-            float_depth=self._options.float_depth,
+            kinds=self._kinds,
         )
 
 

@@ -105,14 +105,14 @@ def _continued(image: np.ndarray, known: np.ndarray, *, steps: int) -> np.ndarra
     for _ in range(steps):
         if known.all():
             break
-        count = sums_of_nine(known.astype(np.float32)[..., None])[..., 0]
-        total = sums_of_nine(image)
+        count = _sums_of_nine(known.astype(np.float32)[..., None])[..., 0]
+        total = _sums_of_nine(image)
         new = ~known & (count > 0)
         image[new] = total[new] / count[new][:, None]
         known |= new
     return image
 
 
-def sums_of_nine(image: np.ndarray) -> np.ndarray:
+def _sums_of_nine(image: np.ndarray) -> np.ndarray:
     around = np.pad(image, ((1, 1), (1, 1), (0, 0)))
     return _box_sums(_box_sums(around, 3, axis=0), 3, axis=1)

@@ -154,7 +154,9 @@ def test_a_damaged_dataset_is_refused(name, copied, tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("kind", ["rgb", "depth", "depth_mm", "mask", "mask_visib", "mask_observed", "source_frame", "frame"])
+@pytest.mark.parametrize(
+    "kind", ["rgb", "depth", "depth_mm", "mask", "mask_visib", "mask_observed", "source_frame", "frame"]
+)
 def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, packed, tmp_path):
     (path,) = (copied / "train_synt" / "000000" / kind).glob("000003*")
     sound = path.read_bytes()

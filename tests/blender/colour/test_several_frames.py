@@ -91,9 +91,7 @@ def test_a_dataset_says_which_frame_colours_a_pixel(loaded, engine, tmp_path):
     dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
     source = reference_view_of(loaded, engine)
     with ExitStack() as opened:
-        alone = [
-            opened.enter_context(opened_engine(engine, source.mesh, CAMERA, [view])) for view in source.views
-        ]
+        alone = [opened.enter_context(opened_engine(engine, source.mesh, CAMERA, [view])) for view in source.views]
         for view in open_dataset(tmp_path / "out"):
             by_frame = np.stack([np.zeros(view.rgb.shape), *(render(view.cam_from_model).rgb for render in alone)])
             assert np.unique(view.source_frame[view.observed]).tolist() == [1, 2, 3]

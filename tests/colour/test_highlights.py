@@ -12,7 +12,7 @@ from tests.alignment.test_refinement import hills
 
 from .test_exposure import CAMERA, view
 
-STRIPES = np.where(np.arange(CAMERA.width) // 8 % 2, 0.7, 0.2)
+STRIPES = np.where(np.arange(CAMERA.width) % 40 < 16, 0.7, 0.2)
 
 
 @pytest.fixture

@@ -254,9 +254,8 @@ class RayTracer:
             rgb, seen, near = painted(0, rays)
             self._show_unseen(rgb, hits, seen)
             return rgb, seen.astype(np.uint8), near
-        flat = rays._replace(
-            **{name: each.ravel() for name, each in zip("uv", np.broadcast_arrays(rays.u, rays.v), strict=True)}
-        )
+        u, v = np.broadcast_arrays(rays.u, rays.v)
+        flat = rays._replace(u=u.ravel(), v=v.ravel())
         rgb, source = np.zeros((len(hits.face), 3), np.float32), np.zeros(len(hits.face), np.uint8)
         border = np.zeros(len(source), bool)
         left = np.flatnonzero((hits.face >= 0) & hits.front)

@@ -1,17 +1,11 @@
-"""The noise of a frame, and the frame without it. Needs cv2.
-
-Non-local means take away texture too. At half the noise's strength they win more than they lose only where there is a
-lot of it: measured on held-out photographs, see docs/measurements.md.
-"""
+"""The noise of a frame, and the frame without it. Needs cv2."""
 
 import cv2
 import numpy as np
 
-LEAST_NOISE = 5.0
-"""Code values; a frame with less stays as it is."""
-STRENGTH = 0.5
-"""Of non-local means, relative to the noise."""
-PATCH_PX, SEARCHED_PX = 7, 21
+LEAST_NOISE, STRENGTH = 5.0, 0.5
+"""Noise from which on non-local means win more than the texture that they cost, code values; their strength relative
+to it. Measured on held-out photographs: see docs/measurements.md."""
 _LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
 
 
@@ -25,13 +19,10 @@ def noise_of(codes: np.ndarray, shown: np.ndarray) -> float:
 
 
 def denoised(codes: np.ndarray, shown: np.ndarray) -> tuple[np.ndarray | None, str]:
-    """``(H, W, 3)`` uint8 codes without noise, ``None`` if they should stay; and what was done.
-
-    The noise is measured where ``(H, W)`` ``shown``.
-    """
+    """``(H, W, 3)`` uint8 codes without the noise that they have where shown, or ``None`` to leave them; and a text."""
     noise = noise_of(codes, shown)
     if noise < LEAST_NOISE:
         return None, f"noise of {noise:.1f} code values, too little to remove without loss: the colours stay"
     strength = STRENGTH * noise
-    found = cv2.fastNlMeansDenoisingColored(codes, None, strength, strength, PATCH_PX, SEARCHED_PX)
+    found = cv2.fastNlMeansDenoisingColored(codes, None, strength, strength, 7, 21)
     return found, f"noise of {noise:.1f} code values removed"

@@ -129,8 +129,8 @@ def register_case(
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
         chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
         listed = {each.number: each for each in candidates if each.number in chosen}
-        written = registrar.full_frames(source, out, listed, loaded.surface.mesh_from_model, denoise=denoise)
-        sources = tuple(written)
+        mesh_from_model = loaded.surface.mesh_from_model
+        sources = tuple(registrar.full_frames(source, out, listed, mesh_from_model, denoise=denoise))
     return Registration(counts, reasons, sources)
 
 

@@ -121,13 +121,7 @@ class CaseRegistrar:
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
     def full_frames(
-        self,
-        source: Path,
-        out: Path,
-        chosen: Mapping[int, Candidate],
-        mesh_from_model: np.ndarray,
-        *,
-        denoise: bool = False,
+        self, source: Path, out: Path, chosen: Mapping[int, Candidate], mesh_from_model: np.ndarray, *, denoise: bool
     ) -> Iterator[UnreadFrame]:
         """Write registered frames at full size into a folder, clear where something hides the surface, for a case.
 

@@ -6,7 +6,7 @@ another renderer, which proves the one that made them.
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TextIO
 
@@ -156,10 +156,7 @@ def _compare_view(paths: ViewPaths, renderer: Renderer, same_versions: bool, foc
         on_disk = read_content(paths.root / name, "a file of the view", name)
         if on_disk != data:
             images = _decoded(name, on_disk), _decoded(name, data)
-            limits = allowed if same_versions else OTHER_VERSIONS
-            # numbers of frames are not near each other
-            limits = replace(limits, codes=0.0) if kind == "source_frame" else limits
-            _compare_images(name, *images, limits, focal_px)
+            _compare_images(name, *images, allowed if same_versions else OTHER_VERSIONS, focal_px)
 
 
 def _compare_video(root: Path, renderer: Renderer, frames: int) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
+from ..errors import InputError
 from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
 
@@ -41,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--colour-frames", metavar="N", type=at_least(1), default=0,
         help="also write the case with up to N of the frames to colour its surface with",
     )  # fmt: skip
+    parser.add_argument("--denoise", action="store_true", help="remove noise from these frames, as oneframe case does")
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
@@ -58,6 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
         from ..progress import ShareProgress
         from ..registration.pose_list import ESTIMATES, POSES
         from ..report.registration_page import registration_page
+    if arguments.denoise and not arguments.colour_frames:
+        raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
     inputs = case.input_files()
@@ -88,6 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
             out,
             every=arguments.every,
             colour_frames=arguments.colour_frames,
+            denoise=arguments.denoise,
             progress=lambda done, count: shown.reach(done / count),
         )
     with writing(out / PAGE):

@@ -36,6 +36,8 @@ class Description:
         4x4, mm.
     float_depth
         Whether the views have float depth.
+    frames
+        Number of frames that colour the surface.
     """
 
     content: Mapping[str, Any]
@@ -45,11 +47,12 @@ class Description:
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     float_depth: bool
+    frames: int = 1
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of a view's files, without its record."""
-        return view_kinds(float_depth=self.float_depth)
+        return view_kinds(float_depth=self.float_depth, several_frames=self.frames > 1)
 
     @property
     def poses_hash(self) -> str | None:
@@ -72,9 +75,11 @@ def read_description(path: Path) -> Description:
             f"{path}: expected the format {FORMAT!r}, found {found}; use the version of OneFrame that made it"
         )
     count, name, camera, options = (content.get(key) for key in (COUNT, "object", "camera", "options"))
+    further = content.get("frames", [])
     if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= MOST_VIEWS:
         raise InputError(f"{path}: expected {COUNT} to be a number of views, found {count!r}; copy the dataset again")
-    if not (isinstance(name, str) and isinstance(camera, dict) and isinstance(options, dict)):
+    types = ((name, str), (camera, dict), (options, dict), (further, list))
+    if not all(isinstance(value, type_) for value, type_ in types):
         raise InputError(f"{path}: expected object, camera and options, one is missing; copy the dataset again")
     try:
         size = (camera["width"], camera["height"])
@@ -83,4 +88,6 @@ def read_description(path: Path) -> Description:
         raise InputError(f"{path}: camera: expected a key {missing}, it is missing; copy the dataset again") from None
     mesh_from_model = checked_matrix(content.get("mesh_from_model"), 4, f"{path}: mesh_from_model")
     float_depth = options.get("float_depth") is True
-    return Description(content, identity_of(content), count, name, intrinsics, mesh_from_model, float_depth)
+    return Description(
+        content, identity_of(content), count, name, intrinsics, mesh_from_model, float_depth, 1 + len(further)
+    )

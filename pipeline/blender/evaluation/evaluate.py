@@ -12,8 +12,7 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
-from ...colour.best_view import Render
-from ...colour.ray_tracer import best_traced
+from ...colour.ray_tracer import RayTracer
 from ...dataset.options import DatasetOptions
 from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, Row
 from ...evaluation.scores.distribution_distance import (
@@ -27,6 +26,7 @@ from ...evaluation.scores.inception import Inception
 from ...evaluation.scores.reachable_scores import JITTERS, perfect_views
 from ...evaluation.scores.view_scores import SCORES, scores_of
 from ...poses.distributions import Cone, ReferencePose
+from ...projection.rendered_view import Render
 from ..case.load_case import load_posed_frame
 from ..colour.reference_view import ReferenceView, reference_view_of
 from .methods import Method, opened
@@ -161,7 +161,7 @@ def evaluate_case(
         A photograph cannot be used, or the case shows no surface.
     """
     source = reference_view_of(case.loaded, "raster")
-    trace = best_traced(source.mesh, case.loaded.frame.camera, source.views, rays=source.rays)
+    trace = RayTracer(source.mesh, case.loaded.frame.camera, *source.views, rays=source.rays).render
     novel_poses = _novel_poses(case, source, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses

@@ -63,6 +63,7 @@ def register_case(
     *,
     every: int = 1,
     colour_frames: int = 0,
+    denoise: bool = False,
     progress: Callable[[int, int], None],
 ) -> Registration:
     """Register all frames of a folder or a video, and write the files into a folder.
@@ -79,6 +80,8 @@ def register_case(
         Take every n-th frame.
     colour_frames
         Choose so many accepted frames, at most, to colour the surface with.
+    denoise
+        Remove noise from these, see :mod:`oneframe.video.denoise`.
     progress
         Called with the number of finished steps and of all: a frame is one, and another one in the film.
 
@@ -134,7 +137,8 @@ def register_case(
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
         chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
         listed = {each.number: each for each in candidates if each.number in chosen}
-        sources = tuple(registrar.full_frames(source, out, listed, loaded.surface.mesh_from_model))
+        mesh_from_model = loaded.surface.mesh_from_model
+        sources = tuple(registrar.full_frames(source, out, listed, mesh_from_model, denoise=denoise))
     known = RegistrationEvidence(
         tuple(evidence),
         registrar.mesh,

@@ -25,6 +25,7 @@ from ...registration.source_uncertainty import doubt_of_source, with_source
 from ...registration.verdict import ACCEPTED, REFUSED, Verdict
 from ...registration.zoom import has_zoomed, zoom_of
 from ...transforms import inverse_rigid, transform_points
+from ...video.denoise import denoised
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
 from ..alignment.overlay_film import camera_of_film
@@ -135,7 +136,7 @@ class CaseRegistrar:
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
     def full_frames(
-        self, source: Path, out: Path, chosen: Mapping[int, Candidate], mesh_from_model: np.ndarray
+        self, source: Path, out: Path, chosen: Mapping[int, Candidate], mesh_from_model: np.ndarray, *, denoise: bool = False
     ) -> Iterator[UnreadFrame]:
         """Write registered frames at full size into a folder, clear where something hides the surface, for a case.
 
@@ -147,6 +148,8 @@ class CaseRegistrar:
         for number, image in self._full_images(source, chosen):
             candidate, size_wh = chosen[number], (image.shape[1], image.shape[0])
             shown = shown_pixels(candidate.hidden, self.camera, size_wh)
+            clean = denoised(image, shown)[0] if denoise else None
+            image = image if clean is None else clean
             path = out / FRAME.format(number)
             with writing(path):
                 write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))

@@ -19,7 +19,7 @@ from oneframe.evaluation.record.evaluation_record import (
     summarised,
 )
 from oneframe.evaluation.record.evaluation_tables import evaluation_notes, latex_summary, markdown_summary
-from oneframe.evaluation.scores.distribution_distance import mean_interval
+from oneframe.evaluation.scores.mean_intervals import Resampling
 from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
 from oneframe.evaluation.scores.reachable_scores import jittered_pose, perfect_views
 from oneframe.evaluation.scores.view_scores import SCORES, colour_gain
@@ -39,7 +39,7 @@ def evaluation(ours: float, peer: float) -> Evaluation:
     distribution = (Distribution("case", OURS, 12.3, True, 0.01, 0.002, 5),)
     return Evaluation(
         current_conditions({}), (EvaluatedCase("case", ("0",)),), methods, rows,
-        summarised(rows, np.random.default_rng(0)), distribution, (),
+        summarised(rows, (EvaluatedCase("case", ("0",)),), np.random.default_rng(0)), distribution, (),
     )  # fmt: skip
 
 

@@ -1,9 +1,10 @@
 """Where methods fail, past the breaking point, and what the software answers there.
 
 Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case, and on photographs
-with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K), renderers, sampling. Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong
-results, wrong results without a word, answers (works, warns, falls back, refuses), errors and the software's limit; and
-its chart. Times and memory are this machine's.
+with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K), renderers, sampling.
+Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong results, wrong results without a word, answers
+(works, warns, falls back, refuses), errors and the software's limit; and its chart. Times and memory are those of this
+machine.
 """
 
 import argparse
@@ -93,7 +94,7 @@ def tasks_of(topic: str, folder: Path, arguments: argparse.Namespace) -> Iterato
     elif topic == colouring.TOPIC:
         yield from colouring.tasks(quick=quick)
         if arguments.bloster:
-            yield from photographs.tasks(bloster_scenes(arguments.bloster, coloured=False), quick=quick)
+            yield from photographs.tasks(bloster_scenes(arguments.bloster, coloured=False), seed, quick=quick)
     elif topic == camera.TOPIC:
         yield from camera.tasks(folder, quick=quick)
     else:

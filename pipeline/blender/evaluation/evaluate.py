@@ -6,7 +6,6 @@ photograph are in memory.
 
 import math
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -118,7 +117,7 @@ class Findings:
     bound: dict[str, list[tuple[str, dict[str, float]]]] = field(default_factory=dict)
     jitter_px: dict[str, float] = field(default_factory=dict)
     without_overlap: list[tuple[str, str]] = field(default_factory=list)
-    seconds: Counter[str] = field(default_factory=Counter)
+    preparation_seconds: float = 0.0
 
 
 def named_cases(
@@ -173,7 +172,7 @@ def evaluate_case(
     for method in settings.methods:
         rows, features = [], {}
         with opened(method, source, case.loaded.frame.camera, poses) as render:
-            findings.seconds["preparation"] += time.perf_counter() - began
+            findings.preparation_seconds += time.perf_counter() - began
             for shown in _shown_surfaces(case, trace):
                 scores = dict.fromkeys(SCORES, float("nan"))
                 if shown.surface.any():

@@ -163,7 +163,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
         bound=tuple(bounds(findings, cases, rng)),
         missing="" if run.settings.inception else NO_INCEPTION,
         pictures=tuple(gallery.pictures),
-        seconds={**findings.seconds, "all": time.perf_counter() - began},
+        seconds={"all": time.perf_counter() - began, "preparation": findings.preparation_seconds},
     )
     gallery.write_sheets()
     evaluation = draw_charts(evaluation, run.out)

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -148,9 +148,7 @@ class Evaluation:
         return next((entry for entry in self.bound if (entry.case, entry.score) == (case, score)), None)
 
 
-def summarised(
-    rows: Sequence[Row], cases: Sequence[EvaluatedCase], rng: np.random.Generator
-) -> tuple[Summary, ...]:
+def summarised(rows: Sequence[Row], cases: Sequence[EvaluatedCase], rng: np.random.Generator) -> tuple[Summary, ...]:
     """Summaries for every case and :data:`ALL`, method and score, in the order of the rows."""
     methods = list(dict.fromkeys(row.method for row in rows))
     images = list(dict.fromkeys((row.case, row.image) for row in rows))
@@ -175,22 +173,29 @@ def _summaries(
     case: str, methods: Sequence[str], score: str, values: np.ndarray, resampling: Resampling
 ) -> list[Summary]:
     """Of a row of ``values`` for each method."""
-    means = [resampling.interval(row) for row in values]
-    signed = direction(score) * np.array([each.mean for each in means])
-    if not direction(score) or np.isnan(signed).all():
-        return [Summary(case, name, score, *astuple(each)) for name, each in zip(methods, means, strict=True)]
-    leader = values[np.nanargmax(signed)]
+    sign, found = direction(score), [resampling.interval(row) for row in values]
+    entries = [
+        Summary(case, name, score, each.mean, each.low, each.high, each.n)
+        for name, each in zip(methods, found, strict=True)
+    ]
+    means = sign * np.array([each.mean for each in found])
+    if not sign or np.isnan(means).all():
+        return entries
+    leader = values[np.nanargmax(means)]
     with np.errstate(invalid="ignore"):
-        behind = [resampling.interval(direction(score) * (leader - row)) for row in values]
-    told = [each.low > 0 for each in behind]
-    worst = direction(score) * np.fmin.reduce(direction(score) * values, axis=1)
+        behind = [resampling.interval(sign * (leader - row)) for row in values]
+    told = any(each.low > 0 for each in behind)
     return [
-        Summary(
-            case, name, score, *astuple(mean), float(least), gap.mean, gap.low, gap.high,
-            best=any(told) and gap.n > 0 and not gap.low > 0,
+        replace(
+            entry,
+            worst=sign * float(min(sign * row[~np.isnan(row)], default=math.nan)),
+            behind=gap.mean,
+            behind_low=gap.low,
+            behind_high=gap.high,
+            best=told and gap.n > 0 and not gap.low > 0,
         )
-        for name, mean, least, gap in zip(methods, means, worst, behind, strict=True)
-    ]  # fmt: skip
+        for entry, row, gap in zip(entries, values, behind, strict=True)
+    ]
 
 
 def evaluation_bytes(evaluation: Evaluation) -> bytes:

@@ -71,8 +71,12 @@ def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
     """The summary as Markdown: what was skipped and found, then a block of tables for each case."""
     lines = [f"{MARKDOWN_HEAD}", ""]
     lines += [f"{line}  " for line in evaluation.conditions.lines()]
-    lines += ["", "Means over the photographs, with 95 % confidence intervals (bootstrap over photographs)."]
-    lines += ["The limit is what a perfect view would score with the same noise, exposure and error of the pose.", ""]
+    lines += [
+        "",
+        "Means with 95 % confidence intervals: bootstrap over surfaces, then cases, then photographs.",
+        "The limit is modelled: what a perfect view would score with the same noise, exposure and error of the pose.",
+        "",
+    ]
     lines += [f"- {note}" for note in notes]
     for case in _cases(evaluation):
         bound = evaluation.bound_of(case, "ssim_whole")
@@ -86,7 +90,13 @@ def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
             for method in evaluation.ran:
                 found = [evaluation.mean(case, method.name, score) for score in scores]
                 lines.append(_line(method.name, *map(_interval, found, _decimals(scores))))
-            lines += [_line("*limit*", *_limits(evaluation, case, scores)), ""]
+            lines += [_line("*limit, modelled*", *_limits(evaluation, case, scores)), ""]
+        lines += ["**Worst photograph**", "", _line("", *(heading for heading, _ in LATEX_SCORES.values()))]
+        lines += ["|---" * (len(LATEX_SCORES) + 1) + "|"]
+        for method in evaluation.ran:
+            worst = [evaluation.mean(case, method.name, score).worst for score in LATEX_SCORES]
+            lines.append(_line(method.name, *map(_number, worst, _decimals(LATEX_SCORES))))
+        lines.append("")
         lines += _distribution_lines(evaluation, case)
     return ("\n".join(lines).rstrip() + "\n").encode()
 
@@ -116,7 +126,7 @@ def latex_summary(evaluation: Evaluation) -> bytes:
             lines.append(" & ".join(cells) + r" \\")
         limits = _limits(evaluation, case, LATEX_SCORES)
         if any(limits):
-            lines += [r"\midrule", " & ".join(["limit", *limits, *[""] * (2 * with_distribution)]) + r" \\"]
+            lines += [r"\midrule", " & ".join(["limit, modelled", *limits, *[""] * (2 * with_distribution)]) + r" \\"]
         lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
     return ("\n".join(lines) + "\n").encode()
 
@@ -185,6 +195,11 @@ def evaluation_notes(evaluation: Evaluation, without_overlap: Sequence[tuple[str
         notes.append(evaluation.missing)
     if any(entry.fid_biased for entry in evaluation.distribution):
         notes.append("FID is biased: it needs 2048 images or more. Compare KID.")
+    if evaluation.seconds:
+        took, prepared = (evaluation.seconds[name] for name in ("all", "preparation"))
+        notes.append(
+            f"It took {took:.0f} s; {prepared:.0f} s of them prepared surfaces and methods before a first view."
+        )
     notes += [f"{case}: {image} shows nothing of the surface and has no scores." for case, image in without_overlap]
     return [*notes, *where_peers_lead(evaluation)]
 

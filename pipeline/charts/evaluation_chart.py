@@ -83,6 +83,7 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
 
 def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> list[Path]:
     """One panel for each score, one row for each case, one marker for each method."""
+    peers = [method.name for method in evaluation.ran if method.peer]
     markers = ("o", "s", "D", "v", "P", "X", "*", "h", "<", ">")
 
     def draw(figure: Any, theme: Theme) -> None:
@@ -99,7 +100,7 @@ def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> lis
                 if not points:
                     continue
                 look = (
-                    {"color": theme.series[WARNING], "marker": "^", "zorder": 3}
+                    {"color": theme.series[WARNING], "marker": "^<>"[peers.index(method.name) % 3], "zorder": 3}
                     if method.peer
                     else {
                         "marker": markers[number % len(markers)],

@@ -10,6 +10,7 @@ machine.
 import argparse
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -94,7 +95,8 @@ def tasks_of(topic: str, folder: Path, arguments: argparse.Namespace) -> Iterato
     elif topic == colouring.TOPIC:
         yield from colouring.tasks(quick=quick)
         if arguments.bloster:
-            yield from photographs.tasks(bloster_scenes(arguments.bloster, coloured=False), seed, quick=quick)
+            scenes = bloster_scenes(arguments.bloster, coloured=False)
+            yield partial(photographs.measure, scenes[: 2 if quick else None], seed)
     elif topic == camera.TOPIC:
         yield from camera.tasks(folder, quick=quick)
     else:

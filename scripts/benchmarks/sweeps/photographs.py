@@ -6,8 +6,7 @@ where the frame saw the surface from the front.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,44 +18,36 @@ from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.transforms import inverse_rigid, rigid, transform_points
 
 from ..alignment.refinement_scenes import RefinementScene
-from .cells import Cell, Limit, Outcome, Task
+from .cells import Cell, Limit, Outcome
 from .colouring import INCIDENCES_DEG, POSE_ERRORS_PX, WRONG_CODES, reference
 
 SERIES = "photographs"
+SHIFTS_PX = (0.0, *POSE_ERRORS_PX[4::2])
+BINS_DEG = list(itertools.pairwise(INCIDENCES_DEG[:7]))
 
 
-def measure_pose_error(pairs: Sequence[tuple[RefinementScene, RefinementScene]], seed: int) -> list[Cell]:
-    """Colour error of poses that are off by a shift in the image, in random directions; nobody states it."""
+def measure(scenes: Sequence[RefinementScene], seed: int) -> list[Cell]:
+    """Colour error of each next photograph.
+
+    By a shift of the pose in the image, in random directions, which nobody states; and by the angle at which the frame
+    saw the surface: ``x`` is the middle of a bin.
+    """
     rng = np.random.default_rng([seed, 2])
-    shifts_px = (0.0, *POSE_ERRORS_PX[4:])
-    errors = []
-    for frame, judge in pairs:
+    by_shift, by_angle = [], []
+    for frame, judge in itertools.pairwise([*scenes, scenes[0]]):
         angle = rng.uniform(0, 2 * np.pi)
         mm_per_px = frame.middle_cam[2] / frame.camera.fx * np.array([np.cos(angle), np.sin(angle), 0.0])
-        found = (
-            _errors(frame, rigid(translation=shift * mm_per_px) @ frame.cam_from_model, judge) for shift in shifts_px
-        )
-        errors.append([float(np.nanmean(each)) for each in found])
-    return _cells("pose error", shifts_px, errors, Limit("MAX_STATED_ERROR_PX", MAX_STATED_ERROR_PX))
-
-
-def measure_incidence(pairs: Sequence[tuple[RefinementScene, RefinementScene]]) -> list[Cell]:
-    """Colour error of the surface that the frame saw at angles between two values; ``x`` is their middle."""
-    bins = list(itertools.pairwise(INCIDENCES_DEG[:7]))
-    errors = []
-    for frame, judge in pairs:
-        found, angles = _errors(frame, frame.cam_from_model, judge), _incidence_deg(frame, judge)
-        parts = (found[~np.isnan(found) & (angles >= low) & (angles < high)] for low, high in bins)
-        errors.append([float(part.mean()) if len(part) >= FEWEST_PIXELS else np.nan for part in parts])
-    middles = [(low + high) / 2 for low, high in bins]
-    return _cells("incidence", middles, errors, Limit("MAX_INCIDENCE_DEG", MAX_INCIDENCE_DEG))
-
-
-def tasks(scenes: Sequence[RefinementScene], seed: int, *, quick: bool) -> Iterator[Task]:
-    """All measurements, on each photograph and the next one; ``quick`` takes one pair."""
-    pairs = list(itertools.pairwise([*scenes, scenes[0]]))[: 1 if quick else None]
-    yield partial(measure_pose_error, pairs, seed)
-    yield partial(measure_incidence, pairs)
+        moved = (rigid(translation=shift * mm_per_px) @ frame.cam_from_model for shift in SHIFTS_PX)
+        exact, *others = (_errors(frame, pose, judge) for pose in moved)
+        by_shift.append([float(np.nanmean(each)) for each in (exact, *others)])
+        angles = _incidence_deg(frame, judge)
+        parts = (exact[~np.isnan(exact) & (angles >= low) & (angles < high)] for low, high in BINS_DEG)
+        by_angle.append([float(part.mean()) if len(part) >= FEWEST_PIXELS else np.nan for part in parts])
+    middles = [(low + high) / 2 for low, high in BINS_DEG]
+    return [
+        *_cells("pose error", SHIFTS_PX, by_shift, Limit("MAX_STATED_ERROR_PX", MAX_STATED_ERROR_PX)),
+        *_cells("incidence", middles, by_angle, Limit("MAX_INCIDENCE_DEG", MAX_INCIDENCE_DEG)),
+    ]
 
 
 def _errors(frame: RefinementScene, cam_from_model: np.ndarray, judge: RefinementScene) -> np.ndarray:

@@ -60,11 +60,13 @@ def occluded(image: np.ndarray, part: float, rng: np.random.Generator) -> np.nda
 
 
 def spoilt(scene: RefinementScene, spoil: Spoil, value: float, rng: np.random.Generator) -> np.ndarray:
-    """The scene's image, made worse in the box of its surface."""
+    """The scene's image, made worse in the box of its surface; all of it where that fills nearly all."""
     pixels = scene.camera.project(transform_points(scene.cam_from_model, scene.points))
     (left, top), (right, bottom) = (
         np.clip(edge, 0, scene.camera.size_wh).astype(int) for edge in (pixels.min(axis=0), pixels.max(axis=0) + 2)
     )
+    if (right - left) * (bottom - top) > 0.9 * scene.valid.size:
+        return spoil(scene.image, value, rng)
     image = scene.image.copy()
     image[top:bottom, left:right] = spoil(image[top:bottom, left:right], value, rng)
     return image
@@ -106,8 +108,6 @@ FRAMES: dict[str, tuple[Spoil, tuple[float, ...]]] = {
     "blurred": (blurred, BLURS_PX),
 }
 """What makes a frame worse, and by which amounts."""
-
-
 MASKED = ", masked"
 
 

@@ -61,7 +61,7 @@ def case_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
         for _ in write_sample_case(folder / "sample", sample_surface(), camera=camera):
             pass
         path = folder / "sample" / "case.toml"
-        write_case(path, replace(read_case(path), object_name="sample"))
+        write_case(path, replace(read_case(path), object_name="sample (rendered)"))
         pairs.append((path, folder / "sample" / HELD_OUT))
     for name, loader in LOADERS.items():
         if (given := getattr(arguments, name)) is not None:

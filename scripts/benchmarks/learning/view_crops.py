@@ -1,0 +1,122 @@
+"""Views of a dataset in memory, and random crops of them to train on.
+
+In held-out photographs the light moves with the lens, and nothing is cut out of the background; so crops are turned,
+zoomed, relit, blurred, partly hidden, and lie on random backgrounds. Needs ``cv2``.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from oneframe.reader import Dataset
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import inverse_rigid, transform_points
+
+STRIDE = 8
+"""Pixels from one cell of the network to the next."""
+MULTIPLE = 2 * STRIDE
+"""Width and height of what the network sees are multiples of this."""
+
+CROP_WH = 192, 144
+"""Largest crop, px."""
+
+FULL = 32000
+"""Code of the farthest surface from the middle of its box; codes are signed."""
+NOTHING = -32768
+"""Code where there is no surface."""
+
+
+@dataclass(frozen=True)
+class ViewCrops:
+    """Views in memory.
+
+    Attributes
+    ----------
+    rgba
+        ``(N, H, W, 4)`` uint8, alpha 0 and black where there is no surface.
+    codes
+        ``(N, H, W, 3)`` int16: the surface's point at each pixel, from the middle of its box, or :data:`NOTHING`.
+    middles
+        ``(N, 2)`` px: the middle of what each view shows of the surface.
+    centre_model, reach_mm
+        ``(3,)`` mm the middle of the surface's box, and what :data:`FULL` stands for.
+    """
+
+    rgba: np.ndarray
+    codes: np.ndarray
+    middles: np.ndarray
+    centre_model: np.ndarray
+    reach_mm: float
+
+    @classmethod
+    def of(cls, views: Dataset, count: int, mesh: TriangleMesh) -> "ViewCrops":
+        """Read the first ``count`` views of a surface (model frame)."""
+        least, most = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        centre, reach_mm = (least + most) / 2, float((most - least).max() / 2)
+        width, height = views.size_wh
+        pixels = np.stack([*np.meshgrid(np.arange(width), np.arange(height)), np.ones((height, width))], axis=-1)
+        rgba = np.zeros((count, height, width, 4), np.uint8)
+        codes = np.full((count, height, width, 3), NOTHING, np.int16)
+        middles = np.zeros((count, 2))
+        for place, view in enumerate(views[:count]):
+            seen, rays = view.mask, pixels @ np.linalg.inv(view.k).T
+            points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * view.depth_mm[seen][:, None])
+            codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
+            rgba[place] = np.dstack([view.rgb, np.where(seen, 255, 0)])
+            middles[place] = pixels[seen][:, :2].mean(axis=0)
+        return cls(rgba, codes, middles, centre, reach_mm)
+
+    @property
+    def crop_wh(self) -> tuple[int, int]:
+        """Width and height of the crops."""
+        height, width = self.rgba.shape[1:3]
+        return tuple(min(size, most) // MULTIPLE * MULTIPLE for size, most in zip((width, height), CROP_WH, strict=True))
+
+    def crop(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """A random crop ``(h, w, 3)`` uint8 of a random view, and ``(h / 8, w / 8, 3)`` codes at its cells."""
+        place, (width, height) = rng.integers(len(self.rgba)), self.crop_wh
+        angle, zoom = np.radians(rng.uniform(-20, 20)), np.exp(rng.uniform(-0.18, 0.18))
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) / zoom
+        shift = rng.uniform(-0.15, 0.15, 2) * (width, height)
+        middle = self.middles[place] + shift - turn @ [(width - 1) / 2, (height - 1) / 2]
+        view_from_crop = np.column_stack([turn, middle])
+        cells = view_from_crop @ [[STRIDE, 0, (STRIDE - 1) / 2], [0, STRIDE, (STRIDE - 1) / 2], [0, 0, 1]]
+        inverse = cv2.WARP_INVERSE_MAP
+        rgba = cv2.warpAffine(self.rgba[place], view_from_crop, (width, height), flags=inverse | cv2.INTER_LINEAR)
+        codes = cv2.warpAffine(
+            self.codes[place], cells, (width // STRIDE, height // STRIDE), flags=inverse | cv2.INTER_NEAREST,
+            borderValue=[NOTHING] * 3,
+        )  # fmt: skip
+        return _photographed(rgba, rng), codes
+
+
+def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A crop ``(h, w, 4)`` as another light, lens and background would show it: ``(h, w, 3)`` uint8."""
+    height, width = rgba.shape[:2]
+    image = rgba[..., :3].astype(np.float32)
+    image += (1 - rgba[..., 3:] / np.float32(255)) * _smooth(rng.uniform(0, 255, (*rng.integers(2, 12, 2), 3)), width, height)
+    image *= _smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
+    codes = np.clip(image, 0, 255).astype(np.uint8)
+    tone = 255 * np.linspace(0, 1, 256)[:, None] ** np.exp(rng.normal(0, 0.2)) * np.exp(
+        rng.normal(-0.05, 0.12) + rng.normal(0, 0.04, 3)
+    )
+    codes = cv2.LUT(codes, np.clip(tone + rng.normal(0, 8), 0, 255).astype(np.uint8)[None])
+    for _ in range(rng.integers(0, 3)):
+        # instruments, and blood
+        at, size = rng.uniform(0, (width, height)), rng.uniform(0.03, 0.25, 2) * width
+        cv2.ellipse(codes, (at, size, rng.uniform(0, 180)), rng.uniform(0, 255, 3).tolist(), -1)
+    for _ in range(rng.integers(0, 6)):
+        # highlights
+        at, size = rng.uniform(0, (width, height)), rng.uniform(0.005, 0.03, 2) * width
+        cv2.ellipse(codes, (at, size, rng.uniform(0, 180)), (255, 255, 255), -1)
+    if rng.random() < 0.5:
+        codes = cv2.GaussianBlur(codes, (0, 0), rng.uniform(0.3, 1.2))
+    noise = cv2.randn(np.empty((height, 3 * width), np.int16), 0, rng.uniform(0, 8))
+    return cv2.add(codes, noise.reshape(codes.shape), dtype=cv2.CV_8U)
+
+
+def _smooth(values: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Few random values ``(h, w, C)`` spread smoothly over an image ``(H, W, C)`` float32."""
+    spread = cv2.resize(values.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    return spread.reshape(height, width, -1)

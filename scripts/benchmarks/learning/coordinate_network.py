@@ -14,10 +14,11 @@ from torch.nn import functional
 
 from .view_crops import FULL, MULTIPLE, NOTHING, STRIDE, ViewCrops
 
-import os
-BATCH = int(os.environ.get('BS','8'))
-import os
-LARGEST_RATE = float(os.environ.get('LR','3e-3'))
+BATCH = 8
+LARGEST_RATE = 3e-3
+WIDTHS = 24, 48, 64, 128
+"""Channels at a half, a quarter, an eighth and a sixteenth of the image's size."""
+BLOCKS = 3
 TURNS_DEG = (-12, -4, 4, 12)
 """Of the copies of a photograph: their errors partly cancel."""
 
@@ -27,12 +28,11 @@ class CoordinateNetwork(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        import os
-        a, b, c, d, n = map(int, os.environ.get("NET", "24,48,64,128,3").split(","))
-        self.fine = nn.Sequential(_conv(3, a, 5, 2), _conv(a, b, 3, 2), _conv(b, c, 3, 2))
-        self.coarse = nn.Sequential(_conv(c, d, 3, 2), *(_Residual(d) for _ in range(n)))
-        self.widen = nn.Conv2d(d, c, 1)
-        self.head = nn.Sequential(_Residual(c), nn.Conv2d(c, 5, 1))
+        half, quarter, eighth, sixteenth = WIDTHS
+        self.fine = nn.Sequential(_conv(3, half, 5, 2), _conv(half, quarter, 3, 2), _conv(quarter, eighth, 3, 2))
+        self.coarse = nn.Sequential(_conv(eighth, sixteenth, 3, 2), *(_Residual(sixteenth) for _ in range(BLOCKS)))
+        self.widen = nn.Conv2d(sixteenth, eighth, 1)
+        self.head = nn.Sequential(_Residual(eighth), nn.Conv2d(eighth, 5, 1))
 
     def forward(self, image: torch.Tensor) -> torch.Tensor:
         fine = self.fine(image)
@@ -57,6 +57,8 @@ def _conv(before: int, after: int, size: int, stride: int) -> nn.Sequential:
 
 def trained_network(crops: ViewCrops, steps: int, seed: int, advance: Callable[[float], None]) -> CoordinateNetwork:
     """Train on random crops, with :data:`BATCH` of them in each step; ``advance`` is told each loss."""
+    # as quick as two for so small a network, and the sums do not depend on the machine's cores
+    torch.set_num_threads(1)
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     network = CoordinateNetwork().to(memory_format=torch.channels_last).train()

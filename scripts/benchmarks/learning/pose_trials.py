@@ -1,9 +1,9 @@
 """Poses of photographs by a trained network, and refined from there by render and flow, beside the true ones."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,7 +15,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.registration.flow_refinement import refined_by_flow
 from oneframe.registration.known_views import KnownViews, grey_codes
-from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.transforms import inverse_rigid, rigid, rotation_angle_deg, rotation_from_vector, transform_points
 
 from ..alignment.refinement_scenes import visible_points
 
@@ -26,8 +26,49 @@ FEWEST = 12
 """Points without which there is no pose."""
 SUREST = 0.7
 """Part of the points that is used."""
+NEAREST_MM = 1.0
 OUTLIER = 3.0
 """Times the median of the stated errors."""
+FARTHEST_DEG = 60
+"""Between the directions from which frame and photograph look; farther ones show too little that the frame saw."""
+
+
+class Training(NamedTuple):
+    """What a network was trained on, and for how long."""
+
+    scene: str
+    dataset: str
+    views: int
+    steps: int
+
+
+@dataclass(frozen=True)
+class PoseTrial:
+    """A photograph's errors by one training, before and after refinement, see :class:`PoseError`.
+
+    Attributes
+    ----------
+    seconds
+        Processor time of the training.
+    """
+
+    scene: str
+    dataset: str
+    views: int
+    steps: int
+    seconds: float
+    photograph: str
+    angle_deg: float
+    percent: float
+    px: float
+    refined_angle_deg: float
+    refined_percent: float
+    refined_px: float
+
+    @property
+    def training(self) -> Training:
+        """Of the network."""
+        return Training(self.scene, self.dataset, self.views, self.steps)
 
 
 @dataclass(frozen=True)
@@ -77,21 +118,32 @@ class Photograph:
         shift = np.linalg.norm(found.mean(axis=0) - true.mean(axis=0)) / np.linalg.norm(true.mean(axis=0))
         angle_deg = rotation_angle_deg(pose[:3, :3] @ self.cam_from_model[:3, :3].T)
         px = np.linalg.norm(self.camera.project(found) - self.camera.project(true), axis=1).mean()
-        return PoseError(angle_deg, float(100 * shift), float(px))
+        return PoseError(angle_deg, float(100 * shift), float(px) if found[:, 2].min() > 0 else float("inf"))
 
 
 def photographs_of(loaded: LoadedCase, listed: Path) -> list[Photograph]:
-    """Read a list of photographs at the size of registration; errors as :func:`.read_photographs`."""
-    small = small_camera(loaded.case.camera)
-    read = []
+    """Read the photographs of a list that are near enough, at the size of registration.
+
+    Errors as :func:`.read_photographs`.
+    """
+    small, own_pose = small_camera(loaded.case.camera), loaded.frame.cam_from_model
+    middle, read = visible_points(loaded.surface.mesh, small, own_pose).mean(axis=0), []
     for unread in read_photographs(listed, loaded.case)[0]:
         frame = load_posed_frame(unread, loaded.surface.mesh_from_model, name=listed.name)
+        if _angle_between_deg(own_pose, frame.cam_from_model, middle) > FARTHEST_DEG:
+            continue
         image = cv2.resize(frame.image, small.size_wh, interpolation=cv2.INTER_AREA)
         valid = cv2.resize(frame.valid.astype(np.uint8), small.size_wh, interpolation=cv2.INTER_NEAREST) > 0
         points = visible_points(loaded.surface.mesh, small, frame.cam_from_model)
         codes = np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
         read.append(Photograph(frame.path.name, codes, valid, small, frame.cam_from_model, points))
     return read
+
+
+def _angle_between_deg(one: np.ndarray, other: np.ndarray, middle: np.ndarray) -> float:
+    """Between the directions in which two poses see a point (model frame)."""
+    rays = [inverse_rigid(pose)[:3, 3] - middle for pose in (one, other)]
+    return float(np.degrees(np.arccos(np.clip(rays[0] @ rays[1] / np.prod(np.linalg.norm(rays, axis=1)), -1, 1))))
 
 
 def small_camera(camera: PinholeCamera) -> PinholeCamera:
@@ -116,6 +168,17 @@ def refined(views: KnownViews, photograph: Photograph, pose: np.ndarray | None) 
     return None if fit is None else fit.cam_from_model
 
 
+def summary(trials: Sequence[PoseTrial]) -> str:
+    """A line with the medians of one training."""
+    names = "angle_deg", "percent", "px", "refined_angle_deg", "refined_percent", "refined_px"
+    medians = [float(np.median([getattr(trial, name) for trial in trials])) for name in names]
+    return (
+        "{}, {}, {} views, {} steps: ".format(*trials[0].training)
+        + "{:.2f}°, {:.2f} %, {:.2f} px; refined {:.2f}°, {:.2f} %, {:.2f} px".format(*medians)
+        + f" (medians of {len(trials)} photographs; {trials[0].seconds:.0f} s)"
+    )
+
+
 def pose_of(points: np.ndarray, pixels: np.ndarray, errors_mm: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
     """``cam_from_model`` from ``(N, 3)`` points, mm, at ``(N, 2)`` pixels, with ``(N,)`` the errors they state."""
     sure = errors_mm <= np.quantile(errors_mm, SUREST) if len(points) else np.zeros(0, bool)
@@ -134,7 +197,9 @@ def pose_of(points: np.ndarray, pixels: np.ndarray, errors_mm: np.ndarray, camer
 
     def residuals(twist: np.ndarray) -> np.ndarray:
         placed = (points - pivot) @ (rotation_from_vector(twist[3:]) @ rotation).T + position + twist[:3]
-        scale_px = errors_mm * camera.fx / np.maximum(placed[:, 2], 1e-3)
+        # outliers may lie behind the camera
+        placed[:, 2] = np.maximum(placed[:, 2], NEAREST_MM)
+        scale_px = errors_mm * camera.fx / placed[:, 2]
         return ((camera.project(placed) - pixels) / scale_px[:, None]).ravel()
 
     twist = least_squares(residuals, np.zeros(6), loss="soft_l1", x_scale=[1, 1, 10, 0.1, 0.1, 0.1]).x

@@ -18,7 +18,7 @@ STRIDE = 8
 MULTIPLE = 2 * STRIDE
 """Width and height of what the network sees are multiples of this."""
 
-CROP_WH = 192, 144
+CROP_WH = 128, 96
 """Largest crop, px."""
 
 FULL = 32000
@@ -50,8 +50,8 @@ class ViewCrops:
     reach_mm: float
 
     @classmethod
-    def of(cls, views: Dataset, count: int, mesh: TriangleMesh) -> "ViewCrops":
-        """Read the first ``count`` views of a surface (model frame)."""
+    def of(cls, views: Dataset, count: int, mesh: TriangleMesh, *, plain: bool = False) -> "ViewCrops":
+        """Read the first ``count`` views of a surface (model frame); ``plain``: lit from the lens, without colours."""
         least, most = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         centre, reach_mm = (least + most) / 2, float((most - least).max() / 2)
         width, height = views.size_wh
@@ -63,7 +63,8 @@ class ViewCrops:
             seen, rays = view.mask, pixels @ np.linalg.inv(view.k).T
             points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * view.depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
-            rgba[place] = np.dstack([view.rgb, np.where(seen, 255, 0)])
+            rgba[place][seen, :3] = _shading(rays * view.depth_mm[..., None])[seen] if plain else view.rgb[seen]
+            rgba[place][seen, 3] = 255
             middles[place] = pixels[seen][:, :2].mean(axis=0)
         return cls(rgba, codes, middles, centre, reach_mm)
 
@@ -88,24 +89,42 @@ class ViewCrops:
             self.codes[place], cells, (width // STRIDE, height // STRIDE), flags=inverse | cv2.INTER_NEAREST,
             borderValue=[NOTHING] * 3,
         )  # fmt: skip
-        return _photographed(rgba, rng), codes
+        image, hidden = _photographed(rgba, rng)
+        codes[hidden[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE] > 0] = NOTHING
+        return image, codes
 
 
-def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A crop ``(h, w, 4)`` as another light, lens and background would show it: ``(h, w, 3)`` uint8."""
+def _shading(points: np.ndarray) -> np.ndarray:
+    """``(H, W, 1)`` uint8: how a grey surface of ``(H, W, 3)`` points, camera frame, looks with the light at the lens."""
+    normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
+    lengths = np.linalg.norm(normals, axis=-1) * np.linalg.norm(points, axis=-1)
+    cosine = np.abs((normals * points).sum(axis=-1)) / np.maximum(lengths, 1e-9)
+    return np.rint(255 * np.sqrt(cosine))[..., None].astype(np.uint8)
+
+
+def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """A crop ``(h, w, 4)`` as another light, lens and background would show it, and what lies before it.
+
+    Returns
+    -------
+    ``(h, w, 3)`` uint8, and ``(h, w)`` uint8, above 0 where instruments hide it.
+    """
     height, width = rgba.shape[:2]
     image = rgba[..., :3].astype(np.float32)
-    image += (1 - rgba[..., 3:] / np.float32(255)) * _smooth(rng.uniform(0, 255, (*rng.integers(2, 12, 2), 3)), width, height)
+    image += (1 - rgba[..., 3:] / np.float32(255)) * _background(rng, width, height)
     image *= _smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
     codes = np.clip(image, 0, 255).astype(np.uint8)
     tone = 255 * np.linspace(0, 1, 256)[:, None] ** np.exp(rng.normal(0, 0.2)) * np.exp(
         rng.normal(-0.05, 0.12) + rng.normal(0, 0.04, 3)
     )
     codes = cv2.LUT(codes, np.clip(tone + rng.normal(0, 8), 0, 255).astype(np.uint8)[None])
+    hidden = np.zeros((height, width), np.uint8)
     for _ in range(rng.integers(0, 3)):
         # instruments, and blood
         at, size = rng.uniform(0, (width, height)), rng.uniform(0.03, 0.25, 2) * width
-        cv2.ellipse(codes, (at, size, rng.uniform(0, 180)), rng.uniform(0, 255, 3).tolist(), -1)
+        angle_deg = rng.uniform(0, 180)
+        for drawn, colour in ((codes, rng.uniform(0, 255, 3).tolist()), (hidden, 255)):
+            cv2.ellipse(drawn, (at, size, angle_deg), colour, -1)
     for _ in range(rng.integers(0, 6)):
         # highlights
         at, size = rng.uniform(0, (width, height)), rng.uniform(0.005, 0.03, 2) * width
@@ -113,7 +132,16 @@ def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     if rng.random() < 0.5:
         codes = cv2.GaussianBlur(codes, (0, 0), rng.uniform(0.3, 1.2))
     noise = cv2.randn(np.empty((height, 3 * width), np.int16), 0, rng.uniform(0, 8))
-    return cv2.add(codes, noise.reshape(codes.shape), dtype=cv2.CV_8U)
+    return cv2.add(codes, noise.reshape(codes.shape), dtype=cv2.CV_8U), hidden
+
+
+def _background(rng: np.random.Generator, width: int, height: int) -> np.ndarray:
+    """Coarse patches and fine texture ``(h, w, 3)`` of random contrast, from flat to garish."""
+    coarse, fine = (
+        _smooth(rng.normal(0, 1, (*rng.integers(2, most, 2), channels)), width, height)
+        for most, channels in ((8, 3), (min(width, height), 1))
+    )
+    return rng.uniform(0, 255) + rng.normal(0, 30, 3) + rng.exponential(40) * coarse + rng.exponential(30) * fine
 
 
 def _smooth(values: np.ndarray, width: int, height: int) -> np.ndarray:

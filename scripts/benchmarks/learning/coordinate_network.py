@@ -93,7 +93,7 @@ def predicted(network: CoordinateNetwork, image: np.ndarray) -> np.ndarray:
         with torch.no_grad():
             output = _output(network, copy[None])[0].permute(1, 2, 0).numpy()
         pixels = cv2.transform(np.stack([u, v], axis=-1), cv2.invertAffineTransform(copy_from_image))
-        shown = (output[..., 4] > 0) & ((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1)
+        shown = (output[..., 4] > 1) & ((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1)
         found.append(np.concatenate([pixels, output[..., :3], np.exp(output[..., 3:4])], axis=-1)[shown])
     return np.concatenate(found)
 
@@ -111,4 +111,4 @@ def _loss(output: torch.Tensor, codes: torch.Tensor) -> torch.Tensor:
     error = (output[:, :3] - truth).norm(dim=1)[seen]
     log_scale = output[:, 3][seen]
     sure = (error.detach() * torch.exp(-log_scale) + 3 * log_scale).mean()
-    return 10 * error.mean() + 0.1 * sure + 0.2 * surface
+    return 10 * error.mean() + 0.1 * sure + surface

@@ -71,14 +71,16 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             crops = ViewCrops.of(views, training.views, loaded.surface.mesh, plain=plain)
             begin = time.process_time()
             with Progress(training.steps, "steps", stream=sys.stderr) as progress:
-                network = trained_network(crops, training.steps, arguments.seed, lambda _, p=progress: p.advance())
+                network = trained_network(crops, training.steps, arguments.seed, progress.advance)
             seconds = time.process_time() - begin
             trials = []
             for photograph in photographs:
                 image = cv2.resize(photograph.image, views.size_wh, interpolation=cv2.INTER_AREA)
                 pixels, codes, errors = np.split(predicted(network, image), [2, 5], axis=1)
                 points = codes * crops.reach_mm + crops.centre_model
-                pose = pose_of(points, pixels, errors[:, 0] * crops.reach_mm, loaded.case.camera.resized(*views.size_wh))
+                pose = pose_of(
+                    points, pixels, errors[:, 0] * crops.reach_mm, loaded.case.camera.resized(*views.size_wh)
+                )
                 before, after = photograph.error(pose), photograph.error(refined(known, photograph, pose))
                 trials.append(PoseTrial(*training, seconds, photograph.name, *astuple(before), *astuple(after)))
             finished += trials

@@ -56,7 +56,14 @@ def training_charts(trials: Sequence[PoseTrial], conditions: str, data: Path) ->
                     plot(left, [each.views for each in by_views], by_views, marker=marker, linestyle=line, label=name)
                     most = [each for each in trainings if each.scene == scene and each.steps == longest != steps]
                     if most:
-                        plot(left, [1.25 * each.views for each in most], most, marker="*", markersize=13, linestyle="none")
+                        plot(
+                            left,
+                            [1.25 * each.views for each in most],
+                            most,
+                            marker="*",
+                            markersize=13,
+                            linestyle="none",
+                        )
                     x = [options.index(each.dataset) + 0.16 * (place - (len(scenes) - 1) / 2) for each in by_option]
                     plot(right, x, by_option, marker=marker, linestyle="none")
             left.set_xscale("log")

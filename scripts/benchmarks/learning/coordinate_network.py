@@ -55,8 +55,8 @@ def _conv(before: int, after: int, size: int, stride: int) -> nn.Sequential:
     )
 
 
-def trained_network(crops: ViewCrops, steps: int, seed: int, advance: Callable[[float], None]) -> CoordinateNetwork:
-    """Train on random crops, with :data:`BATCH` of them in each step; ``advance`` is told each loss."""
+def trained_network(crops: ViewCrops, steps: int, seed: int, advance: Callable[[], None]) -> CoordinateNetwork:
+    """Train on random crops, with :data:`BATCH` of them in each step, after which ``advance`` is called."""
     # as quick as two for so small a network, and the sums do not depend on the machine's cores
     torch.set_num_threads(1)
     torch.manual_seed(seed)
@@ -72,7 +72,7 @@ def trained_network(crops: ViewCrops, steps: int, seed: int, advance: Callable[[
         optimiser.step()
         rate.step()
         optimiser.zero_grad()
-        advance(float(loss.detach()))
+        advance()
     return network.eval()
 
 

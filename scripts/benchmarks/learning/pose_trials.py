@@ -188,8 +188,9 @@ def pose_of(points: np.ndarray, pixels: np.ndarray, errors_mm: np.ndarray, camer
     pivot = points.mean(axis=0)
     extent = np.linalg.norm(points - pivot, axis=1).mean() / np.linalg.norm(pixels - pixels.mean(axis=0), axis=1).mean()
     found, turn, position, _ = cv2.solvePnPRansac(
-        points - pivot, pixels, camera.k, None, iterationsCount=1000, confidence=0.9999, flags=cv2.SOLVEPNP_SQPNP,
+        points - pivot, pixels, camera.k, np.zeros(0),
         reprojectionError=float(max(OUTLIER * np.median(errors_mm) / extent, 1.0)),
+        iterationsCount=1000, confidence=0.9999, flags=cv2.SOLVEPNP_SQPNP,
     )  # fmt: skip
     if not found:
         return None

@@ -33,7 +33,9 @@ DATASETS: Mapping[str, tuple[str, ...]] = {
 FRAMES = "frames"
 """The case with the colours of further, registered frames."""
 FRAME_OPTIONS = ("--colour-frames", "6", "--every", "4")
-BLOSTER_POSES = "--cone-deg 55 --roll-deg 60 --distance-min 0.75 --distance-max 1.25 --shift-mm 250".split()
+BLOSTER_POSES = (
+    "--cone-deg=55", "--roll-deg=60", "--distance-min=0.75", "--distance-max=1.25", "--shift-mm=250",
+)  # fmt: skip
 """Its photographs are taken by hand from all around."""
 PROGRAM = Path(__file__).resolve().parents[2] / "oneframe.py"
 VIEW_WIDTH = 128

@@ -72,7 +72,9 @@ class ViewCrops:
     def crop_wh(self) -> tuple[int, int]:
         """Width and height of the crops."""
         height, width = self.rgba.shape[1:3]
-        return tuple(min(size, most) // MULTIPLE * MULTIPLE for size, most in zip((width, height), CROP_WH, strict=True))
+        return tuple(
+            min(size, most) // MULTIPLE * MULTIPLE for size, most in zip((width, height), CROP_WH, strict=True)
+        )
 
     def crop(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """A random crop ``(h, w, 3)`` uint8 of a random view, and ``(h / 8, w / 8, 3)`` codes at its cells."""
@@ -95,7 +97,7 @@ class ViewCrops:
 
 
 def _shading(points: np.ndarray) -> np.ndarray:
-    """``(H, W, 1)`` uint8: how a grey surface of ``(H, W, 3)`` points, camera frame, looks with the light at the lens."""
+    """``(H, W, 1)`` uint8: a grey surface of ``(H, W, 3)`` points, camera frame, with the light at the lens."""
     normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
     lengths = np.linalg.norm(normals, axis=-1) * np.linalg.norm(points, axis=-1)
     cosine = np.abs((normals * points).sum(axis=-1)) / np.maximum(lengths, 1e-9)
@@ -110,29 +112,32 @@ def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarra
     ``(h, w, 3)`` uint8, and ``(h, w)`` uint8, above 0 where instruments hide it.
     """
     height, width = rgba.shape[:2]
-    image = rgba[..., :3].astype(np.float32)
-    image += (1 - rgba[..., 3:] / np.float32(255)) * _background(rng, width, height)
-    image *= _smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
-    codes = np.clip(image, 0, 255).astype(np.uint8)
-    tone = 255 * np.linspace(0, 1, 256)[:, None] ** np.exp(rng.normal(0, 0.2)) * np.exp(
-        rng.normal(-0.05, 0.12) + rng.normal(0, 0.04, 3)
-    )
-    codes = cv2.LUT(codes, np.clip(tone + rng.normal(0, 8), 0, 255).astype(np.uint8)[None])
+    light = rgba[..., :3] + (1 - rgba[..., 3:] / np.float32(255)) * _background(rng, width, height)
+    light *= _smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
+    tone = np.linspace(0, 1, 256)[:, None] ** np.exp(rng.normal(0, 0.2))
+    tone = 255 * tone * np.exp(rng.normal(-0.05, 0.12) + rng.normal(0, 0.04, 3)) + rng.normal(0, 8)
+    image = cv2.LUT(np.clip(light, 0, 255).astype(np.uint8), np.clip(tone, 0, 255).astype(np.uint8)[None])
     hidden = np.zeros((height, width), np.uint8)
     for _ in range(rng.integers(0, 3)):
         # instruments, and blood
-        at, size = rng.uniform(0, (width, height)), rng.uniform(0.03, 0.25, 2) * width
-        angle_deg = rng.uniform(0, 180)
-        for drawn, colour in ((codes, rng.uniform(0, 255, 3).tolist()), (hidden, 255)):
-            cv2.ellipse(drawn, (at, size, angle_deg), colour, -1)
+        ellipse = _ellipse(rng, 0.03, 0.25, width, height)
+        cv2.ellipse(image, ellipse, rng.uniform(0, 255, 3).tolist(), -1)
+        cv2.ellipse(hidden, ellipse, [255.0], -1)
     for _ in range(rng.integers(0, 6)):
         # highlights
-        at, size = rng.uniform(0, (width, height)), rng.uniform(0.005, 0.03, 2) * width
-        cv2.ellipse(codes, (at, size, rng.uniform(0, 180)), (255, 255, 255), -1)
+        cv2.ellipse(image, _ellipse(rng, 0.005, 0.03, width, height), [255.0] * 3, -1)
     if rng.random() < 0.5:
-        codes = cv2.GaussianBlur(codes, (0, 0), rng.uniform(0.3, 1.2))
-    noise = cv2.randn(np.empty((height, 3 * width), np.int16), 0, rng.uniform(0, 8))
-    return cv2.add(codes, noise.reshape(codes.shape), dtype=cv2.CV_8U), hidden
+        image = cv2.GaussianBlur(image, (0, 0), rng.uniform(0.3, 1.2))
+    noise = rng.uniform(0, 8) * rng.standard_normal(image.shape, np.float32)
+    return np.clip(image + noise, 0, 255).astype(np.uint8), hidden
+
+
+def _ellipse(
+    rng: np.random.Generator, least: float, most: float, width: int, height: int
+) -> tuple[list[float], list[float], float]:
+    """Centre, axes (``least`` to ``most`` of the width) and angle, as OpenCV takes them."""
+    centre, axes = rng.uniform(0, (width, height)), rng.uniform(least, most, 2) * width
+    return centre.tolist(), axes.tolist(), rng.uniform(0, 180)
 
 
 def _background(rng: np.random.Generator, width: int, height: int) -> np.ndarray:

@@ -4,7 +4,7 @@
 
 Topics: speed (against PyVista), chart (speed against accuracy), landmarks and refinement (accuracy of poses), surface
 (from CT), reader, evaluation (on published photographs), registration (of further frames), stability (where methods
-fail). TOPIC --help describes one.
+fail), training (what views are worth). TOPIC --help describes one.
 --quick only shows that it runs; --redraw draws the charts again from --out.
 """
 
@@ -26,7 +26,9 @@ from oneframe.process.arguments import ArgumentParser
 from oneframe.process.command_line import run_script
 from oneframe.process.own_process import own_output
 
-TOPICS = ("speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "registration", "stability")
+TOPICS = (
+    "speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "registration", "stability", "training",
+)  # fmt: skip
 
 
 def main(argv: Sequence[str]) -> int:

@@ -14,7 +14,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import astuple
+from itertools import chain
 from pathlib import Path
 
 import bpy
@@ -25,11 +25,12 @@ from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
 from oneframe.errors import RunError
 from oneframe.evaluation.conditions import current_conditions
+from oneframe.images.pixel_values import to_uint8
 from oneframe.progress import Progress
 
 from .charts.training_chart import training_charts
 from .figures import conditions_note, read_rows, write_rows
-from .learning.pose_trials import PoseTrial, Training, known_views, photographs_of, pose_of, refined, summary
+from .learning.pose_trials import PoseTrial, Training, errors, known_views, photographs_of, pose_of, refined, summary
 from .learning.training_scenes import DATASETS, FRAMES, NEUTRAL, PLAIN, TrainingScene, bloster_scene, sample_scene
 from .learning.view_crops import ViewCrops
 
@@ -62,27 +63,25 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     conditions = current_conditions({"seed": arguments.seed}, blender=bpy.app.version_string)
     for scene in _scenes(arguments):
         loaded = load_case(read_case(scene.case))
+        mesh = loaded.surface.mesh
         photographs, known = photographs_of(loaded, scene.photographs), known_views(loaded)
         for training in _trainings(scene, arguments):
             if training in [trial.training for trial in finished]:
                 continue
             views = scene.dataset(training.dataset, training.views)
-            plain = training.dataset == PLAIN
-            crops = ViewCrops.of(views, training.views, loaded.surface.mesh, plain=plain)
+            crops = ViewCrops.of(views, training.views, mesh, plain=training.dataset == PLAIN)
             begin = time.process_time()
             with Progress(training.steps, "steps", stream=sys.stderr) as progress:
                 network = trained_network(crops, training.steps, arguments.seed, progress.advance)
             seconds = time.process_time() - begin
-            trials = []
+            trials, camera = [], loaded.case.camera.resized(*views.size_wh)
             for photograph in photographs:
-                image = cv2.resize(photograph.image, views.size_wh, interpolation=cv2.INTER_AREA)
-                pixels, codes, errors = np.split(predicted(network, image), [2, 5], axis=1)
+                image = to_uint8(cv2.resize(photograph.image, camera.size_wh, interpolation=cv2.INTER_AREA))
+                pixels, codes, stated = np.split(predicted(network, image), [2, 5], axis=1)
                 points = codes * crops.reach_mm + crops.centre_model
-                pose = pose_of(
-                    points, pixels, errors[:, 0] * crops.reach_mm, loaded.case.camera.resized(*views.size_wh)
-                )
-                before, after = photograph.error(pose), photograph.error(refined(known, photograph, pose))
-                trials.append(PoseTrial(*training, seconds, photograph.name, *astuple(before), *astuple(after)))
+                pose = pose_of(points, pixels, stated[:, 0] * crops.reach_mm, camera)
+                both = (errors(each, photograph, mesh) for each in (pose, refined(known, photograph, pose)))
+                trials.append(PoseTrial(*training, seconds, photograph.path.name, *chain(*both)))
             finished += trials
             write_rows(arguments.out, finished, conditions)
             report(summary(trials))

@@ -9,28 +9,27 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
+from oneframe.alignment.refinement.verification import mean_distance_px
 from oneframe.blender.case.load_case import load_posed_frame, read_photographs
 from oneframe.blender.colour.reference_view import colouring_view_of
+from oneframe.blender.registration.register_frames import LONGER_SIDE_PX
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.loaded_case import LoadedCase
+from oneframe.case.posed_frame import PosedFrame
 from oneframe.registration.flow_refinement import refined_by_flow
 from oneframe.registration.known_views import KnownViews, grey_codes
-from oneframe.transforms import inverse_rigid, rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import camera_centre, rigid, rotation_angle_deg, rotation_from_vector, transform_points
 
 from ..alignment.refinement_scenes import visible_points
 
-LONGER_SIDE_PX = 640
-"""Errors are told in pixels of this size, at which frames are registered too."""
-
-FEWEST = 12
-"""Points without which there is no pose."""
-SUREST = 0.7
-"""Part of the points that is used."""
+FARTHEST_DEG = 60
+"""Between the directions from which frame and photograph look; farther ones show too little that the frame saw."""
+FEWEST, SUREST = 12, 0.7
+"""Points without which there is no pose, and the part of them that is used."""
 NEAREST_MM = 1.0
 OUTLIER = 3.0
 """Times the median of the stated errors."""
-FARTHEST_DEG = 60
-"""Between the directions from which frame and photograph look; farther ones show too little that the frame saw."""
 
 
 class Training(NamedTuple):
@@ -44,7 +43,7 @@ class Training(NamedTuple):
 
 @dataclass(frozen=True)
 class PoseTrial:
-    """A photograph's errors by one training, before and after refinement, see :class:`PoseError`.
+    """A photograph's errors by one training, before and after refinement, see :func:`errors`.
 
     Attributes
     ----------
@@ -71,98 +70,56 @@ class PoseTrial:
         return Training(self.scene, self.dataset, self.views, self.steps)
 
 
-@dataclass(frozen=True)
-class PoseError:
-    """How far a pose is from the true one; infinite without a pose.
+def errors(pose: np.ndarray | None, photograph: PosedFrame, mesh: TriangleMesh) -> tuple[float, float, float]:
+    """How far a pose is from a photograph's: infinite if there is none.
 
-    Attributes
-    ----------
-    angle_deg, percent, px
-        Rotation; shift of the middle of the visible surface, of its distance; mean shift of the visible surface in the
-        image.
+    Returns
+    -------
+    Rotation in degrees; shift of the middle of the visible surface in percent of its distance; mean shift of the
+    visible surface in px, at the size of registration.
     """
-
-    angle_deg: float = float("inf")
-    percent: float = float("inf")
-    px: float = float("inf")
-
-
-@dataclass(frozen=True)
-class Photograph:
-    """A photograph at the size of registration, with its true pose.
-
-    Attributes
-    ----------
-    name
-        Of its file.
-    image, valid
-        ``(H, W, 3)`` uint8, and ``(H, W)`` bool.
-    camera, cam_from_model
-        Intrinsics, and pose (4x4, mm).
-    points
-        ``(N, 3)`` mm, visible points of the surface, model frame.
-    """
-
-    name: str
-    image: np.ndarray
-    valid: np.ndarray
-    camera: PinholeCamera
-    cam_from_model: np.ndarray
-    points: np.ndarray
-
-    def error(self, pose: np.ndarray | None) -> PoseError:
-        """Of a pose ``(4, 4)``, if there is one."""
-        if pose is None:
-            return PoseError()
-        true, found = (transform_points(each, self.points) for each in (self.cam_from_model, pose))
-        shift = np.linalg.norm(found.mean(axis=0) - true.mean(axis=0)) / np.linalg.norm(true.mean(axis=0))
-        angle_deg = rotation_angle_deg(pose[:3, :3] @ self.cam_from_model[:3, :3].T)
-        px = np.linalg.norm(self.camera.project(found) - self.camera.project(true), axis=1).mean()
-        return PoseError(angle_deg, float(100 * shift), float(px) if found[:, 2].min() > 0 else float("inf"))
+    if pose is None:
+        return np.inf, np.inf, np.inf
+    true = photograph.cam_from_model
+    points = visible_points(mesh, photograph.camera, true)
+    one, other = (transform_points(each, points).mean(axis=0) for each in (true, pose))
+    percent = 100 * float(np.linalg.norm(one - other) / np.linalg.norm(one))
+    return (
+        rotation_angle_deg(pose[:3, :3] @ true[:3, :3].T), percent,
+        mean_distance_px(photograph.camera, points, true, pose),
+    )  # fmt: skip
 
 
-def photographs_of(loaded: LoadedCase, listed: Path) -> list[Photograph]:
-    """Read the photographs of a list that are near enough, at the size of registration.
+def photographs_of(loaded: LoadedCase, listed: Path) -> list[PosedFrame]:
+    """The photographs of a list that are near enough; errors as :func:`.read_photographs`."""
+    own = loaded.frame
+    middle = visible_points(loaded.surface.mesh, own.camera, own.cam_from_model).mean(axis=0)
 
-    Errors as :func:`.read_photographs`.
-    """
-    small, own_pose = small_camera(loaded.case.camera), loaded.frame.cam_from_model
-    middle, read = visible_points(loaded.surface.mesh, small, own_pose).mean(axis=0), []
-    for unread in read_photographs(listed, loaded.case)[0]:
-        frame = load_posed_frame(unread, loaded.surface.mesh_from_model, name=listed.name)
-        if _angle_between_deg(own_pose, frame.cam_from_model, middle) > FARTHEST_DEG:
-            continue
-        image = cv2.resize(frame.image, small.size_wh, interpolation=cv2.INTER_AREA)
-        valid = cv2.resize(frame.valid.astype(np.uint8), small.size_wh, interpolation=cv2.INTER_NEAREST) > 0
-        points = visible_points(loaded.surface.mesh, small, frame.cam_from_model)
-        codes = np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
-        read.append(Photograph(frame.path.name, codes, valid, small, frame.cam_from_model, points))
-    return read
+    def direction(frame: PosedFrame) -> np.ndarray:
+        ray = camera_centre(frame.cam_from_model) - middle
+        return ray / np.linalg.norm(ray)
 
-
-def _angle_between_deg(one: np.ndarray, other: np.ndarray, middle: np.ndarray) -> float:
-    """Between the directions in which two poses see a point (model frame)."""
-    rays = [inverse_rigid(pose)[:3, 3] - middle for pose in (one, other)]
-    return float(np.degrees(np.arccos(np.clip(rays[0] @ rays[1] / np.prod(np.linalg.norm(rays, axis=1)), -1, 1))))
-
-
-def small_camera(camera: PinholeCamera) -> PinholeCamera:
-    """The camera at the size of registration."""
-    factor = min(LONGER_SIDE_PX / max(camera.size_wh), 1.0)
-    return camera.resized(round(camera.width * factor), round(camera.height * factor))
+    unread = read_photographs(listed, loaded.case)[0]
+    frames = [_small(load_posed_frame(each, loaded.surface.mesh_from_model, name=listed.name)) for each in unread]
+    return [frame for frame in frames if direction(frame) @ direction(own) > np.cos(np.radians(FARTHEST_DEG))]
 
 
 def known_views(loaded: LoadedCase) -> KnownViews:
     """What the case's frame shows, for the refinement."""
-    frame = loaded.frame
-    small = small_camera(frame.camera)
-    image = cv2.resize(frame.image, small.size_wh, interpolation=cv2.INTER_AREA)
-    valid = cv2.resize(frame.valid.astype(np.uint8), small.size_wh, interpolation=cv2.INTER_NEAREST) > 0
-    view = colouring_view_of(replace(loaded, frames=(replace(frame, image=image, valid=valid, camera=small),)))
+    view = colouring_view_of(replace(loaded, frames=(_small(loaded.frame),)))
     return KnownViews(view.mesh, view.view)
 
 
-def refined(views: KnownViews, photograph: Photograph, pose: np.ndarray | None) -> np.ndarray | None:
+def _small(frame: PosedFrame) -> PosedFrame:
+    """The frame at the size of registration."""
+    factor = min(LONGER_SIDE_PX / max(frame.camera.size_wh), 1.0)
+    camera = frame.camera.resized(round(frame.camera.width * factor), round(frame.camera.height * factor))
+    image = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)
+    valid = cv2.resize(frame.valid.astype(np.uint8), camera.size_wh, interpolation=cv2.INTER_NEAREST) > 0
+    return replace(frame, image=image, valid=valid, camera=camera)
+
+
+def refined(views: KnownViews, photograph: PosedFrame, pose: np.ndarray | None) -> np.ndarray | None:
     """The pose refined by render and flow."""
     fit = None if pose is None else refined_by_flow(views, grey_codes(photograph.image), photograph.valid, pose)
     return None if fit is None else fit.cam_from_model

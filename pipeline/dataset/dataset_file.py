@@ -75,11 +75,9 @@ def read_description(path: Path) -> Description:
             f"{path}: expected the format {FORMAT!r}, found {found}; use the version of OneFrame that made it"
         )
     count, name, camera, options = (content.get(key) for key in (COUNT, "object", "camera", "options"))
-    further = content.get("frames", [])
     if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= MOST_VIEWS:
         raise InputError(f"{path}: expected {COUNT} to be a number of views, found {count!r}; copy the dataset again")
-    types = ((name, str), (camera, dict), (options, dict), (further, list))
-    if not all(isinstance(value, type_) for value, type_ in types):
+    if not (isinstance(name, str) and isinstance(camera, dict) and isinstance(options, dict)):
         raise InputError(f"{path}: expected object, camera and options, one is missing; copy the dataset again")
     try:
         size = (camera["width"], camera["height"])
@@ -88,6 +86,9 @@ def read_description(path: Path) -> Description:
         raise InputError(f"{path}: camera: expected a key {missing}, it is missing; copy the dataset again") from None
     mesh_from_model = checked_matrix(content.get("mesh_from_model"), 4, f"{path}: mesh_from_model")
     float_depth = options.get("float_depth") is True
+    further = content.get("frames", [])
+    if not isinstance(further, list):
+        raise InputError(f"{path}: expected a list of frames, found another value; copy the dataset again")
     return Description(
         content, identity_of(content), count, name, intrinsics, mesh_from_model, float_depth, 1 + len(further)
     )

@@ -132,7 +132,8 @@ class View:
     @cached_property
     def source_frame(self) -> np.ndarray:
         """``(H, W)`` uint8: which frame of the case colours the surface, from 1; 0 where none saw it."""
-        return self.files.source_frame(self.index) if self.files.description.frames > 1 else np.uint8(self.observed)
+        several = self.files.description.frames > 1
+        return self.files.source_frame(self.index) if several else self.observed.astype(np.uint8)
 
     @property
     def k(self) -> np.ndarray:

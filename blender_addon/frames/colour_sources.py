@@ -23,7 +23,8 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
     """Let found frames colour what they show better than the case's frame; Save Case keeps that"""
 
     bl_label = "Use as Colour Sources"
-    bl_options = {"REGISTER", "UNDO"}
+    # without REGISTER: Adjust Last Operation would do it all again, and cover the strip
+    bl_options = {"UNDO"}
     doing = "Choosing frames that colour the surface"
 
     count: int = prop(IntProperty, "Frames", "How many frames at most", default=3, min=1, max=100)

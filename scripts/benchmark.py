@@ -27,7 +27,8 @@ from oneframe.process.command_line import run_script
 from oneframe.process.own_process import own_output
 
 TOPICS = (
-    "speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "registration", "stability", "training",
+    "speed", "chart", "landmarks", "refinement", "surface", "reader",
+    "evaluation", "registration", "stability", "training",
 )  # fmt: skip
 
 

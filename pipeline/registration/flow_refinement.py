@@ -106,18 +106,19 @@ def _fitted(points: np.ndarray, pixels: np.ndarray, camera: PinholeCamera, start
 def _flow(view: KnownView, frame: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray) -> _Flow:
     """The flow from a known view to a frame that is laid on it by a rough pose."""
     known, place = view.detail, view.placed(cam_from_model)
-    laid = cv2.remap(frame, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    usable = cv2.remap(valid.astype(np.uint8), place, None, cv2.INTER_NEAREST)
+    x, y = cv2.split(place)
+    laid = cv2.remap(frame, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    usable = cv2.remap(valid.astype(np.uint8), x, y, cv2.INTER_NEAREST)
     # what the view does not show is the frame's own: no false edge at the border
     shown = np.where(view.shown, known, laid)
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    there, back = search.calc(shown, laid, None), search.calc(laid, shown, None)
+    still = np.zeros(place.shape, np.float32)
+    there, back = search.calc(shown, laid, still.copy()), search.calc(laid, shown, still)
     height, width = frame.shape
     u, v = view.textured.T
     moved = view.textured + there[v, u]
-    codes, returns, fits = (
-        cv2.remap(each, moved.astype(np.float32)[:, None], None, cv2.INTER_LINEAR)[:, 0] for each in (laid, back, place)
-    )
+    to_u, to_v = moved.astype(np.float32).T[..., None]
+    codes, returns, fits = (cv2.remap(each, to_u, to_v, cv2.INTER_LINEAR)[:, 0] for each in (laid, back, place))
     closes = np.linalg.norm(there[v, u] + returns, axis=1) < CLOSING_PX
     column, row = np.clip(np.rint(moved).astype(int), 0, [width - 1, height - 1]).T
     closes &= ((moved >= 0) & (moved <= [width - 1, height - 1])).all(axis=1) & (usable[row, column] > 0)

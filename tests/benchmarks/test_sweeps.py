@@ -16,7 +16,7 @@ from scripts.benchmarks.sweeps.refinement import FRAMES
 
 ROOT = Path(__file__).resolve().parents[2]
 KNOWN_SILENT = {"pose error", "incidence", "calibration", "blurred"}
-"""Sweeps in which a result is wrong without a word: nobody has stated the error, or one photograph; see stability.md."""
+"""Sweeps in which a result is wrong without a word: nobody stated the error, or one photograph; see stability.md."""
 
 outcomes = st.builds(
     Outcome,

@@ -13,8 +13,8 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.exposure import matched_exposures
-from ...colour.highlights import without_highlights
 from ...colour.fill import filled_colours
+from ...colour.highlights import without_highlights
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
 from ...colour.source_view import SourceView

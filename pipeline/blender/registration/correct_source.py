@@ -104,8 +104,8 @@ def correct_source(
     if fit.agreement < LEAST_AGREEMENT:
         raise InputError(
             f"{source.name}: expected one pose of the case's frame with which the frames agree, found "
-            f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: align "
-            f"the frame again; the pose is not corrected"
+            f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: "
+            f"align the frame again; the pose is not corrected"
         )
     camera, pose = loaded.case.camera, fit.cam_from_model
     uncertainty = PoseUncertainty(

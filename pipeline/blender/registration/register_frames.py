@@ -101,7 +101,10 @@ class CaseRegistrar:
         """
         found = self.registered_alone(frame, near)
         if found.fit is not None and has_zoomed(zoom := zoom_of(found.fit, self.pivot_model)):
-            reason = f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off (--correct-source)"
+            reason = (
+                f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off "
+                f"(--correct-source)"
+            )
             return RegisteredFrame(None, Verdict(REFUSED, 0.0, reason), None, self.pivot_model)
         return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
 
@@ -111,8 +114,8 @@ class CaseRegistrar:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
         found = self._registrar.register(grey_codes(frame.image), frame.valid, near)
-        accepted = found.cam_from_model is not None and found.verdict.state == ACCEPTED
-        self._before = (*self._before[-1:], found.cam_from_model) if accepted else ()
+        pose = found.cam_from_model if found.verdict.state == ACCEPTED else None
+        self._before = () if pose is None else (*self._before[-1:], pose)
         return found
 
     @contextmanager
@@ -136,7 +139,13 @@ class CaseRegistrar:
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
     def full_frames(
-        self, source: Path, out: Path, chosen: Mapping[int, Candidate], mesh_from_model: np.ndarray, *, denoise: bool = False
+        self,
+        source: Path,
+        out: Path,
+        chosen: Mapping[int, Candidate],
+        mesh_from_model: np.ndarray,
+        *,
+        denoise: bool = False,
     ) -> Iterator[UnreadFrame]:
         """Write registered frames at full size into a folder, clear where something hides the surface, for a case.
 

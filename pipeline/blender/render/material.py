@@ -135,8 +135,10 @@ class _Frame:
                 return self._projection(colour, filtered=self.filtered)
 
     def resolution(self, colour: SurfaceColour) -> bpy.types.NodeSocket:
-        """Of the frame on the face."""
-        values = source_of(colour).resolution(self.mesh.face_centres, self.mesh.face_normals)
+        """Of the frame on the face; all are equal where nobody knows where a colour comes from."""
+        source, values = source_of(colour), np.ones(len(self.mesh.faces))
+        if source is not None:
+            values = source.resolution(self.mesh.face_centres, self.mesh.face_normals)
         vector = self._corner_vectors(RESOLUTION_ATTRIBUTE, np.broadcast_to(values[:, None, None], (len(values), 3, 3)))
         separate = self.nodes.add("ShaderNodeSeparateXYZ", {0: vector})
         return separate.outputs["X"]

@@ -67,8 +67,8 @@ def _draw(
     small_print(
         figure,
         theme,
-        "Photographs are made worse in the box of the object, and refined by its colours. Bad frames start 3° and 1.3 % "
-        "of the distance (sample: 60 px) off. Wrong: accepted, beyond 2 px or 1° (photographs: 5 px, as their poses "
-        "are not exact), and further off than twice the stated error.",
+        "Photographs are made worse in the box of the object, and refined by its colours. Bad frames start 3° and "
+        "1.3 % of the distance (sample: 60 px) off. Wrong: accepted, beyond 2 px or 1° (photographs: 5 px, as their "
+        "poses are not exact), and further off than twice the stated error.",
         conditions,
     )

@@ -18,11 +18,12 @@ from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
 from ..published import bloster_cases
 
-NEUTRAL, PLAIN = "neutral", "plain"
-"""As ``oneframe render`` has it by default; the same views without the frame's colours, see :class:`.ViewCrops`."""
+NEUTRAL, PLAIN, FILL = "neutral", "plain", "fill"
+"""As ``oneframe render`` has it by default; the same views without the frame's colours, see :class:`.ViewCrops`; filled
+where the frame saw nothing."""
 DATASETS: Mapping[str, tuple[str, ...]] = {
     NEUTRAL: (),
-    "fill": ("--unseen", "fill"),
+    FILL: ("--unseen", FILL),
     "vertex": ("--colour", "vertex"),
     PLAIN: (),
     "samples4": ("--samples", "4"),

@@ -93,10 +93,12 @@ bench-alignment: setup
 bench-surface: setup
 	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 
-# views against real photographs, beside the paper's method, in demo/evaluation: EVALUATE_FLAGS="--bloster FOLDER --quick"
+# views against real photographs, beside the paper's method, in demo/evaluation, and the poses of further frames, in
+# demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"
 evaluate: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py evaluation --out demo/evaluation $(EVALUATE_FLAGS)
+	$(RUN) scripts/benchmark.py registration --out demo/registration $(EVALUATE_FLAGS)
 
 # where methods fail, and what the software answers there, in demo/stability; STABILITY_FLAGS=--quick: minutes
 stability: setup

@@ -1,6 +1,8 @@
 """The uncertainty of a pose: covariance, 95 % confidence region and weakest direction."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +51,21 @@ class PoseUncertainty:
     sigma_px: float
     radius_mm: float
     pivot_cam: np.ndarray
+
+    @classmethod
+    def stated(
+        cls, record: Mapping[str, Any], points_model: np.ndarray, cam_from_model: np.ndarray
+    ) -> "PoseUncertainty | None":
+        """That of the pose ``(4, 4)`` of a case, by the standard deviations in the record of its alignment.
+
+        About the mean of ``(N, 3)`` points that stand for the surface; ``None`` if the record states none.
+        """
+        if "standard_deviation_mm" not in record or "standard_deviation_deg" not in record:
+            return None
+        deviations = np.array([*record["standard_deviation_mm"], *np.radians(record["standard_deviation_deg"])])
+        pivot = points_model.mean(axis=0)
+        radius = float(np.sqrt(((points_model - pivot) ** 2).sum(axis=1).mean()))
+        return cls(pivot, np.diag(deviations**2), np.inf, np.nan, radius, transform_points(cam_from_model, pivot))
 
     @property
     def translation_mm(self) -> np.ndarray:

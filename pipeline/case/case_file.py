@@ -35,6 +35,8 @@ _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Table -> its required and its optional keys."""
 LONGEST_NAME = 100
+MOST_FRAMES = 255
+"""A dataset names the frame of a pixel in 8 bits."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,10 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         key = pose_key(pose, f"{name}: [pose] ")
         cam_from_mesh, messages = _pose(pose[key], mm_per_unit, f"{name}: [pose] {key}")
     frames = []
-    for number, entry in enumerate(_tables(table.get("frames", []), "frames", name), start=1):
+    listed = _tables(table.get("frames", []), "frames", name)
+    if len(listed) >= MOST_FRAMES:
+        raise InputError(f"{name}: expected at most {MOST_FRAMES - 1} [[frames]], found {len(listed)}; leave some out")
+    for number, entry in enumerate(listed, start=1):
         where = f"{name}: [[frames]] number {number}: "
         check_keys(entry, *_TABLES["frames"], where)
         lens = intrinsics, distortion

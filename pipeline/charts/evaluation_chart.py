@@ -58,6 +58,8 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
                 colour, marker = (theme.series[WARNING], "^") if method.peer else (theme.series[OURS], "o")
                 if not math.isnan(found.low):
                     axes.hlines(row, found.low, found.high, color=colour, linewidth=2.2)
+                if not math.isnan(found.worst):
+                    axes.plot(found.worst, row, marker="|", color=colour, markersize=9)
                 axes.plot(found.mean, row, marker=marker, color=colour, markersize=7)
                 axes.annotate(
                     f"{found.mean:.3f}", (found.mean, row), (0, 7), textcoords="offset points", ha="center",
@@ -74,13 +76,14 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
     scored = max(
         (entry.n for entry in evaluation.summary if (entry.case, entry.score) == (case, "ssim_whole")), default=0
     )
-    title = f"Views against {scored} real photographs"
+    title = f"Views against {scored} photographs"
     lines = len(_explanations(evaluation, case))
     return write_chart(data, draw, (11.6, 2.9 + 0.62 * len(methods) + 0.17 * lines), title=title)
 
 
 def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> list[Path]:
     """One panel for each score, one row for each case, one marker for each method."""
+    peers = [method.name for method in evaluation.ran if method.peer]
     markers = ("o", "s", "D", "v", "P", "X", "*", "h", "<", ">")
 
     def draw(figure: Any, theme: Theme) -> None:
@@ -89,7 +92,7 @@ def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> lis
             for row, case in enumerate(names):
                 bound = evaluation.bound_of(case, score)
                 if bound is not None and not math.isnan(bound.mean):
-                    label = "limit" if row == 0 else None
+                    label = "limit, modelled" if row == 0 else None
                     axes.plot(bound.mean, row, "|", color=theme.text, markersize=16, markeredgewidth=1.6, label=label)
             for number, method in enumerate(evaluation.ran):
                 means = [evaluation.mean(case, method.name, score) for case in names]
@@ -97,7 +100,7 @@ def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> lis
                 if not points:
                     continue
                 look = (
-                    {"color": theme.series[WARNING], "marker": "^", "zorder": 3}
+                    {"color": theme.series[WARNING], "marker": "^<>"[peers.index(method.name) % 3], "zorder": 3}
                     if method.peer
                     else {
                         "marker": markers[number % len(markers)],
@@ -138,10 +141,10 @@ def _case_label(evaluation: Evaluation, case: str) -> str:
 
 def _explanations(evaluation: Evaluation, case: str) -> list[str]:
     bound = evaluation.bound_of(case, "ssim_whole")
-    lines = ["mean and 95 % confidence interval; round: ours, triangle: the paper's method"]
+    lines = ["mean and 95 % confidence interval; stroke: worst photograph; round: ours, triangle: the paper's method"]
     if bound is not None:
         lines.append(
-            f"dashed: limit of a perfect view with the same noise, exposure and poses off by {bound.jitter_px:.1f} px"
+            f"dashed, modelled: a perfect view with the same noise, exposure and poses off by {bound.jitter_px:.1f} px"
         )
     title = "All cases" if case == ALL else case
     reasons = [text for text in where_peers_lead(evaluation) if text.startswith(f"{title}: ")]

@@ -32,11 +32,12 @@ from .texture_atlas import TextureAtlas
 MISSED, UNSEEN, OBSERVED = 0, 1, 2
 """What a ray meets: no surface, surface that the frame did not see, surface that it saw."""
 
-CastRays = Callable[[np.ndarray, np.ndarray, float], tuple[np.ndarray, np.ndarray]]
+CastRays = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Casts N rays, at the places of :func:`.pixel_pattern`, in each of P pixels.
 
-From ``(P,)`` columns and rows, and a share: 0 interpolates the colours of an image, 1 takes those of the nearest texel,
-and a number in between mixes them. To ``(P, N, 3)`` colours, and ``(P, N)`` what the rays meet.
+From ``(P,)`` columns and rows, to ``(P, N, 3)`` colours, and ``(P, N)`` what the rays meet. Rays at texels average to a
+square's mean. In enlarged views, interpolated ones are mixed in so that the variance of the weights stays that of the
+interpolant inside the surface: of the nearest texel there is a share of the squared scale, at most 1.
 """
 
 
@@ -71,15 +72,16 @@ def filtered_image(colour: TextureAtlas | SourceView, source: SourceView, side: 
 
 
 def smoothed(
-    exact: RenderedView, camera: PinholeCamera, scale: float, cast: CastRays, *, vertex_colours: bool
+    exact: RenderedView, camera: PinholeCamera, cast: CastRays, *, vertex_scale: np.ndarray | None
 ) -> RenderedView:
-    """An exact view, whose colours are filtered unless they are those of vertices, with means of rays at edges."""
+    """An exact view, whose colours are filtered unless they are those of vertices, with means of rays at edges.
+
+    ``vertex_scale`` ``(H, W)`` are the :func:`footprint_scale` of pixels whose colours are those of vertices.
+    """
     edges = (edge_pixels(exact.depth_mm, exact.observed, camera) | exact.near_unseen) & exact.mask
-    rgb = mean_over_pixels(exact.rgb, scale) if vertex_colours else np.array(exact.rgb)
+    rgb = np.array(exact.rgb) if vertex_scale is None else mean_over_pixels(exact.rgb, vertex_scale[..., None])
     v, u = np.nonzero(edges)
-    # rays at texels average to a square's mean. In enlarged views, interpolated ones are mixed in so that the
-    # variance of the weights stays that of the interpolant inside the surface
-    colours, kinds = cast(u, v, min(scale * scale, 1.0))
+    colours, kinds = cast(u, v)
     same = (kinds == np.where(exact.observed[v, u], OBSERVED, UNSEEN)[:, None])[..., None]
     count = same.sum(axis=1)
     means = (colours * same).sum(axis=1) / np.maximum(count, 1)

@@ -5,19 +5,12 @@ size of a frame's pixel there (:meth:`.SourceView.resolution`). It is taken at t
 the choice changes only from face to face, and where what a frame saw ends. The first of equals is taken.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..projection.rendered_view import RenderedView
-from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from .source_view import SourceView
-
-Render = Callable[[np.ndarray], RenderedView]
-"""From ``cam_from_model`` (4x4, mm) to the view from there."""
 
 
 def resolutions(mesh: TriangleMesh, views: Sequence[SourceView]) -> np.ndarray:
@@ -25,24 +18,9 @@ def resolutions(mesh: TriangleMesh, views: Sequence[SourceView]) -> np.ndarray:
     return np.stack([view.resolution(mesh.face_centres, mesh.face_normals) for view in views])
 
 
-def best_of(
-    mesh: TriangleMesh, camera: PinholeCamera, views: Sequence[SourceView | None], renders: Sequence[Render]
-) -> Render:
-    """What renders the surface with the colours of several views, from what renders it with those of each."""
-    if len(renders) == 1:
-        return renders[0]
-    # behind the last face: of pixels without one
-    resolution = np.pad(resolutions(mesh, [view for view in views if view is not None]), ((0, 0), (0, 1)))
-
-    def render(cam_from_model: np.ndarray) -> RenderedView:
-        found = [render(cam_from_model) for render in renders]
-        face = rasterise_depth(mesh, camera, cam_from_model).face
-        rgb, observed = found[0].rgb.copy(), np.zeros(face.shape, dtype=bool)
-        best = np.full(face.shape, -np.inf)
-        for view, of_faces in zip(found, resolution, strict=True):
-            better = view.observed & (of_faces[face] > best)
-            rgb[better], best[better] = view.rgb[better], of_faces[face][better]
-            observed |= better
-        return replace(found[0], rgb=rgb, observed=observed)
-
-    return render
+def best_first(mesh: TriangleMesh, views: Sequence[SourceView | None]) -> np.ndarray:
+    """``(V, F)`` uint8 numbers of the views, the one first that shows a face best; views may lack if there is one."""
+    known = [view for view in views if view is not None]
+    if len(known) < 2:
+        return np.zeros((1, len(mesh.faces)), np.uint8)
+    return np.argsort(-resolutions(mesh, known), axis=0, kind="stable").astype(np.uint8)

@@ -70,7 +70,7 @@ def averaged(image: np.ndarray, known: np.ndarray, side: int) -> tuple[np.ndarra
     return result, 0.0 if side % 2 else 0.5
 
 
-def mean_over_pixels(image: np.ndarray, scale: float) -> np.ndarray:
+def mean_over_pixels(image: np.ndarray, scale: np.ndarray | float) -> np.ndarray:
     """``(H, W, C)`` values at pixel centres -> means over the pixels, where the values vary smoothly.
 
     Parameters
@@ -78,15 +78,15 @@ def mean_over_pixels(image: np.ndarray, scale: float) -> np.ndarray:
     image
         Values that are means over squares already.
     scale
-        Side of a pixel relative to these squares. To second order the mean of f over a unit square is
-        f + (f_xx + f_yy) / 24, of which means over squares of side 1 / scale have the part 1 / scale^2.
+        Side of a pixel relative to these squares, one or ``(H, W, 1)``. To second order the mean of f over a unit
+        square is f + (f_xx + f_yy) / 24, of which means over squares of side 1 / scale have the part 1 / scale^2.
 
     Notes
     -----
     This fails across edges and for detail near the size of a pixel, which sampling at the centres has already lost or
     aliased.
     """
-    part = np.float32(max(1 - 1 / scale**2, 0) / 24)
+    part = (np.maximum(1 - 1 / np.square(scale), 0) / 24).astype(np.float32)
     around = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
     neighbours = around[2:, 1:-1] + around[:-2, 1:-1] + around[1:-1, 2:] + around[1:-1, :-2]
     return image * (1 - 4 * part) + neighbours * part

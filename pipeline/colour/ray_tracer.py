@@ -3,11 +3,14 @@
 A z-buffer in double precision finds the face that a pixel shows (:mod:`oneframe.projection.z_buffer`). Embree's rays
 (:mod:`oneframe.projection.rays`) do where it cannot, where a colour depends on the place in the face, for several rays
 in a pixel, and where there are so many faces that rays take less time. Everything else is a formula in the pixel and
-the depth. The point's pixel in the frame, (x, y, z), is A (u, v, 1) + b / depth, with A and b computed in double
+the depth. The point's pixel in a frame, (x, y, z), is A (u, v, 1) + b / depth, with A and b computed in double
 precision, so that at the frame's own pose each pixel is looked up at its own place.
+
+Of several frames, the one that shows the face best is looked up first, and the next one only where that one did not see
+the point: so a view takes hardly longer than with one frame.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +24,7 @@ from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
-from .best_view import Render, best_of
+from .best_view import best_first
 from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .texture_atlas import TextureAtlas
 from .vertex_colours import NEUTRAL, VertexColours
@@ -37,19 +40,82 @@ class _Eye(NamedTuple):
     """A pose, and what follows from it.
 
     ``model_from_px`` ``(3, 3)`` gives a ray's direction from its pixel (u, v, 1), of length 1 along the optical axis;
-    rays start at the depth ``start_mm``, before the surface, where single precision loses less. ``frame_from_px`` and
-    ``frame_origin`` are A and b of this module.
+    rays start at the depth ``start_mm``, before the surface, where single precision loses less. ``frames`` are A and b
+    of this module for each frame, and ``scales`` the sides of a pixel in it, in a view that is to be anti-aliased.
     """
 
     centre: np.ndarray
     start_mm: float
     model_from_px: np.ndarray
-    frame_from_px: np.ndarray
-    frame_origin: np.ndarray
+    frames: list[tuple[np.ndarray, np.ndarray]]
+    scales: list[float] | None
+
+
+class _Rays(NamedTuple):
+    """Columns and rows of pixels, and as of :meth:`RayTracer._meet` what their rays meet, and its depth, mm."""
+
+    u: np.ndarray
+    v: np.ndarray
+    hits: Hits
+    depth_mm: np.ndarray
+
+    def part(self, index: np.ndarray) -> "_Rays":
+        """Some of the rays, if columns and rows are ``(N,)``."""
+        hits = Hits(*(values[index] if len(values) else values for values in self.hits))
+        return _Rays(self.u[index], self.v[index], hits, self.depth_mm[index])
 
 
 _Meet = Callable[[_Eye, np.ndarray, np.ndarray], tuple[Hits, np.ndarray]]
 """As :meth:`RayTracer._meet`."""
+
+
+class _Painter:
+    """Colours from one frame, or none."""
+
+    def __init__(self, mesh: TriangleMesh, colour: SurfaceColour | None) -> None:
+        self.source = None if colour is None else source_of(colour)
+        self._facing = None if self.source is None else self.source.facing_faces(mesh)
+        self.shader: ImageShader | VertexShader | None = None
+        if isinstance(colour, VertexColours):
+            self.shader = VertexShader(mesh, colour)
+        elif colour is not None and self.source is not None:
+            self.shader = ImageShader(mesh, colour, self.source)
+
+    def colours(
+        self, frame: tuple[np.ndarray, np.ndarray], rays: _Rays, scale: float | None, texel_share: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """``(N, 3)`` colours, means over pixels of a scale if it is given; ``(N,)`` seen; ``(N,)`` near the border."""
+        points = self._points(frame, rays)
+        if self.shader is None:
+            return np.full((len(points.may_be_seen), 3), NEUTRAL, np.float32), points.may_be_seen, None
+        if scale is not None and isinstance(self.shader, ImageShader):
+            return self.shader.filtered(points, scale)
+        return *self.shader.exact(points, texel_share), None
+
+    def _points(self, frame: tuple[np.ndarray, np.ndarray], rays: _Rays) -> Points:
+        """What the frame knows of the points that the rays meet."""
+        u, v, hits, depth_mm = rays
+        may_be_seen = (hits.face >= 0) & hits.front
+        if self.source is None or self._facing is None:
+            nothing = np.zeros(0, np.float32)
+            return Points(hits, nothing, nothing, nothing, may_be_seen)
+        may_be_seen &= self._facing[hits.face]
+        nearness = 1 / depth_mm
+        x, y, z = (
+            (row[0] * u + (row[1] * v + row[2])).astype(np.float32).ravel() + np.float32(shift) * nearness
+            for row, shift in zip(*frame, strict=True)
+        )
+        may_be_seen &= z > 0
+        # where it is not, anything but a division by zero does
+        divisor = np.where(may_be_seen, z, np.float32(1))
+        x /= divisor
+        y /= divisor
+        width, height = self.source.camera.size_wh
+        may_be_seen &= (x >= -ROUNDING_PX) & (x <= width - 1 + ROUNDING_PX)
+        may_be_seen &= (y >= -ROUNDING_PX) & (y <= height - 1 + ROUNDING_PX)
+        # z is the depth in the frame relative to that in the view
+        z *= depth_mm
+        return Points(hits, x, y, z, may_be_seen)
 
 
 class RayTracer:
@@ -59,8 +125,7 @@ class RayTracer:
         self,
         mesh: TriangleMesh,
         camera: PinholeCamera,
-        colour: SurfaceColour | None,
-        *,
+        *colours: SurfaceColour,
         unseen: np.ndarray | None = None,
         samples: int = 1,
         pivot_model: np.ndarray | None = None,
@@ -74,10 +139,10 @@ class RayTracer:
             The surface, model frame.
         camera
             Intrinsics of the views.
-        colour
-            Source of the surface's colour; ``None`` for geometry alone.
+        colours
+            Sources of the surface's colour, of which the best is taken (:mod:`.best_view`); none for geometry alone.
         unseen
-            ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
+            ``(V, 3)`` colours of the vertices for what no frame saw; ``None``: neutral grey.
         samples, pivot_model
             Rays in each pixel at an edge, and with more than one the point whose distance determines the filter, mm.
         rays
@@ -90,57 +155,62 @@ class RayTracer:
         """
         self._mesh, self._camera, self._unseen = mesh, camera, unseen
         self._rays = rays or MeshRays(mesh)
-        self._source = None if colour is None else source_of(colour)
-        self._facing = None if self._source is None else self._source.facing_faces(mesh)
-        self._shader: ImageShader | VertexShader | None = None
-        if isinstance(colour, VertexColours):
-            self._shader = VertexShader(mesh, colour)
-        elif colour is not None and self._source is not None:
-            self._shader = ImageShader(mesh, colour, self._source)
+        self._painters = [_Painter(mesh, colour) for colour in colours or (None,)]
+        self._order = best_first(mesh, [source_of(colour) for colour in colours])
         self._pivot_model = None if samples == 1 else pivot_model
         self._pattern = pixel_pattern(samples)
-        by_place = unseen is not None or isinstance(colour, VertexColours | TextureAtlas)
+        by_place = unseen is not None or any(isinstance(colour, VertexColours | TextureAtlas) for colour in colours)
         self._by_rays = by_place or len(mesh.faces) > FACES_A_PIXEL * camera.width * camera.height
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render a pose (4x4, mm)."""
-        eye = self._eye(cam_from_model)
         meet: _Meet = self._meet
         if not self._by_rays and is_within_limits(self._mesh, self._camera, cam_from_model):
             meet = self._rasterised(cam_from_model)
-        if self._source is None or self._pivot_model is None:
-            return self._exact(eye, meet, None)
-        scale = footprint_scale(self._source, self._pivot_model, self._camera, cam_from_model)
-        is_image = isinstance(self._shader, ImageShader)
-        return self.smoothed(self._exact(eye, meet, scale if is_image else None), cam_from_model, scale)
+        exact = self._exact(self._eye(cam_from_model), meet)
+        return exact if self._pivot_model is None else self.smoothed(exact, cam_from_model)
 
-    def smoothed(self, exact: RenderedView, cam_from_model: np.ndarray, scale: float) -> RenderedView:
-        """An exact view of a pose, anti-aliased: see :func:`.anti_aliasing.smoothed`."""
+    def smoothed(self, exact: RenderedView, cam_from_model: np.ndarray) -> RenderedView:
+        """An exact view of a pose, whose colours are filtered, anti-aliased: see :func:`.anti_aliasing.smoothed`."""
         eye = self._eye(cam_from_model)
+        if eye.scales is None:
+            return exact
 
-        def cast(u: np.ndarray, v: np.ndarray, texel_share: float) -> tuple[np.ndarray, np.ndarray]:
-            return self._in_pixels(eye, u, v, texel_share)
+        def cast(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return self._in_pixels(eye, u, v)
 
-        return smoothed(exact, self._camera, scale, cast, vertex_colours=isinstance(self._shader, VertexShader))
+        vertex_colours = isinstance(self._painters[0].shader, VertexShader)
+        # of pixels that no frame colours, any
+        scale = np.array(eye.scales[:1] + eye.scales, np.float32)[exact.source] if vertex_colours else None
+        return smoothed(exact, self._camera, cast, vertex_scale=scale)
 
     def _eye(self, cam_from_model: np.ndarray) -> _Eye:
         k_inverse = np.linalg.inv(self._camera.k)
-        frame_from_cam = np.zeros((3, 4))
-        if self._source is not None:
-            frame_from_cam = self._source.camera.k @ (self._source.cam_from_model @ inverse_rigid(cam_from_model))[:3]
+        model_from_cam, frames, scales = inverse_rigid(cam_from_model), [], []
+        for source in (painter.source for painter in self._painters):
+            if source is None:
+                frames.append((np.zeros((3, 3)), np.zeros(3)))
+                continue
+            frame_from_cam = source.camera.k @ (source.cam_from_model @ model_from_cam)[:3]
+            frames.append((frame_from_cam[:, :3] @ k_inverse, frame_from_cam[:, 3]))
+            if self._pivot_model is not None:
+                scales.append(footprint_scale(source, self._pivot_model, self._camera, cam_from_model))
         return _Eye(
             camera_centre(cam_from_model),
             max(float(cam_from_model[2, 3]) - 1.01 * self._mesh.radius, 0.0),
             cam_from_model[:3, :3].T @ k_inverse,
-            frame_from_cam[:, :3] @ k_inverse,
-            frame_from_cam[:, 3],
+            frames,
+            scales or None,
         )
 
-    def _exact(self, eye: _Eye, meet: _Meet, scale: float | None) -> RenderedView:
-        """One ray a pixel; colours are means over pixels of this scale if it is given."""
+    def _exact(self, eye: _Eye, meet: _Meet) -> RenderedView:
+        """One ray a pixel; colours are means over pixels if the eye has scales."""
         shape = self._camera.shape_hw
         view = RenderedView(
-            np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, bool), np.zeros(shape, bool)
+            np.zeros((*shape, 3), np.float32),
+            np.zeros(shape, np.float32),
+            np.zeros(shape, np.uint8),
+            np.zeros(shape, bool),
         )
         left, top, right, bottom = self._bounds(eye)
         u, rows = np.arange(left, right), max(1, BLOCK // max(right - left, 1))
@@ -148,38 +218,60 @@ class RayTracer:
             v = np.arange(first, min(first + rows, bottom))[:, None]
             block = slice(first, first + len(v)), slice(left, right)
             hits, depth_mm = meet(eye, u, v)
-            points = self._points(eye, u, v, hits, depth_mm)
-            near = None
-            if scale is not None and isinstance(self._shader, ImageShader):
-                rgb, seen, near = self._shader.filtered(points, scale)
-            else:
-                rgb, seen = self._shaded(points)
-            hit = hits.face >= 0
-            self._show_unseen(rgb, hits, hit, seen)
+            rgb, source, near = self._coloured(eye, _Rays(u, v, hits, depth_mm), filtered=True)
             shape = len(v), len(u)
             view.rgb[block] = rgb.reshape(*shape, 3)
-            view.depth_mm[block] = (depth_mm * hit).reshape(shape)
-            view.observed[block] = seen.reshape(shape)
+            view.depth_mm[block] = (depth_mm * (hits.face >= 0)).reshape(shape)
+            view.source[block] = source.reshape(shape)
             if near is not None:
                 view.near_unseen[block] = near.reshape(shape)
         return view
 
-    def _in_pixels(self, eye: _Eye, u: np.ndarray, v: np.ndarray, texel_share: float) -> tuple[np.ndarray, np.ndarray]:
+    def _in_pixels(self, eye: _Eye, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Several rays in each pixel: see :data:`.CastRays`."""
         count = len(self._pattern)
         colours, kinds = np.empty((len(u), count, 3), np.float32), np.empty((len(u), count), np.int8)
         for first in range(0, len(u), rows := max(1, BLOCK // count)):
             block = slice(first, first + rows)
             right, down = self._pattern.T
-            pixels = u[block, None] + right, v[block, None] + down
-            points = self._points(eye, *pixels, *self._meet(eye, *pixels))
-            hits = points.hits
-            rgb, seen = self._shaded(points, texel_share)
-            hit = hits.face >= 0
-            self._show_unseen(rgb, hits, hit, seen)
+            across, along = (at.ravel() for at in (u[block, None] + right, v[block, None] + down))
+            hits, depth_mm = self._meet(eye, across, along)
+            rgb, source, _ = self._coloured(eye, _Rays(across, along, hits, depth_mm), filtered=False)
             colours[block] = rgb.reshape(-1, count, 3)
-            kinds[block] = np.where(seen, OBSERVED, np.where(hit, UNSEEN, MISSED)).reshape(-1, count)
+            kinds[block] = np.where(source > 0, OBSERVED, np.where(hits.face >= 0, UNSEEN, MISSED)).reshape(-1, count)
         return colours, kinds
+
+    def _coloured(self, eye: _Eye, rays: _Rays, *, filtered: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """``(N, 3)`` colours, the ``(N,)`` number of the frame of each, from 1, or 0, and what is near its border."""
+
+        def painted(number: int, part: _Rays) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+            scale = None if eye.scales is None else eye.scales[number]
+            share = 0.0 if filtered or scale is None else min(scale * scale, 1.0)
+            return self._painters[number].colours(eye.frames[number], part, scale if filtered else None, share)
+
+        hits = rays.hits
+        if len(self._painters) == 1:
+            rgb, seen, near = painted(0, rays)
+            self._show_unseen(rgb, hits, seen)
+            return rgb, seen.astype(np.uint8), near
+        u, v = np.broadcast_arrays(rays.u, rays.v)
+        flat = rays._replace(u=u.ravel(), v=v.ravel())
+        rgb, source = np.zeros((len(hits.face), 3), np.float32), np.zeros(len(hits.face), np.uint8)
+        border = np.zeros(len(source), bool)
+        left = np.flatnonzero((hits.face >= 0) & hits.front)
+        for order in self._order:
+            best = order[hits.face[left]]
+            for number in range(len(self._painters)):
+                at = left[best == number]
+                if len(at) == 0:
+                    continue
+                colours, seen, near = painted(number, flat.part(at))
+                rgb[at[seen]], source[at[seen]] = colours[seen], number + 1
+                if near is not None:
+                    border[at[near]] = True
+            left = left[source[left] == 0]
+        self._show_unseen(rgb, hits, source > 0)
+        return rgb, source, border
 
     def _bounds(self, eye: _Eye) -> tuple[int, int, int, int]:
         """First and end column and row of the pixels that can show the surface."""
@@ -223,37 +315,9 @@ class RayTracer:
         depth_mm = np.where(hits.face >= 0, np.add(hits.distance, eye.start_mm, dtype=np.float64), 1)
         return hits, depth_mm.astype(np.float32)
 
-    def _points(self, eye: _Eye, u: np.ndarray, v: np.ndarray, hits: Hits, depth_mm: np.ndarray) -> Points:
-        """What the frame knows of the points that the rays through pixels meet."""
-        may_be_seen = (hits.face >= 0) & hits.front
-        if self._source is None or self._facing is None:
-            nothing = np.zeros(0, np.float32)
-            return Points(hits, nothing, nothing, nothing, may_be_seen)
-        may_be_seen &= self._facing[hits.face]
-        nearness = 1 / depth_mm
-        x, y, z = (
-            (row[0] * u + (row[1] * v + row[2])).astype(np.float32).ravel() + np.float32(shift) * nearness
-            for row, shift in zip(eye.frame_from_px, eye.frame_origin, strict=True)
-        )
-        may_be_seen &= z > 0
-        # where it is not, anything but a division by zero does
-        divisor = np.where(may_be_seen, z, np.float32(1))
-        x /= divisor
-        y /= divisor
-        width, height = self._source.camera.size_wh
-        may_be_seen &= (x >= -ROUNDING_PX) & (x <= width - 1 + ROUNDING_PX)
-        may_be_seen &= (y >= -ROUNDING_PX) & (y <= height - 1 + ROUNDING_PX)
-        # z is the depth in the frame relative to that in the view
-        z *= depth_mm
-        return Points(hits, x, y, z, may_be_seen)
-
-    def _shaded(self, points: Points, texel_share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        if self._shader is None:
-            return np.full((len(points.may_be_seen), 3), NEUTRAL, np.float32), points.may_be_seen
-        return self._shader.exact(points, texel_share)
-
-    def _show_unseen(self, rgb: np.ndarray, hits: Hits, hit: np.ndarray, seen: np.ndarray) -> None:
-        """Set the colours of what the frame did not see, in place, and black without a hit."""
+    def _show_unseen(self, rgb: np.ndarray, hits: Hits, seen: np.ndarray) -> None:
+        """Set the colours of what no frame saw, in place, and black without a hit."""
+        hit = hits.face >= 0
         unseen = np.flatnonzero(hit & ~seen)
         rgb[~hit] = 0
         if self._unseen is None:
@@ -261,22 +325,3 @@ class RayTracer:
             return
         part = Hits(*(values[unseen] for values in hits))
         rgb[unseen] = corner_means(self._unseen[self._mesh.faces[part.face]], part)
-
-
-def best_traced(
-    mesh: TriangleMesh,
-    camera: PinholeCamera,
-    colours: Sequence[SurfaceColour],
-    *,
-    unseen: np.ndarray | None = None,
-    samples: int = 1,
-    pivot_model: np.ndarray | None = None,
-    rays: MeshRays | None = None,
-) -> Render:
-    """What renders the best of several colours (none for geometry alone); arguments and errors as of the ray tracer."""
-    rays = rays or MeshRays(mesh)
-    tracers = [
-        RayTracer(mesh, camera, colour, unseen=unseen, samples=samples, pivot_model=pivot_model, rays=rays)
-        for colour in colours or (None,)
-    ]
-    return best_of(mesh, camera, [source_of(colour) for colour in colours], [tracer.render for tracer in tracers])

@@ -52,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--mask", metavar="FILE", type=Path,
         help="an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha",
     )  # fmt: skip
+    frame.add_argument(
+        "--denoise", action="store_true", default=None,
+        help="remove noise from the frame (non-local means), if it has so much that more is won than lost",
+    )  # fmt: skip
     camera = parser.add_argument_group("camera")
     given = camera.add_mutually_exclusive_group(required=True)
     given.add_argument(
@@ -97,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name) is not None and arguments.K is None:
             raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
     frame, *others = arguments.frame
-    for name in ("frame_number", "mask", "pose"):
+    for name in ("frame_number", "mask", "pose", "denoise"):
         if others and getattr(arguments, name) is not None:
             raise InputError(
                 f"command line: --{name.replace('_', '-')}: expected one frame with it, found {len(others) + 1}"
@@ -129,6 +133,7 @@ def run(arguments: argparse.Namespace) -> int:
         camera=camera,
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
+        denoise=bool(arguments.denoise),
     )
     for line in make_case(given, out, overwrite=arguments.overwrite):
         output.write(line + "\n")

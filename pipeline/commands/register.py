@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
+from ..errors import InputError
 from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
 
@@ -19,7 +20,8 @@ EPILOG = """examples:
 The frames are of the case's camera: the same K, or the same proportions, to which K is scaled. Each is accepted,
 doubtful or refused, with the probability that its pose is within 2 degrees, 2 %% of the distance and 5 px of what the
 case's own pose says. DIR gets poses.json (cam_from_mesh of accepted and doubtful frames, with state, reason and
-covariance), bop_estimates.csv (the accepted ones), frames.png, on which to check them, and of a video overlay.mp4.
+covariance), bop_estimates.csv (the accepted ones), registration.html and frames.png, on which to check them, and of a
+video overlay.mp4: the overlay is the fainter the less sure its pose is, and what is not accepted is marked.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
 adjustment: a pose of the case that is some degrees off comes back. --colour-frames chooses accepted frames that show
@@ -40,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--colour-frames", metavar="N", type=at_least(1), default=0,
         help="also write the case with up to N of the frames to colour its surface with",
     )  # fmt: skip
+    parser.add_argument("--denoise", action="store_true", help="remove noise from these frames, as oneframe case does")
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
@@ -48,19 +51,24 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..blender.case.load_case import load_case
         from ..blender.registration.correct_source import correct_source
-        from ..blender.registration.register_case import CASE, FILM, NAMES, SHEET, register_case
+        from ..blender.registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
+        from ..blender.registration.register_frames import doubt_of_case
         from ..case.case_file import read_case
         from ..case.case_writer import write_case
+        from ..files.content import write_bytes_atomically
         from ..files.outputs import check_outputs, check_own_folder, writing
         from ..progress import ShareProgress
         from ..registration.pose_list import ESTIMATES, POSES
+        from ..report.registration_page import registration_page
+    if arguments.denoise and not arguments.colour_frames:
+        raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
     inputs = case.input_files()
     if not arguments.frames.is_dir():
         inputs["video"] = arguments.frames
     check_own_folder(out, NAMES)
-    check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, CASE)], inputs)
+    check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
     loaded = load_case(case).with_shown_structures()
     for message in loaded.messages:
         output.write(f"note: {message}\n")
@@ -75,6 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
             )
         loaded = corrected.loaded
         output.write(f"{corrected.text}\n")
+    if doubt := doubt_of_case(loaded):
+        output.write(f"note: {doubt}\n")
     with ShareProgress("of the frames", stream=output) as shown:
         found = register_case(
             loaded,
@@ -82,18 +92,24 @@ def run(arguments: argparse.Namespace) -> int:
             out,
             every=arguments.every,
             colour_frames=arguments.colour_frames,
+            denoise=arguments.denoise,
             progress=lambda done, count: shown.reach(done / count),
         )
+    with writing(out / PAGE):
+        write_bytes_atomically(out / PAGE, registration_page(found.evidence, name=out.resolve().name))
     if arguments.correct_source or arguments.colour_frames:
         further = (*loaded.case.frames, *found.sources)
         with writing(out / CASE):
             write_case(out / CASE, replace(loaded.case, frames=further))
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
-    for name, reason in found.reasons[:MOST_REASONS]:
-        output.write(f"{name}: {reason}\n")
-    if len(found.reasons) > MOST_REASONS:
-        output.write(f"and {len(found.reasons) - MOST_REASONS} more, see {out / POSES}\n")
-    output.write(", ".join(f"{count} {state}" for state, count in found.counts.items()) + f": {out / POSES}\n")
-    output.write(f"the frames with the surface at their poses: {out / SHEET}\n")
+    reasons, counts = found.evidence.reasons, found.evidence.counts
+    output.write("".join(f"{reason}\n" for reason in reasons[:MOST_REASONS]))
+    if len(reasons) > MOST_REASONS:
+        output.write(f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}\n")
+    output.write(", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}\n")
+    if found.evidence.is_film:
+        output.write(f"the film with the overlay: {out / FILM}\n")
+    output.write(f"some frames with the surface at their poses: {out / SHEET}\n")
+    output.write(f"all frames on one page, to look at in a browser: {out / PAGE}\n")
     return 0

@@ -36,6 +36,8 @@ class Description:
         4x4, mm.
     float_depth
         Whether the views have float depth.
+    frames
+        Number of frames that colour the surface.
     """
 
     content: Mapping[str, Any]
@@ -45,11 +47,12 @@ class Description:
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     float_depth: bool
+    frames: int = 1
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of a view's files, without its record."""
-        return view_kinds(float_depth=self.float_depth)
+        return view_kinds(float_depth=self.float_depth, several_frames=self.frames > 1)
 
     @property
     def poses_hash(self) -> str | None:
@@ -83,4 +86,9 @@ def read_description(path: Path) -> Description:
         raise InputError(f"{path}: camera: expected a key {missing}, it is missing; copy the dataset again") from None
     mesh_from_model = checked_matrix(content.get("mesh_from_model"), 4, f"{path}: mesh_from_model")
     float_depth = options.get("float_depth") is True
-    return Description(content, identity_of(content), count, name, intrinsics, mesh_from_model, float_depth)
+    further = content.get("frames", [])
+    if not isinstance(further, list):
+        raise InputError(f"{path}: expected a list of frames, found another value; copy the dataset again")
+    return Description(
+        content, identity_of(content), count, name, intrinsics, mesh_from_model, float_depth, 1 + len(further)
+    )

@@ -60,7 +60,7 @@ def _link_scene(scene: Path, to: Path) -> None:
     for name in SCENE_TABLES:
         _link(scene / name, to / name)
     # the records of views are OneFrame's own, and stay with their dataset
-    for kind in view_kinds(float_depth=True):
+    for kind in view_kinds(float_depth=True, several_frames=True):
         if (scene / kind).is_dir():
             create_folder(to / kind)
             for file in sorted((scene / kind).iterdir()):

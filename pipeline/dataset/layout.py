@@ -39,7 +39,7 @@ SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "sce
 VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
 FOLDERS = (*MODEL_FOLDERS, "video", SPLIT)
 """The folders beside ``dataset.json`` that a run writes into, apart from :data:`WORK`."""
-KINDS = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
+KINDS = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "source_frame", "depth_mm", "frame")
 """Kinds of a view's files, each in a folder of its own."""
 
 
@@ -82,9 +82,10 @@ _ENDINGS = {"frame": ".json", "depth_mm": ".npy"} | dict.fromkeys(
 """Ends of the names of files that hold more than a picture of the view, or something else."""
 
 
-def view_kinds(*, float_depth: bool) -> tuple[str, ...]:
+def view_kinds(*, float_depth: bool, several_frames: bool) -> tuple[str, ...]:
     """Kinds of the files that a view has beside its record."""
-    return tuple(kind for kind in KINDS if kind != "frame" and (float_depth or kind != "depth_mm"))
+    written = {"frame": False, "depth_mm": float_depth, "source_frame": several_frames}
+    return tuple(kind for kind in KINDS if written.get(kind, True))
 
 
 def largest_view_file(width: int, height: int) -> int:

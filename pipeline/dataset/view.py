@@ -1,7 +1,7 @@
 """One view of a dataset: the rendered arrays, and their encoding as the view's files and record."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,7 +59,7 @@ def quantised_depth(depth_mm: np.ndarray, depth_scale: float) -> np.ndarray:
 
 
 def view_files(
-    rgb: np.ndarray, depth_mm: np.ndarray, observed: np.ndarray, *, depth_scale: float, float_depth: bool
+    rgb: np.ndarray, depth_mm: np.ndarray, source: np.ndarray, kinds: Collection[str], *, depth_scale: float
 ) -> dict[str, bytes]:
     """Encode one view as the bytes of its files, by kind.
 
@@ -69,8 +69,10 @@ def view_files(
         ``(H, W, 3)`` float32 code values 0..1.
     depth_mm
         ``(H, W)`` float32, 0 for background.
-    observed
-        ``(H, W)`` bool: surface that the source frame saw.
+    source
+        ``(H, W)`` uint8: the number of the frame that saw the surface, from 1, or 0.
+    kinds
+        Which files: see :func:`.view_kinds`.
     """
     # adding a half and truncating rounds, as no value is negative
     codes = (np.clip(rgb, 0, 1) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
@@ -81,9 +83,11 @@ def view_files(
         "mask": mask,
         # nothing occludes the surface: all of it in the image is visible
         "mask_visib": mask,
-        "mask_observed": encode_png(np.where(observed, np.uint8(255), np.uint8(0))),
+        "mask_observed": encode_png(np.where(source > 0, np.uint8(255), np.uint8(0))),
     }
-    if float_depth:
+    if "source_frame" in kinds:
+        files["source_frame"] = encode_png(source)
+    if "depth_mm" in kinds:
         stream = io.BytesIO()
         np.save(stream, np.ascontiguousarray(depth_mm, np.float32), allow_pickle=False)
         files["depth_mm"] = stream.getvalue()
@@ -98,7 +102,7 @@ def encode_view(
     *,
     identity: str,
     depth_scale: float,
-    float_depth: bool,
+    kinds: Collection[str],
 ) -> tuple[dict[str, bytes], ViewRecord]:
     """Encode one view as the bytes of its files, by kind, and its record.
 
@@ -116,14 +120,14 @@ def encode_view(
         Identity of the dataset.
     depth_scale
         Millimetres per unit of the depth image; a view whose surface is too far away for it gets its own scale.
-    float_depth
-        Also write depth as float32.
+    kinds
+        Which files: see :func:`.view_kinds`.
     """
     view, planned = sample.rendered, sample.planned
     farthest = float(view.depth_mm.max())
     if farthest > depth_scale * DEPTH_LEVELS:
         depth_scale = depth_scale_for(farthest)
-    files = view_files(view.rgb, view.depth_mm, view.observed, depth_scale=depth_scale, float_depth=float_depth)
+    files = view_files(view.rgb, view.depth_mm, view.source, kinds, depth_scale=depth_scale)
     silhouette = silhouette_statistics(edges, camera, planned.cam_from_model)
     inside = int(np.count_nonzero(view.mask))
     # ray casting and scan conversion may disagree on a pixel whose centre lies on an edge: inside, the image counts

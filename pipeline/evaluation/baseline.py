@@ -16,9 +16,12 @@ from ..transforms import inverse_rigid, transform_points
 
 
 def projected_colours(
-    mesh: TriangleMesh, image: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray
+    mesh: TriangleMesh, image: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray, *, clamped: bool
 ) -> np.ndarray:
     """``(V, 3)`` code values 0..1 of all vertices, bilinear, also of those that are occluded or face away.
+
+    A vertex (X, Y, Z) is at the pixel (u, v) of the paper's projection, whatever lies in front of it:
+    s (u, v, 1)^T = K [R|t] (X, Y, Z, 1)^T.
 
     Parameters
     ----------
@@ -28,16 +31,21 @@ def projected_colours(
         ``(H, W, 3)`` code values 0..1 of the frame.
     camera, cam_from_model
         Intrinsics and pose (4x4, mm) of the frame.
+    clamped
+        Whether vertices outside the frame have the colour of the nearest pixel of its border; else they are black, as
+        in the paper.
 
     Returns
     -------
-    Colours; of a vertex outside the frame that of the nearest pixel of its border, and black behind the camera.
+    Colours; black behind the camera.
     """
     points_cam = transform_points(cam_from_model, mesh.vertices)
     behind = points_cam[:, 2] <= 0
     pixels = np.nan_to_num(camera.project(points_cam))
     clipped = np.clip(pixels, 0, np.array(camera.size_wh) - 1)
-    return np.where(behind[:, None], 0, sample_bilinear(image, clipped)).astype(np.float32)
+    # the border's pixels reach half a pixel further than their centres
+    outside = (np.abs(pixels - clipped) > 0.5).any(axis=1) & (not clamped)
+    return np.where((behind | outside)[:, None], 0, sample_bilinear(image, clipped)).astype(np.float32)
 
 
 def pyvista_renderer(

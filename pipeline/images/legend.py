@@ -22,6 +22,8 @@ TALLEST_FRACTION = 0.6
 """The same of its height."""
 LEAST_LETTER_PX = 5.0
 """Smaller letters cannot be read."""
+BORDER_FRACTION = 0.009
+"""Width of a border, as a fraction of the image's longer side."""
 BAR_FRACTION = 0.2
 """Greatest length of the scale bar, of the image's shorter side."""
 
@@ -129,6 +131,23 @@ def put(image: np.ndarray, panel: np.ndarray, place: Place) -> None:
     panel = panel[: under.shape[0], : under.shape[1]]
     blended = under + panel[..., 3:] * (panel[..., :3] * white - under)
     image[rows, columns] = np.rint(blended) if white == 255 else blended
+
+
+def put_border(image: np.ndarray, codes: tuple[int, int, int], words: str, write: Write) -> None:
+    """Draw a border of a colour around an ``(H, W, 3)`` uint8 image, and words, if any, on a band along its top."""
+    width = max(round(BORDER_FRACTION * max(image.shape)), 2)
+    for part in (np.s_[:width], np.s_[-width:], np.s_[:, :width], np.s_[:, -width:]):
+        image[part] = codes
+    if not words:
+        return
+    size, room = letter_size((image.shape[0], image.shape[1])), image.shape[1] - 4 * width
+    text = write(words, size)
+    if text.shape[1] > room:
+        text = write(words, size * room / text.shape[1])[:, :room]
+    image[: text.shape[0] + width] = codes
+    ink = 0 if np.dot(codes, (0.299, 0.587, 0.114)) > 128 else 255
+    under = image[width // 2 :, 2 * width :][: text.shape[0], : text.shape[1]]
+    under[:] = np.rint(under + text[..., None] * (ink - under.astype(np.float32)))
 
 
 def _part(shape_hw: tuple[int, ...], panel_hw: tuple[int, ...], place: Place) -> tuple[slice, slice]:

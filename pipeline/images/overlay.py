@@ -63,7 +63,7 @@ def draw_overlay(
     stack
         Of these, if the caller has it.
     clear
-        ``(H, W)`` bool: where anything may be drawn; ``None`` for everywhere.
+        ``(H, W)`` bool: where anything may be drawn, or 0..1 how strongly; ``None`` for everywhere.
 
     Returns
     -------

@@ -4,6 +4,7 @@ Source: thodan/bop_toolkit, bop_toolkit_lib/dataset/bop_imagewise.py and bop_web
 """
 
 import re
+from collections.abc import Collection
 from pathlib import PurePosixPath
 
 from ..dataset.layout import MODEL_FILES, RECORD, TARGETS, ViewPaths
@@ -24,6 +25,8 @@ TABLES = (*COPIED, TARGETS, INFO, KEY_TO_SHARD)
 DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
 MASKS = ("mask", "mask_visib", "mask_observed")
+FILES = {"source_frame": "source_frame.png", "depth": "depth.png", "depth_mm": "depth_mm.npy"}
+"""Kinds of a view's files that a pack holds as they are, if the dataset has them, and the members' names."""
 VIEWS_PER_SHARD = 1000
 """As in BOP's own packs."""
 
@@ -53,8 +56,8 @@ def view_key(paths: ViewPaths) -> str:
     return f"{paths.scene_id:06d}_{paths.image_id:06d}"
 
 
-def member_suffixes(*, jpeg: bool, float_depth: bool) -> tuple[str, ...]:
-    """The members of a view in their order, each by the part of its name after the key and a dot."""
+def member_suffixes(kinds: Collection[str], *, jpeg: bool) -> tuple[str, ...]:
+    """The members of a view with files of these kinds, each by the part of its name after the key and a dot."""
     masks = tuple(f"{kind}.json" for kind in MASKS)
-    exact = ("depth_mm.npy",) if float_depth else ()
-    return ("camera.json", "gt.json", "gt_info.json", *masks, "depth.png", *exact, "rgb.jpg" if jpeg else "rgb.png")
+    files = (name for kind, name in FILES.items() if kind in kinds)
+    return ("camera.json", "gt.json", "gt_info.json", *masks, *files, "rgb.jpg" if jpeg else "rgb.png")

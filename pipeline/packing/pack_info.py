@@ -13,6 +13,7 @@ _MEANING = {
     "mask.json": "the surface, as uncompressed run lengths (RLE)",
     "mask_visib.json": "the same: nothing stands in front of it",
     "mask_observed.json": "surface that the source frame saw",
+    "source_frame.png": "number of the frame that colours the surface, from 1; 0 = none saw it",
     "depth.png": "16 bit; value x `depth_scale` = mm along the optical axis; 0 = no surface",
     "depth_mm.npy": "the same as float32, mm",
     "rgb.png": "8 bit, as rendered",
@@ -55,7 +56,7 @@ compares all hashes.
 def pack_info(description: Description, manifest: Manifest, about: str = "") -> bytes:
     """The content of the file, with one more paragraph if there is something to say about the choice of views."""
     jpeg = manifest.jpeg_quality is not None
-    suffixes = member_suffixes(jpeg=jpeg, float_depth=description.float_depth)
+    suffixes = member_suffixes(description.kinds, jpeg=jpeg)
     rgb = f"RGB is JPEG of quality {manifest.jpeg_quality}: {manifest.loss}." if jpeg else "RGB is as it was rendered."
     return TEXT.format(
         about=f"\n{about}\n" if about else "",

@@ -22,7 +22,7 @@ from ..dataset.tables.bop import scene_entries
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
 from .colour_loss import ColourLoss, as_jpeg
-from .layout import MASKS, shard_name, view_key
+from .layout import FILES, MASKS, shard_name, view_key
 from .masks import mask_json
 
 
@@ -132,9 +132,9 @@ def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, b
     most = largest_view_file(*order.camera.size_wh)
     shape = order.camera.shape_hw
     members += [(f"{kind}.json", data) for kind, data in _masks(paths, record, most, shape)]
-    members.append(("depth.png", checked_file(paths, record, "depth", most)))
-    if paths.relative("depth_mm") in record.files:
-        members.append(("depth_mm.npy", checked_file(paths, record, "depth_mm", most)))
+    for kind, name in FILES.items():
+        if paths.relative(kind) in record.files:
+            members.append((name, checked_file(paths, record, kind, most)))
     rgb = checked_file(paths, record, "rgb", most)
     if order.jpeg_quality is None:
         return [*members, ("rgb.png", rgb)], ColourLoss()

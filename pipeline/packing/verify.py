@@ -170,9 +170,7 @@ class _ShardCheck:
         """Each view with its members by suffix, or ``None`` if they are not all there; stops where the archive does."""
         if self.description is None:
             return
-        suffixes = member_suffixes(
-            jpeg=self.manifest.jpeg_quality is not None, float_depth=self.description.float_depth
-        )
+        suffixes = member_suffixes(self.description.kinds, jpeg=self.manifest.jpeg_quality is not None)
         keys = {view_key(ViewPaths(self.folder, index)): index for index in self.shard.views}
         expected = [f"{key}.{suffix}" for key in keys for suffix in suffixes]
         most = largest_view_file(*self.description.camera.size_wh)

@@ -107,7 +107,8 @@ def read_poses(
     """Read explicit poses from a ``.npy`` or ``.json`` file. Pickled objects are refused and never loaded.
 
     A ``.npy`` file holds a real array ``(N, 4, 4)``, or ``(4, 4)`` for one pose; a ``.json`` file the same as nested
-    lists, or a list of objects with the key ``cam_from_mesh``.
+    lists, or a list of objects with the key ``cam_from_mesh``. Objects in which it is ``null`` are left out, with a
+    message.
 
     Parameters
     ----------
@@ -134,8 +135,18 @@ def read_poses(
     entries = _listed(path)
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
-    found, messages = _converted(dict(enumerate(entries)), f"{path.name}: pose", mesh_from_model, mm_per_unit)
+    given = {number: entry for number, entry in enumerate(entries) if not is_without_pose(entry)}
+    if not given:
+        raise InputError(f"{path.name}: expected poses, found {len(entries)} entries without one")
+    found, messages = _converted(given, f"{path.name}: pose", mesh_from_model, mm_per_unit)
+    if left_out := len(entries) - len(given):
+        messages.append(f"{path.name}: {left_out} of {len(entries)} entries have no pose and are left out")
     return np.stack([*found.values()]), messages
+
+
+def is_without_pose(entry: object) -> bool:
+    """Whether an object of a list says that there is no pose, as of a frame that was not registered."""
+    return isinstance(entry, dict) and entry.get(POSE_KEY, entry) is None
 
 
 def _listed(path: Path) -> list[Any]:

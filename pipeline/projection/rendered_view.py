@@ -1,5 +1,6 @@
 """One rendered view of a surface: the arrays that every renderer gives."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,8 @@ class RenderedView:
         ``(H, W, 3)`` float32 code values 0..1; black where there is no surface.
     depth_mm
         ``(H, W)`` float32 depth of the surface along the optical axis at the pixel's centre; 0 for none.
-    observed
-        ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
+    source
+        ``(H, W)`` uint8: which frame saw the surface at the pixel's centre and gave its colour, from 1; 0 for none.
     near_unseen
         ``(H, W)`` bool: observed, but within about one frame pixel of the border of the observed surface; only scenes
         for anti-aliasing have it.
@@ -24,10 +25,19 @@ class RenderedView:
 
     rgb: np.ndarray
     depth_mm: np.ndarray
-    observed: np.ndarray
+    source: np.ndarray
     near_unseen: np.ndarray
 
     @property
     def mask(self) -> np.ndarray:
         """``(H, W)`` bool: there is surface at the pixel's centre."""
         return self.depth_mm > 0
+
+    @property
+    def observed(self) -> np.ndarray:
+        """``(H, W)`` bool: a frame saw the surface at the pixel's centre."""
+        return self.source > 0
+
+
+Render = Callable[[np.ndarray], RenderedView]
+"""From ``cam_from_model`` (4x4, mm) to the view from there."""

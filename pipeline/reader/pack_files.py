@@ -14,7 +14,7 @@ from ..dataset.layout import ViewPaths, largest_view_file
 from ..errors import InputError
 from ..files.content import regular_file
 from ..files.tables import parsed_json
-from ..packing.layout import shard_name, view_key
+from ..packing.layout import FILES, shard_name, view_key
 from ..packing.manifest import Manifest
 from ..packing.masks import mask_columns
 from ..transforms import rigid
@@ -32,7 +32,7 @@ class PackFiles(ViewFiles):
         self._folder, self.description = folder, description
         self._shape, self._most = description.camera.shape_hw, largest_view_file(*description.camera.size_wh)
         rgb = "rgb.png" if manifest.jpeg_quality is None else "rgb.jpg"
-        self._suffixes = {"rgb": rgb, "depth": "depth.png", "depth_mm": "depth_mm.npy"}
+        self._suffixes = {"rgb": rgb, **FILES}
         self._shard_of = {view: shard.number for shard in manifest.shards for view in shard.views}
         self._closed = False
         self._open: dict[int, _Shard] = {}

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..dataset.dataset_file import Description
-from ..dataset.decoding import decoded_array, decoded_depth, decoded_rgb
+from ..dataset.decoding import decoded_array, decoded_depth, decoded_grey, decoded_rgb
 from ..dataset.run.resume_record import Box
 
 
@@ -76,6 +76,11 @@ class ViewFiles:
         data, where = self.read(index, "rgb")
         return decoded_rgb(data, self.description.camera.shape_hw, where)
 
+    def source_frame(self, index: int) -> np.ndarray:
+        """``(H, W)`` uint8, of a dataset of several frames."""
+        data, where = self.read(index, "source_frame")
+        return decoded_grey(data, np.uint8, self.description.camera.shape_hw, where)
+
     def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
         """``(H, W)`` float32, mm."""
         shape = self.description.camera.shape_hw
@@ -121,8 +126,14 @@ class View:
 
     @cached_property
     def observed(self) -> np.ndarray:
-        """``(H, W)`` bool: surface that the source frame saw."""
+        """``(H, W)`` bool: surface that a source frame saw."""
         return self.files.mask(self.index, "mask_observed")
+
+    @cached_property
+    def source_frame(self) -> np.ndarray:
+        """``(H, W)`` uint8: which frame of the case colours the surface, from 1; 0 where none saw it."""
+        several = self.files.description.frames > 1
+        return self.files.source_frame(self.index) if several else self.observed.astype(np.uint8)
 
     @property
     def k(self) -> np.ndarray:

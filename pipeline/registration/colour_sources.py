@@ -39,7 +39,7 @@ def sharpness(image: np.ndarray) -> float:
 
 def hidden_blocks(fit: FlowFit) -> np.ndarray:
     """``(h, w)`` bool: the blocks of a frame in which the surface that the aligned frame saw is not to be seen."""
-    height, width = fit.view.camera.shape_hw
+    height, width = fit.camera.shape_hw
     agrees, known = (np.zeros((-(-height // BLOCK_PX), -(-width // BLOCK_PX))) for _ in range(2))
     u, v = (fit.pixels // BLOCK_PX).astype(int).T
     np.add.at(known, (v, u), 1.0)

@@ -1,7 +1,8 @@
 """Refine a pose by rendering and optical flow: where the known view of a pose would have to move to lie on the frame.
 
-The flow is that of dense inverse search (Kroeger et al. 2016), there and back: where both disagree, the frame shows
-something else than the surface.
+A view stands for poses around its own, as a keyframe: the frame is laid on it by the pose, and only what is left is
+searched for, from no motion. The flow is that of dense inverse search (Kroeger et al. 2016), there and back: where both
+disagree, the frame shows something else than the surface.
 """
 
 from dataclasses import dataclass
@@ -12,40 +13,23 @@ import numpy as np
 
 from ..alignment.levenberg_marquardt import Loss, fit_poses
 from ..alignment.reprojection import Correspondences, Poses
+from ..camera.pinhole import PinholeCamera
 from ..transforms import transform_points
 from .known_views import KnownView, KnownViews
+from .light import without_light
 
-ROUNDS = 4
-SETTLED_PX = 0.1
-"""Mean movement below which no further round follows."""
-
-STEP_PX = 4
-"""Between the pixels whose flow is used."""
+ROUNDS, STEPS = 4, 15
+"""Rounds of flow and fit, and steps of a fit."""
+SETTLED_PX = 3.0
+"""Mean movement below which no further round follows: flow is no less exact over it."""
 
 CLOSING_PX = 1.0
 """Flow there and back that misses the pixel by more is not used."""
-
-CONTRAST_SIGMA = 0.03
-"""Local contrast relative to the longer side below which light and exposure are taken out."""
-
-LEAST_TEXTURE = 6.0
-"""Standard deviation in code values around a pixel without which its flow says nothing."""
-
-SHRINK = 4
-"""Factor by which images are made smaller to blur them widely."""
 
 LOSS_PX = 1.0
 FITTED = 1500
 """Pixels of which a pose is fitted at most: its neighbours' flow says nothing else."""
 LEAST_PIXELS = 30
-
-
-class _Flow(NamedTuple):
-    """Flow from a known view to a frame: ``(N, 2)`` pixels of the view, where they go, and whether they come back."""
-
-    pixels: np.ndarray
-    moved: np.ndarray
-    closes: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -56,22 +40,33 @@ class FlowFit:
     ----------
     cam_from_model
         ``(4, 4)``, mm.
-    view
-        The known view near it from which the flow went out.
+    camera
+        Of the frame.
     pixels
-        ``(N, 2)`` textured pixels of the view.
+        ``(N, 2)`` where the pose places textured points of the surface in the frame, inside of it.
     residuals_px
         ``(N,)`` how far each lies from where the frame shows it; infinite where the flow does not come back.
     points_model, moved
-        ``(N, 3)`` points of the surface at the pixels, and ``(N, 2)`` where the frame shows them.
+        ``(N, 3)`` the points, and ``(N, 2)`` where the frame shows them.
+    codes
+        ``(N, 2)`` code values, without light, of the known view and of the frame there.
     """
 
     cam_from_model: np.ndarray
-    view: KnownView
+    camera: PinholeCamera
     pixels: np.ndarray
     residuals_px: np.ndarray
     points_model: np.ndarray
     moved: np.ndarray
+    codes: np.ndarray
+
+
+class _Flow(NamedTuple):
+    """Where a frame shows a known view's textured points ``(N, 2)``, whether it does, and code values ``(N, 2)``."""
+
+    moved: np.ndarray
+    closes: np.ndarray
+    codes: np.ndarray
 
 
 def refined_by_flow(
@@ -81,69 +76,50 @@ def refined_by_flow(
 
     ``grey`` is ``(H, W)`` uint8, ``valid`` ``(H, W)`` bool: pixels that may be used.
     """
-    frame, pose, view = _without_light(grey, valid), cam_from_model, views.at(cam_from_model)
+    frame, pose = without_light(grey, valid), cam_from_model
     for last in (*[False] * (ROUNDS - 1), True):
-        flow = _flow(view, frame, valid)
-        if flow is None or np.count_nonzero(flow.closes) < LEAST_PIXELS:
+        view = views.near(pose)
+        if len(view.textured) < LEAST_PIXELS:
             return None
-        points = view.lifted(flow.pixels)
-        pose = _fitted(points[flow.closes], flow.moved[flow.closes], view, view.cam_from_model)
-        placed = view.camera.project(transform_points(pose, points))
-        shift_px = float(np.linalg.norm(placed - flow.pixels, axis=1).mean())
+        flow = _flow(view, frame, valid, pose)
+        if np.count_nonzero(flow.closes) < LEAST_PIXELS:
+            return None
+        points, camera, before = view.points, view.camera, pose
+        pose = _fitted(points[flow.closes], flow.moved[flow.closes], camera, pose)
+        placed = camera.project(transform_points(pose, points))
+        shift_px = float(np.linalg.norm(placed - camera.project(transform_points(before, points)), axis=1).mean())
         if last or not shift_px > SETTLED_PX:
+            inside = ((placed >= 0) & (placed <= np.array(camera.size_wh) - 1)).all(axis=1)
             residuals_px = np.where(flow.closes, np.linalg.norm(flow.moved - placed, axis=1), np.inf)
-            return FlowFit(pose, view, flow.pixels, residuals_px, points, flow.moved)
-        view = views.at(pose)
+            parts = placed, residuals_px, points, flow.moved, flow.codes
+            return FlowFit(pose, camera, *(each[inside] for each in parts))
     return None
 
 
-def _fitted(points: np.ndarray, pixels: np.ndarray, view: KnownView, start: np.ndarray) -> np.ndarray:
+def _fitted(points: np.ndarray, pixels: np.ndarray, camera: PinholeCamera, start: np.ndarray) -> np.ndarray:
     chosen = slice(None, None, max(1, len(points) // FITTED))
-    known = Correspondences.about(points[chosen], pixels[chosen], view.camera)
-    poses, _ = fit_poses(known, Poses.of(start[None], known.pivot_model), loss=Loss(LOSS_PX))
+    known = Correspondences.about(points[chosen], pixels[chosen], camera)
+    poses, _ = fit_poses(known, Poses.of(start[None], known.pivot_model), loss=Loss(LOSS_PX), iterations=STEPS)
     return poses.matrix(0, known.pivot_model)
 
 
-def _without_light(grey: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """``(H, W)`` uint8: the image less its local mean, by its local deviation; grey outside the mask."""
-    sigma = CONTRAST_SIGMA * max(grey.shape)
-    weight = np.maximum(_blurred(mask.astype(np.float32), sigma), 1e-3)
-    image = np.where(mask, grey, 0).astype(np.float32)
-    detail = np.where(mask, grey - _blurred(image, sigma) / weight, 0).astype(np.float32)
-    deviation = np.sqrt(np.maximum(_blurred(detail**2, sigma), 0) / weight)
-    return np.clip(128 + 48 * detail / (deviation + 4), 0, 255).astype(np.uint8)
-
-
-def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:
-    """A wide Gaussian blur, of a smaller image: it has no finer detail, and takes a tenth of the time."""
-    height, width = image.shape
-    small = cv2.resize(image, (-(-width // SHRINK), -(-height // SHRINK)), interpolation=cv2.INTER_AREA)
-    small = cv2.GaussianBlur(small, (0, 0), sigma / SHRINK)
-    return cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
-
-
-def _flow(view: KnownView, frame: np.ndarray, valid: np.ndarray) -> _Flow | None:
-    if np.count_nonzero(view.shown) < LEAST_PIXELS * STEP_PX**2:
-        return None
-    known = _without_light(view.grey, view.shown)
+def _flow(view: KnownView, frame: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray) -> _Flow:
+    """The flow from a known view to a frame that is laid on it by a rough pose."""
+    known, place = view.detail, view.placed(cam_from_model)
+    x, y = cv2.split(place)
+    laid = cv2.remap(frame, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    usable = cv2.remap(valid.astype(np.uint8), x, y, cv2.INTER_NEAREST)
     # what the view does not show is the frame's own: no false edge at the border
-    shown = np.where(view.shown, known, frame)
+    shown = np.where(view.shown, known, laid)
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    unknown = np.zeros((*frame.shape, 2), np.float32)
-    there, back = search.calc(shown, frame, unknown.copy()), search.calc(frame, shown, unknown)
+    still = np.zeros(place.shape, np.float32)
+    there, back = search.calc(shown, laid, still.copy()), search.calc(laid, shown, still)
     height, width = frame.shape
-    v, u = np.mgrid[STEP_PX // 2 : height : STEP_PX, STEP_PX // 2 : width : STEP_PX]
-    blurred = cv2.GaussianBlur(known.astype(np.float32), (0, 0), 3.0)
-    texture = np.sqrt(np.maximum(cv2.GaussianBlur(known.astype(np.float32) ** 2, (0, 0), 3.0) - blurred**2, 0))
-    inside = cv2.erode(view.shown.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-    chosen = inside[v, u] & (texture[v, u] > LEAST_TEXTURE)
-    u, v = u[chosen], v[chosen]
-    if len(u) < LEAST_PIXELS:
-        return None
-    pixels = np.stack([u, v], axis=1).astype(float)
-    moved = pixels + there[v, u]
-    nearest = np.clip(np.rint(moved).astype(int), 0, [width - 1, height - 1])
-    returned = moved + back[nearest[:, 1], nearest[:, 0]]
-    closes = np.linalg.norm(returned - pixels, axis=1) < CLOSING_PX
-    closes &= ((moved >= 0) & (moved <= [width - 1, height - 1])).all(axis=1) & valid[nearest[:, 1], nearest[:, 0]]
-    return _Flow(pixels, moved, closes)
+    u, v = view.textured.T
+    moved = view.textured + there[v, u]
+    to_u, to_v = moved.astype(np.float32).T[..., None]
+    codes, returns, fits = (cv2.remap(each, to_u, to_v, cv2.INTER_LINEAR)[:, 0] for each in (laid, back, place))
+    closes = np.linalg.norm(there[v, u] + returns, axis=1) < CLOSING_PX
+    column, row = np.clip(np.rint(moved).astype(int), 0, [width - 1, height - 1]).T
+    closes &= ((moved >= 0) & (moved <= [width - 1, height - 1])).all(axis=1) & (usable[row, column] > 0)
+    return _Flow(fits.astype(float), closes, np.stack([known[v, u], codes], axis=1).astype(float))

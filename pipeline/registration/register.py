@@ -30,7 +30,7 @@ class RegisteredFrame:
         State, probability and reason.
     covariance
         ``(6, 6)`` of the twist about ``pivot_model``, mm and radians along the camera's axes, as far as the frame
-        tells: the error of the aligned frame's pose comes on top. ``None`` without a pose.
+        tells: for the error of the aligned frame's pose see :mod:`.source_uncertainty`. ``None`` without a pose.
     pivot_model
         ``(3,)``, mm.
     fit

@@ -58,11 +58,14 @@ class SourceFit(NamedTuple):
         ``(F, 4, 4)`` those of the frames, mm.
     covariance
         ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes.
+    agreement
+        Mean weight of the pixels, 0..1: low at a pose that is not near the right one, and on a wrong surface.
     """
 
     cam_from_model: np.ndarray
     frames: np.ndarray
     covariance: np.ndarray
+    agreement: float
 
 
 class _Linear(NamedTuple):
@@ -113,7 +116,7 @@ class SourceCorrection:
             source, frames, now, damping = next_source, moved, tried, damping / 10
             if is_last:
                 break
-        return SourceFit(source, frames, _covariance(now, number, source_px))
+        return SourceFit(source, frames, _covariance(now, number, source_px), float(now.weight.mean()))
 
     def _linear(
         self,

@@ -12,7 +12,9 @@ from math import erf, exp, log, sqrt
 import numpy as np
 
 from ..alignment.reprojection import twist_jacobians
+from ..camera.pinhole import PinholeCamera
 from ..transforms import transform_points
+from .blocks import blocks_of, robust_step
 from .flow_refinement import FlowFit
 from .localise import Localised
 
@@ -20,13 +22,9 @@ ACCEPTED, DOUBTFUL, REFUSED = "accepted", "doubtful", "refused"
 
 AGREEING_PX = 1.5
 """Largest residual of a pixel whose flow agrees with the pose."""
-BLOCK_PX, LEAST_PIXELS, LEAST_SHARE = 32, 8, 0.5
-"""Side of the blocks of the image that agree or not and count as independent, pixels that a block needs, and share of
-them that must agree."""
-SPREAD = 3.0
-"""Factor of the standard deviations: neighbouring blocks, the surface and the aligned frame err together. Errors were 2
-times as large as without it on eight frames of the sample, 3 to 5 times on 39 of "bloster", whose mesh is off by
-millimetres."""
+LEAST_PIXELS, LEAST_SHARE, LEAST_LIKE = 8, 0.5, 0.5
+"""Pixels that a block needs to count as a place of the image, share of them that must agree, and correlation of their
+code values with the known view's: where a frame shows nothing, its flow is none, and agrees with any pose."""
 OFFSET, SLOPE = -10.6, 5.46
 """Logistic regression of the 389 poses on log(1 + agreeing blocks)."""
 WITHIN_DEG, WITHIN_SHARE, WITHIN_PX = 2.0, 0.02, 5.0
@@ -60,12 +58,13 @@ def judge(fit: FlowFit | None, found: Localised | None, pivot_model: np.ndarray)
     """
     if fit is None:
         return Verdict(REFUSED, 0.0, _nothing(found)), None
-    agrees = fit.residuals_px < AGREEING_PX
-    blocks, block = _blocks(fit.pixels)
-    pixels, agreeing = np.bincount(block), np.bincount(block, weights=agrees)
-    count = int(np.count_nonzero((pixels >= LEAST_PIXELS) & (agreeing >= LEAST_SHARE * pixels)))
+    blocks, block = blocks_of(fit.pixels)
+    pixels, agreeing = np.bincount(block), np.bincount(block, weights=fit.residuals_px < AGREEING_PX)
+    agrees = (pixels >= LEAST_PIXELS) & (agreeing >= LEAST_SHARE * pixels) & (_likeness(fit.codes, block) > LEAST_LIKE)
+    count = int(np.count_nonzero(agrees))
     covariance = _covariance(fit, pivot_model)
-    probability = 1 / (1 + exp(-OFFSET - SLOPE * log(1 + count))) * _within(fit, covariance, pivot_model)
+    probability = within(fit.cam_from_model, fit.camera, covariance, pivot_model)
+    probability /= 1 + exp(-OFFSET - SLOPE * log(1 + count))
     reason = f"{count} of {blocks} places of the image agree with it"
     if probability >= LEAST_ACCEPTED:
         return Verdict(ACCEPTED, probability, reason), covariance
@@ -79,38 +78,31 @@ def _nothing(found: Localised | None) -> str:
     return f"{found.inliers} features agree on a pose, but the image around them does not"
 
 
-def _blocks(pixels: np.ndarray) -> tuple[int, np.ndarray]:
-    """How many blocks pixels ``(N, 2)`` lie in, and ``(N,)`` the number of each one's."""
-    found, block = np.unique((pixels // BLOCK_PX).astype(int), axis=0, return_inverse=True)
-    return len(found), block.ravel()
+def _likeness(codes: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """The correlation in each block of code values ``(N, 2)``."""
+    one, other = codes.T
+    count = np.bincount(block)
+    means = [np.bincount(block, weights=each) / count for each in (one, other)]
+    one, other = one - means[0][block], other - means[1][block]
+    together, alone, apart = (np.bincount(block, weights=each) for each in (one * other, one**2, other**2))
+    return together / np.sqrt(np.maximum(alone * apart, 1e-9))
 
 
-def _within(fit: FlowFit, covariance: np.ndarray, pivot_model: np.ndarray) -> float:
-    """Probability that a pose of this covariance is within the limits."""
-    depth_mm = float(transform_points(fit.cam_from_model, pivot_model[None])[0, 2])
+def within(cam_from_model: np.ndarray, camera: PinholeCamera, covariance: np.ndarray, pivot_model: np.ndarray) -> float:
+    """Probability that a pose ``(4, 4)`` of this ``(6, 6)`` covariance about a ``(3,)`` pivot is within the limits."""
+    depth_mm = float(transform_points(cam_from_model, pivot_model[None])[0, 2])
     rotation_deg = np.degrees(sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0)))
-    across_px = fit.view.camera.fx / depth_mm * sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
+    across_px = camera.fx / depth_mm * sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
     share = sqrt(max(float(covariance[2, 2]), 0.0)) / depth_mm
     limits = (WITHIN_DEG, rotation_deg), (WITHIN_SHARE, share), (WITHIN_PX, across_px)
     return float(np.prod([erf(limit / max(sigma * sqrt(2), 1e-9)) for limit, sigma in limits]))
 
 
 def _covariance(fit: FlowFit, pivot_model: np.ndarray) -> np.ndarray:
-    """``(6, 6)`` covariance of a fit's twist, robust against errors shared within a block (Liang & Zeger 1986)."""
+    """``(6, 6)`` covariance of a fit's twist."""
     used = np.isfinite(fit.residuals_px)
-    points, moved = fit.points_model[used], fit.moved[used]
-    position = transform_points(fit.cam_from_model, pivot_model[None])[0]
-    offsets_cam = (points - pivot_model) @ fit.cam_from_model[:3, :3].T
-    jacobian = twist_jacobians(fit.view.camera, offsets_cam[None], position[None])[0]
-    residuals = moved - fit.view.camera.project(offsets_cam + position)
-    # far residuals have little weight, as in the fit
-    weight = 1 / (1 + (residuals**2).sum(axis=1)) ** 2
-    normal = np.einsum("nci,ncj,n->ij", jacobian, jacobian, weight)
-    gradient = np.einsum("nci,nc,n->ni", jacobian, residuals, weight)
-    count, block = _blocks(fit.pixels[used])
-    sums = np.zeros((count, 6))
-    np.add.at(sums, block, gradient)
-    # mm and radians differ in size
-    scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    inverse = scale[:, None] * np.linalg.pinv(scale[:, None] * normal * scale, hermitian=True) * scale
-    return SPREAD**2 * inverse @ (sums.T @ sums) @ inverse
+    position = transform_points(fit.cam_from_model, pivot_model[None])
+    offsets_cam = (fit.points_model[used] - pivot_model) @ fit.cam_from_model[:3, :3].T
+    jacobian = twist_jacobians(fit.camera, offsets_cam[None], position)[0]
+    residuals = fit.moved[used] - fit.camera.project(offsets_cam + position)
+    return robust_step(jacobian, residuals, fit.pixels[used])[1]

@@ -19,14 +19,14 @@ from ..files.content import read_content
 from ..images.image_check import check_image
 from ..progress import Progress
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, checked_rigid
+from ..transforms import checked_rigid
 from .check_section import badge, check_section
 from .dataset_views import ShownView, shown_message, shown_view
-from .page import THREE, asset, html_page, page_footer, page_header, spaced
+from .page import THREE, asset, html_page, page_footer, page_header, poses_section, spaced
 from .provenance import part_of, provenance_section
 from .surface_model import packed_surface, read_surface
 from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitted, limited_picture
-from .view_geometry import SourceFrame
+from .view_geometry import SourceFrame, camera_data, pose_data
 
 OVERLAY = "overlay.png"
 FRAME_BYTES = 600_000
@@ -124,15 +124,18 @@ def dataset_page(
     )
     body = string.Template(asset("dataset.html")).substitute(
         header=header,
+        poses=poses_section("view"),
         check=check_section(check, page.problems),
         provenance=provenance_section(description),
         footer=page_footer(),
     )
     data = {
         "quantities": QUANTITIES,
-        "camera": [camera.width, camera.height, *camera.k.ravel()[[0, 4, 2, 5]].tolist()],
+        "noun": "view",
+        "coloured": "observed",
+        "camera": camera_data(camera),
         "views": [_view_data(view, page) for view in shown],
-        "source": _source_data(page.source),
+        "source": page.source.data(),
         "surface": None if page.surface is None else packed_surface(*page.surface),
         "frames": frames,
     }
@@ -169,8 +172,7 @@ def _view_data(view: ShownView, page: _Page) -> dict[str, object]:
     if view.record is None:
         return data
     pose, visible = view.record.cam_from_model, view.record.gt_info.px_count_visib
-    data["centre"] = np.round(camera_centre(pose), 4).tolist()
-    data["rotation"] = np.round(pose[:3, :3], 6).ravel().tolist()
+    data |= pose_data(pose)
     data["angle"] = round(page.source.angle_deg(pose), 3)
     data["distance"] = round(page.source.distance_of(pose), 3)
     if visible > 0:
@@ -178,17 +180,6 @@ def _view_data(view: ShownView, page: _Page) -> dict[str, object]:
     camera = page.description.camera
     data["surface"] = round(100 * visible / (camera.width * camera.height), 2)
     return data
-
-
-def _source_data(source: SourceFrame) -> dict[str, object]:
-    camera = source.camera
-    return {
-        "centre": camera_centre(source.cam_from_model).tolist(),
-        "rotation": source.cam_from_model[:3, :3].ravel().tolist(),
-        "pivot": source.pivot_model.tolist(),
-        "distance": source.distance_mm,
-        "camera": [camera.width, camera.height, *camera.k.ravel()[[0, 4, 2, 5]].tolist()],
-    }
 
 
 def _frames(page: _Page, case: Case | None) -> dict[str, object]:

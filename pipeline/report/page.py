@@ -8,6 +8,7 @@ import base64
 import hashlib
 import html
 import json
+import string
 from collections.abc import Mapping, Sequence
 from importlib import resources
 
@@ -124,6 +125,11 @@ def page_header(*, kind: str, name: str, facts: Sequence[str], status: str = "")
         "<noscript><p class='note warning'>This page shows its pictures with JavaScript, which is switched off here."
         "</p></noscript>"
     )
+
+
+def poses_section(noun: str) -> str:
+    """The section with poses in 3D; each is that of a ``noun``."""
+    return string.Template(asset("poses.html")).substitute(noun=noun).rstrip()
 
 
 def property_table(rows: Sequence[tuple[str, str]], *, caption: str) -> str:

@@ -21,8 +21,11 @@ from oneframe.errors import InputError
 from oneframe.files.temporary import temporary_folder
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
-from .published import LOADERS, CaseFiles
+from .alignment.bone_photographs import bone_cases
+from .published import LOADERS as PUBLISHED
+from .published import CaseFiles, Loader
 
+LOADERS: dict[str, Loader] = {**PUBLISHED, "bones": bone_cases}
 QUICK = {"photographs": 2, "width": 240}
 
 
@@ -58,7 +61,7 @@ def case_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
         for _ in write_sample_case(folder / "sample", sample_surface(), camera=camera):
             pass
         path = folder / "sample" / "case.toml"
-        write_case(path, replace(read_case(path), object_name="sample"))
+        write_case(path, replace(read_case(path), object_name="sample (rendered)"))
         pairs.append((path, folder / "sample" / HELD_OUT))
     for name, loader in LOADERS.items():
         if (given := getattr(arguments, name)) is not None:

@@ -121,7 +121,7 @@ def bloster_cases(folder: Path, out: Path, *, most: int | None = None, mesh: str
     for source in BLOSTER_SOURCES:
         image, pose = frames[source]
         case = Case(out / f"bloster_{source}.toml", 1000.0, image, camera, None, folder / mesh, pose)
-        written.append(_written(case, _spread([*frames[:source], *frames[source + 1 :]], most)))
+        written.append(written_case(case, _spread([*frames[:source], *frames[source + 1 :]], most)))
     return written
 
 
@@ -156,7 +156,7 @@ def lmo_cases(folder: Path, out: Path, *, most: int | None = None) -> list[CaseF
             place / f"{place.name}.toml", 1.0, place / f"{clear:06d}.png", camera, None, lmo_model(folder, number),
             poses[clear][number],
         )  # fmt: skip
-        written.append(_written(case, [(place / f"{frame:06d}.png", poses[frame][number]) for frame in others]))
+        written.append(written_case(case, [(place / f"{frame:06d}.png", poses[frame][number]) for frame in others]))
     if not written:
         raise InputError(f"{folder}: expected frames with objects of {LMO_OBJECTS} in view, found none")
     return written
@@ -192,7 +192,7 @@ def stereo_cases(folder: Path, out: Path, *, most: int | None = None) -> list[Ca
         alpha = np.where(inside == 255, 255, 0).astype(np.uint8)
         write_bytes_atomically(photograph, encode_png(np.dstack([resampled, alpha])))
         case = Case(out / f"stereo_{source}.toml", 1.0, frame, cameras[source], None, out / "board.ply", poses[source])
-        written.append(_written(case, [(photograph, poses[other])]))
+        written.append(written_case(case, [(photograph, poses[other])]))
     return written
 
 
@@ -217,7 +217,7 @@ def _hidden(
     return found
 
 
-def _written(case: Case, photographs: Sequence[tuple[Path, np.ndarray]]) -> CaseFiles:
+def written_case(case: Case, photographs: Sequence[tuple[Path, np.ndarray]]) -> CaseFiles:
     """Write a case and its photographs (file, pose in mm) beside it."""
     case.path.parent.mkdir(parents=True, exist_ok=True)
     write_case(case.path, replace(case, object_name=case.path.stem))

@@ -1,14 +1,16 @@
 """Where methods fail, past the breaking point, and what the software answers there.
 
-Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case), colouring, camera
-(rendered pixels against K), renderers, sampling. Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong
-results, wrong results without a word, answers (works, warns, falls back, refuses), errors and the software's limit; and
-its chart. Times and memory are this machine's.
+Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case, and on photographs
+with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K), renderers, sampling.
+Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong results, wrong results without a word, answers
+(works, warns, falls back, refuses), errors and the software's limit; and its chart. Times and memory are those of this
+machine.
 """
 
 import argparse
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -21,7 +23,7 @@ from oneframe.files.temporary import temporary_folder
 from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
-from .alignment.refinement_scenes import case_scene
+from .alignment.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
 from .charts.stability_camera_chart import camera_stability_charts
 from .charts.stability_colouring_chart import colouring_stability_charts
 from .charts.stability_landmarks_chart import landmark_stability_charts
@@ -29,7 +31,7 @@ from .charts.stability_refinement_chart import refinement_stability_charts
 from .charts.stability_renderers_chart import renderer_stability_charts
 from .charts.stability_sampling_chart import sampling_stability_charts
 from .figures import read_rows, write_rows
-from .sweeps import camera, colouring, landmarks, refinement, renderers, sampling
+from .sweeps import camera, colouring, landmarks, photographs, refinement, renderers, sampling
 from .sweeps.cells import Cell, Task
 
 CHARTS = {
@@ -47,6 +49,8 @@ QUICK: dict[str, object] = {}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this topic."""
     parser.add_argument("--only", nargs="+", choices=CHARTS, default=CHARTS, metavar="TOPIC", help=" ".join(CHARTS))
+    parser.add_argument("--bloster", metavar="FOLDER", type=Path, help="photographs of a cushion")
+    parser.add_argument("--lmo", metavar="FOLDER", type=Path, help="LINEMOD-Occluded")
     parser.add_argument("--seed", type=int, default=0, help="of all random trials; rows depend on nothing else")
 
 
@@ -59,7 +63,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
         conditions = current_conditions(configuration, blender=bpy.app.version_string)
         cells: list[Cell] = []
         with temporary_folder() as folder:
-            tasks = list(tasks_of(topic, folder, arguments.seed, quick=arguments.quick))
+            tasks = list(tasks_of(topic, folder, arguments))
             with Progress(len(tasks), f"measurements of {topic}", stream=sys.stderr) as progress:
                 for task in tasks:
                     cells += task()
@@ -78,18 +82,32 @@ def draw(out: Path) -> list[Path]:
     ]
 
 
-def tasks_of(topic: str, folder: Path, seed: int, *, quick: bool) -> Iterator[Task]:
+def tasks_of(topic: str, folder: Path, arguments: argparse.Namespace) -> Iterator[Task]:
     """The measurements of a topic; ``folder`` is for temporary files."""
+    seed, quick = arguments.seed, arguments.quick
     if topic == refinement.TOPIC:
-        for _ in write_sample_case(folder, sample_surface(), held_out=False):
-            pass
-        return refinement.tasks(case_scene(folder / "case.toml"), seed, quick=quick)
-    if topic == landmarks.TOPIC:
-        return landmarks.tasks(seed, quick=quick)
-    if topic == sampling.TOPIC:
-        return sampling.tasks(seed, quick=quick)
-    if topic == colouring.TOPIC:
-        return colouring.tasks(quick=quick)
-    if topic == camera.TOPIC:
-        return camera.tasks(folder, quick=quick)
-    return renderers.tasks(folder, quick=quick)
+        for source, scenes in _refinement_scenes(folder, arguments):
+            yield from refinement.tasks(source, scenes, seed, quick=quick)
+    elif topic == landmarks.TOPIC:
+        yield from landmarks.tasks(seed, quick=quick)
+    elif topic == sampling.TOPIC:
+        yield from sampling.tasks(seed, quick=quick)
+    elif topic == colouring.TOPIC:
+        yield from colouring.tasks(quick=quick)
+        if arguments.bloster:
+            scenes = bloster_scenes(arguments.bloster, coloured=False)
+            yield partial(photographs.measure, scenes[: 2 if quick else None], seed)
+    elif topic == camera.TOPIC:
+        yield from camera.tasks(folder, quick=quick)
+    else:
+        yield from renderers.tasks(folder, quick=quick)
+
+
+def _refinement_scenes(folder: Path, arguments: argparse.Namespace) -> Iterator[tuple[str, list[RefinementScene]]]:
+    for _ in write_sample_case(folder, sample_surface(), held_out=False):
+        pass
+    yield refinement.RENDERED, [case_scene(folder / "case.toml")] * refinement.RENDERED_TRIALS
+    if arguments.bloster:
+        yield refinement.BLOSTER, bloster_scenes(arguments.bloster, coloured=True)
+    if arguments.lmo:
+        yield refinement.LMO, lmo_scenes(arguments.lmo)[:: refinement.LMO_STEP]

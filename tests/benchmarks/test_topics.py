@@ -1,5 +1,6 @@
 """The quick form of every topic runs from its command to its files, and draws the same charts from them again."""
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -21,6 +22,7 @@ from scripts.benchmarks.rendering.speed_accuracy import Configuration
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
 CHART = (".png", ".svg", "-dark.png", "-dark.svg")
+REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     # what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start"], []),
@@ -30,8 +32,15 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     "surface": ("surface.json", [], []),
     "reader": ("reader.json", ["{dataset}"], []),
     "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.svg"]),
+    "registration": (
+        "", ["--only", "photographs"],
+        ["registration_photographs.csv", *(f"{name}{end}" for name in REGISTRATION for end in CHART)],
+    ),
     "stability": (
         "", ["--only", "sampling"], [f"stability_sampling{end}" for end in (".csv", *CHART)]
+    ),
+    "training": (
+        "training.csv", ["--without-sample", "--case", "{case}", "{photographs}"], [f"training{end}" for end in CHART]
     ),
 }  # fmt: skip
 
@@ -41,9 +50,14 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
 def test_a_quick_form_writes_its_files(topic, tmp_path, write_tiny_case, render_command):
     name, more, written = FORMS[topic]
     case, dataset, out = write_tiny_case(tmp_path / "case"), tmp_path / "dataset", tmp_path / "out"
+    photographs = tmp_path / "photographs.json"
+    if topic == "training":
+        pytest.importorskip("torch", reason="PyTorch is not installed")
+        own = {"image": str(case.with_name("frame.png")), "cam_from_mesh": read_case(case).cam_from_mesh.tolist()}
+        photographs.write_text(json.dumps([own]))
     if topic == "reader":
         subprocess.run(render_command(case, "--out", dataset, "--count", "2"), check=True, capture_output=True)
-    more = [each.format(case=case, dataset=dataset) for each in more]
+    more = [each.format(case=case, dataset=dataset, photographs=photographs) for each in more]
 
     def run(*flags: str) -> dict[str, bytes]:
         command = [sys.executable, SCRIPT, topic, "--quick", "--out", out / name, *more, *flags]
@@ -55,7 +69,7 @@ def test_a_quick_form_writes_its_files(topic, tmp_path, write_tiny_case, render_
     expected = {*([name] if name else []), *written}
     assert made.keys() >= expected
     assert topic == "evaluation" or made.keys() == expected
-    if topic == "stability":
+    if topic in ("registration", "stability"):
         assert run("--redraw") == made
 
 

@@ -47,7 +47,7 @@ def evaluation(cases: int) -> Evaluation:
         cases=tuple(EvaluatedCase(name, ("view 0",)) for name in names),
         methods=methods,
         rows=rows,
-        summary=summarised(rows, rng),
+        summary=summarised(rows, [EvaluatedCase(name, ()) for name in names], rng),
         distribution=(),
         bound=bound,
     )

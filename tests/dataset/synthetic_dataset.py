@@ -11,7 +11,7 @@ import numpy as np
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.dataset.checksums import write_checksums
 from oneframe.dataset.identity import geometry_hash, identity_of
-from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.layout import ViewPaths, view_kinds
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.resume_record import GroundTruthInfo, ViewRecord, read_record
 from oneframe.dataset.tables.bop import (
@@ -39,6 +39,7 @@ COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01
 CENTRE = np.array([11.0, -7.0, 420.0])
 VIDEO_FRAMES = 3
 OBJECT_NAME = "lumpy sphere"
+KINDS = view_kinds(float_depth=True, several_frames=True)
 
 
 def lumpy_sphere() -> TriangleMesh:
@@ -111,6 +112,7 @@ def description_of() -> dict:
         },
         "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
         "frame": {**asdict(CAMERA), "distortion": None, "cam_from_model": pose_of(0).tolist()},
+        "frames": [{**asdict(CAMERA), "distortion": None, "cam_from_model": pose_of(1).tolist()}],
         "mesh_from_model": rigid(translation=CENTRE).tolist(),
         "mm_per_unit": 1.0,
         "geometry_sha256": geometry_hash(MESH),
@@ -163,7 +165,8 @@ def write_one(root: Path, index: int, identity: str) -> np.ndarray:
     inside, whole = int(mask.sum()), len(rows)
     box = tuple(map(int, (left - CAMERA.width, top - CAMERA.height, right - left, bottom - top)))
     paths = ViewPaths(root, index)
-    files = view_files(colour, depth, observed, depth_scale=DEPTH_SCALE, float_depth=True)
+    source = np.where(observed, np.where(u > 30, np.uint8(2), np.uint8(1)), np.uint8(0))
+    files = view_files(colour, depth, source, KINDS, depth_scale=DEPTH_SCALE)
     record = ViewRecord(
         index=index,
         identity=identity,

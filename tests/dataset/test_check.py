@@ -126,6 +126,7 @@ TABLES = [f"{S1}/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_
 OF_A_VIEW = [
     f"{S0}/rgb/000001.png", f"{S0}/depth/000001.png", f"{S0}/mask/000001_000000.png", f"{S0}/frame/000001.json",
     f"{S0}/mask_visib/000001_000000.png", f"{S0}/mask_observed/000001_000000.png", f"{S0}/depth_mm/000001.npy",
+    f"{S0}/source_frame/000001.png",
 ]  # fmt: skip
 
 
@@ -208,6 +209,14 @@ MUTATIONS = {
     "observed beyond mask": (
         lambda root: replace_file(root, 1, "mask_observed", np.full(CAMERA.shape_hw, 255, np.uint8)),
         r"mask_observed/000001_000000\.png: \d+ px lie outside the mask",
+    ),
+    "no source where observed": (
+        lambda root: replace_file(root, 1, "source_frame", np.zeros(CAMERA.shape_hw, np.uint8)),
+        r"source_frame/000001\.png: \d+ px differ from mask_observed",
+    ),
+    "a frame that the case has not": (
+        lambda root: replace_file(root, 1, "source_frame", 3 * image_of(root, 1, "source_frame")),
+        r"source_frame/000001\.png: \d+ px are of none of the 2 frames",
     ),
     "fewer visible": (
         lambda root: replace_file(root, 1, "mask_visib", np.zeros(CAMERA.shape_hw, np.uint8)),

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from oneframe.dataset.identity import identity_of
-from oneframe.dataset.layout import ViewPaths, view_kinds
+from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.run.elsewhere import gather_view
 from oneframe.errors import RunError
 
-from .synthetic_dataset import description_of, make_dataset
+from .synthetic_dataset import KINDS, description_of, make_dataset
 
-IDENTITY, KINDS = identity_of(description_of()), view_kinds(float_depth=True)
+IDENTITY = identity_of(description_of())
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics
 from oneframe.projection.silhouette import SilhouetteEdges
 from tests.dataset.blank_dataset import CAMERA, record_of
 from tests.dataset.synthetic_dataset import CAMERA as WIDE
-from tests.dataset.synthetic_dataset import COUNT, MESH, cast_rays, pose_of
+from tests.dataset.synthetic_dataset import COUNT, KINDS, MESH, cast_rays, pose_of
 
 sides = st.integers(1, 40)
 
@@ -62,7 +62,8 @@ def test_a_view_is_its_files_and_then_its_record(tmp_path):
     depth = np.zeros(CAMERA.shape_hw, np.float32)
     depth[3:9, 4:15] = np.linspace(250, 300, 11, dtype=np.float32)
     rgb = np.full((*CAMERA.shape_hw, 3), [0.0, 0.5, 1.2], np.float32)
-    files = view_files(rgb, depth, depth > 270, depth_scale=0.01, float_depth=True)
+    source = np.where(depth > 270, np.uint8(2), np.uint8(0))
+    files = view_files(rgb, depth, source, KINDS, depth_scale=0.01)
     decoded = {
         kind: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         for kind, data in files.items()
@@ -72,6 +73,7 @@ def test_a_view_is_its_files_and_then_its_record(tmp_path):
     np.testing.assert_array_equal(decoded["depth"], np.rint(depth / 0.01))
     for kind, expected in (("mask", depth > 0), ("mask_visib", depth > 0), ("mask_observed", depth > 270)):
         np.testing.assert_array_equal(decoded[kind], 255 * expected)
+    np.testing.assert_array_equal(decoded["source_frame"], source)
     np.testing.assert_array_equal(np.load(io.BytesIO(files["depth_mm"])), depth)
 
     paths = ViewPaths(tmp_path, 1003)
@@ -91,7 +93,7 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
     wide = cast_rays(MESH, WIDE, pose, beyond=1)
     depth = wide[height : 2 * height, width : 2 * width].astype(np.float32)
     mask, observed = depth > 0, (depth > 0) & (np.arange(width) > 12)
-    view = RenderedView(np.zeros((height, width, 3), np.float32), depth, observed, np.zeros_like(mask))
+    view = RenderedView(np.zeros((height, width, 3), np.float32), depth, observed.astype(np.uint8), np.zeros_like(mask))
     planned = PlannedPose(pose, ViewStatistics(1, 1, 1), 5, Rejections(surface=4))
     paths = ViewPaths(tmp_path, 1007)
     files, record = encode_view(
@@ -101,7 +103,7 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
         WIDE,
         identity="ab",
         depth_scale=scale,
-        float_depth=False,
+        kinds=(),
     )
     rows = np.argwhere(wide > 0)
     (top, left), (bottom, right) = rows.min(axis=0), rows.max(axis=0)

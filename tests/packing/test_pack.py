@@ -43,11 +43,11 @@ def test_webdataset_reads_every_view_as_the_folder_has_it(dataset, packed):
     for view, sample in enumerate(samples):
         assert {name for name in sample if not name.startswith("__")} == {
             "camera.json", "gt.json", "gt_info.json", "mask.json", "mask_visib.json", "mask_observed.json", "depth.png",
-            "depth_mm.npy", "rgb.png",
+            "depth_mm.npy", "source_frame.png", "rgb.png",
         }  # fmt: skip
         for name, file in {
             "rgb.png": f"rgb/{view:06d}.png", "depth.png": f"depth/{view:06d}.png",
-            "depth_mm.npy": f"depth_mm/{view:06d}.npy",
+            "depth_mm.npy": f"depth_mm/{view:06d}.npy", "source_frame.png": f"source_frame/{view:06d}.png",
         }.items():  # fmt: skip
             assert sample[name] == (scene / file).read_bytes()
         for name in ("camera", "gt", "gt_info"):
@@ -154,7 +154,9 @@ def test_a_damaged_dataset_is_refused(name, copied, tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("kind", ["rgb", "depth", "depth_mm", "mask", "mask_visib", "mask_observed", "frame"])
+@pytest.mark.parametrize(
+    "kind", ["rgb", "depth", "depth_mm", "mask", "mask_visib", "mask_observed", "source_frame", "frame"]
+)
 def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, packed, tmp_path):
     (path,) = (copied / "train_synt" / "000000" / kind).glob("000003*")
     sound = path.read_bytes()

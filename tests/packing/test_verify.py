@@ -127,7 +127,7 @@ def test_damage_is_found(kind, dataset, copied_pack):
     "suffix",
     [
         "camera.json", "gt.json", "gt_info.json", "mask.json", "mask_visib.json", "mask_observed.json", "depth.png",
-        "depth_mm.npy", "rgb.png",
+        "depth_mm.npy", "source_frame.png", "rgb.png",
     ],
 )  # fmt: skip
 def test_a_view_unlike_the_dataset_is_found_although_its_hash_is_right(suffix, dataset, copied_pack):

@@ -27,7 +27,7 @@ from oneframe.reader import Dataset, View, open_dataset
 from oneframe.reader.pack_files import MOST_OPEN
 from tests.impossible_files import impossible
 
-PARTS = ("rgb", "depth_mm", "mask", "observed", "k", "cam_from_model")
+PARTS = ("rgb", "depth_mm", "mask", "observed", "source_frame", "k", "cam_from_model")
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -55,6 +55,7 @@ def test_arrays_are_those_of_the_files(opened, dataset):
         np.testing.assert_array_equal(view.depth_mm, np.load(file("depth_mm")))
         for mask, kind in ((view.mask, "mask_visib"), (view.observed, "mask_observed")):
             np.testing.assert_array_equal(mask, cv2.imread(str(file(kind)), cv2.IMREAD_UNCHANGED) > 0)
+        np.testing.assert_array_equal(view.source_frame, cv2.imread(str(file("source_frame")), cv2.IMREAD_UNCHANGED))
         camera, (truth,), (info,) = (tables[name][str(place)] for name in ("camera", "gt", "gt_info"))
         np.testing.assert_array_equal(view.k, np.reshape(camera["cam_K"], (3, 3)))
         np.testing.assert_array_equal(view.cam_from_model[:3, :3].ravel(), truth["cam_R_m2c"])
@@ -66,7 +67,8 @@ def test_arrays_are_those_of_the_files(opened, dataset):
         kinds = {name: (array.dtype.name, array.shape) for name, array in arrays(view).items()}
         assert kinds == {
             "rgb": ("uint8", (48, 64, 3)), "depth_mm": ("float32", (48, 64)), "mask": ("bool", (48, 64)),
-            "observed": ("bool", (48, 64)), "k": ("float64", (3, 3)), "cam_from_model": ("float64", (4, 4)),
+            "observed": ("bool", (48, 64)), "source_frame": ("uint8", (48, 64)),
+            "k": ("float64", (3, 3)), "cam_from_model": ("float64", (4, 4)),
         }  # fmt: skip
         assert all(array.flags.c_contiguous and array.flags.writeable for array in arrays(view).values())
 

@@ -3,12 +3,14 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
 from oneframe.alignment.reprojection import apply_twist, twist_between
+from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import read_case
@@ -17,9 +19,10 @@ from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
+from oneframe.registration.evidence import frame_evidence
 from oneframe.registration.register import Registrar
 from oneframe.registration.source_correction import SourceCorrection, Track
-from oneframe.registration.verdict import ACCEPTED, REFUSED
+from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
@@ -116,6 +119,20 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
     assert found.verdict.reason
 
 
+def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(15, 10))), everywhere())
+    points = np.random.default_rng(0).uniform(-15, 15, (50, 3))
+    evidence = frame_evidence("", 7, found, CAMERA, points)
+    twists = np.random.default_rng(1).multivariate_normal(np.zeros(6), found.covariance, 4000)
+    moved = [apply_twist(twist, found.cam_from_model, PIVOT) for twist in twists]
+    still = CAMERA.project(transform_points(found.cam_from_model, points))
+    off = [((CAMERA.project(transform_points(pose, points)) - still) ** 2).sum(axis=1).mean() for pose in moved]
+    assert evidence.image_px == pytest.approx(np.sqrt(np.mean(off)), rel=0.05)
+    assert evidence.opacity == pytest.approx(found.verdict.probability * (1 - 2 * evidence.image_px / 5))
+    unsure = replace(evidence, verdict=replace(found.verdict, state=DOUBTFUL))
+    assert 0 < unsure.opacity < replace(evidence, image_px=np.float64(9)).opacity < evidence.opacity
+
+
 def test_what_covers_the_surface_gives_no_colour(registrar, mesh):
     image = photograph(mesh, seen_from(15, 10))
     image[90:180, 120:] = 0.6
@@ -186,12 +203,25 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     write_case(tmp_path, mesh, SOURCE)
     for name, states in (("frames", [ACCEPTED] * 3 + [REFUSED]), ("film.avi", [ACCEPTED] * 3)):
         out = tmp_path / f"registered_{name}"
-        found = registered(tmp_path, name, out, *(["--colour-frames", "1"] if name == "film.avi" else []))
+        found = registered(tmp_path, name, out, *(["--colour-frames", "1", "--denoise"] if name == "film.avi" else []))
         assert [entry["state"] for entry in found] == states
         for entry, true in zip(found, poses, strict=False):
             assert rotation_angle_deg(np.array(entry["cam_from_mesh"])[:3, :3] @ true[:3, :3].T) < 0.5
-        assert len((out / "bop_estimates.csv").read_text().splitlines()) == 4
+        lines = (out / "bop_estimates.csv").read_text().splitlines()
+        assert lines[0] == "scene_id,im_id,obj_id,score,R,t,time"
+        for line, entry in zip(lines[1:], found[:3], strict=True):
+            # as bop_toolkit reads it
+            _, im_id, _, _, rotation, position, _ = line.split(",")
+            pose = np.c_[np.reshape([*map(float, rotation.split())], (3, 3)), [*map(float, position.split())]]
+            assert int(im_id) == entry["frame"]
+            assert pose == pytest.approx(np.array(entry["cam_from_mesh"])[:3], rel=1e-6, abs=1e-6)
         assert (out / "overlay.mp4").exists() == (name == "film.avi")
+        assert b"refused" in (out / "registration.html").read_bytes()
+    # what was not registered is left out of a list of photographs
+    listed, messages = read_photographs(tmp_path / "registered_frames" / "poses.json", read_case(out / "case.toml"))
+    assert [each.image.resolve().name for each in listed] == ["0.png", "1.png", "2.png"]
+    assert all(each.image.exists() for each in listed)
+    assert "1 of 4 entries have no pose" in messages[-1]
     (source,) = read_case(out / "case.toml").frames
     assert source.image.exists()
     assert min(np.abs(source.cam_from_mesh - pose).max() for pose in poses) < 1.0

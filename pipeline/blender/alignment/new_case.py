@@ -69,6 +69,8 @@ class CaseInputs:
         Whether a K for another size of the same picture is rescaled.
     pose
         A file with ``cam_from_mesh``; ``None`` for an initial guess.
+    denoise
+        Whether much noise is removed from the frame.
     """
 
     surface: Path
@@ -81,6 +83,7 @@ class CaseInputs:
     camera: CameraFile
     rescale_camera: bool
     pose: Path | None
+    denoise: bool = False
 
     def files(self, folder: SurfaceFolder) -> dict[str, Path]:
         """All files that are read, by what they are; ``folder`` is what ``surface`` holds."""
@@ -110,6 +113,13 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     names = [structure.name for structure in surface.structures]
     check_outputs(without_kept(folder_outputs(out, names), inputs), inputs)
     frame = _frame(given)
+    if given.denoise:
+        # needs OpenCV, too
+        from ...video.denoise import denoised
+
+        codes, said = denoised(to_uint8(frame.colours), frame.shown)
+        yield said
+        frame = frame if codes is None else replace(frame, colours=codes / np.float32(255))
     kept_frame = frame.kept(out / FRAME)
     camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
     yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {frame.masked:.1%} masked"

@@ -1,6 +1,6 @@
 """A video with the overlay of a case over each frame that has a pose; one frame is in memory at a time."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,10 @@ from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
+from ...images.legend import put_border
 from ...poses.pose_file import read_frame_poses
 from ...video.film_reader import Film, FilmFrame, FilmInfo
+from ..render.lettering import text_mask
 from ..render.video import stream_video
 from .overlay_picture import OverlayPainter
 
@@ -48,6 +50,25 @@ class FilmReport:
     out_of_view: int
     repeated: int
     left_out: int
+
+
+@dataclass(frozen=True)
+class FrameMark:
+    """What a frame of a film says of its pose.
+
+    Attributes
+    ----------
+    opacity
+        Of the overlay, 0..1.
+    codes
+        sRGB of a border for a pose that is not sure; ``None`` for none.
+    words
+        In the border; of letters of a keyboard.
+    """
+
+    opacity: float = 1.0
+    codes: tuple[int, int, int] | None = None
+    words: str = ""
 
 
 def camera_of_film(camera: PinholeCamera, size_wh: tuple[int, int], video: str) -> PinholeCamera:
@@ -109,9 +130,20 @@ def opened_film(
 class OverlayFilm:
     """Draws a film; counts what it shows."""
 
-    def __init__(self, loaded: LoadedCase, film: Film, poses: Sequence[np.ndarray | None], *, explained: bool) -> None:
-        """Prepare the film of a case, with legend and scale bar if it is ``explained``; see :func:`opened_film`."""
-        self._film, self._poses = film, poses
+    def __init__(
+        self,
+        loaded: LoadedCase,
+        film: Film,
+        poses: Sequence[np.ndarray | None],
+        *,
+        explained: bool,
+        marks: Mapping[int, FrameMark] | None = None,
+    ) -> None:
+        """Prepare the film of a case, with legend and scale bar if it is ``explained``; see :func:`opened_film`.
+
+        ``marks`` has those of the frames that are marked, by their numbers.
+        """
+        self._film, self._poses, self._marks = film, poses, marks or {}
         camera = camera_of_film(loaded.frame.camera, film.info.size_wh, film.path.name)
         self._painter = OverlayPainter(loaded, camera, explained=explained)
         self._straight = _resampler(camera, loaded.case.distortion)
@@ -167,13 +199,18 @@ class OverlayFilm:
 
     def _drawn(self, frame: FilmFrame) -> np.ndarray:
         image = self._straight(frame.image)
-        pose = self._poses[frame.index]
+        pose, mark = self._poses[frame.index], self._marks.get(frame.index, FrameMark())
         if pose is None:
             self._counts["without_pose"] += 1
-            return image
-        painted = self._painter.paint(image, pose)
-        self._counts["drawn" if painted.shows_surface else "out_of_view"] += 1
-        return painted.image
+        else:
+            strength = None if mark.opacity == 1 else np.full(image.shape[:2], mark.opacity, np.float32)
+            painted = self._painter.paint(image, pose, clear=strength, sure=mark.codes is None)
+            self._counts["drawn" if painted.shows_surface else "out_of_view"] += 1
+            image = painted.image
+        if mark.codes is not None:
+            image = image.copy()
+            put_border(image, mark.codes, mark.words, text_mask)
+        return image
 
 
 def report_lines(report: FilmReport, case: Case) -> list[str]:

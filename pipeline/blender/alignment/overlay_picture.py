@@ -126,7 +126,7 @@ class OverlayPainter:
             learn_letters(string.printable + "".join(structure.name for structure, _ in loaded.surface.structures))
 
     def paint(
-        self, image: np.ndarray, cam_from_model: np.ndarray, *, clear: np.ndarray | None = None
+        self, image: np.ndarray, cam_from_model: np.ndarray, *, clear: np.ndarray | None = None, sure: bool = True
     ) -> OverlayPicture:
         """Paint over an image.
 
@@ -137,7 +137,10 @@ class OverlayPainter:
         cam_from_model
             4x4, mm.
         clear
-            ``(H, W)`` bool: where the overlay may cover the image; ``None`` for everywhere.
+            ``(H, W)`` bool: where the overlay may cover the image; ``None`` for everywhere. Or the share, 0..1, of its
+            opacity.
+        sure
+            Whether the legend may state how deep the structures lie.
         """
         camera, scene = self._camera, self._scene
         surface, layers = scene.surface_layer(camera, cam_from_model), scene.layers(camera, cam_from_model)
@@ -145,7 +148,7 @@ class OverlayPainter:
         views = self._views(stack, cam_from_model)
         bar = self._bar(stack, surface.depth_mm)
         result = draw_overlay(image, surface, layers, stack, clear=clear)
-        if self._explained:
+        if self._explained and sure:
             self._explain(result, stack, views, bar)
         return OverlayPicture(result, views, bar, bool((surface.depth_mm > 0).any()))
 

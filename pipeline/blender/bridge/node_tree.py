@@ -54,6 +54,12 @@ class Nodes:
         """A vector times a number."""
         return self.add("ShaderNodeVectorMath", {0: vector, "Scale": factor}, operation="SCALE").outputs["Vector"]
 
+    def chosen(
+        self, flag: bpy.types.NodeSocket, zero: bpy.types.NodeSocket, one: float | bpy.types.NodeSocket
+    ) -> bpy.types.NodeSocket:
+        """The number ``zero`` where the flag is 0, and ``one`` where it is 1."""
+        return self.math("MULTIPLY_ADD", flag, self.math("SUBTRACT", one, zero), zero)
+
     def mixed(self, factor: bpy.types.NodeSocket, zero: Any, one: Any) -> bpy.types.NodeSocket:
         """The colour ``zero`` (RGBA or a socket) where the factor is 0, and ``one`` where it is 1."""
         return self.add("ShaderNodeMix", {0: factor, 6: zero, 7: one}, data_type="RGBA").outputs[2]

@@ -19,7 +19,7 @@ from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
 from ...files.content import read_content
 from ...files.tables import parsed_json
-from ...poses.pose_file import POSE_KEY, read_poses
+from ...poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ...surface.mesh_reader import read_mesh
 from ...transforms import inverse_rigid
 from ..bridge.image import read_image
@@ -64,7 +64,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
 
 
 def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
-    """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file.
+    """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file, or ``null``: left out.
 
     Returns
     -------
@@ -77,6 +77,7 @@ def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[st
     """
     poses, messages = read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=case.mm_per_unit)
     entries: Any = parsed_json(read_content(path, "a list of photographs"), path.name)
+    entries = [entry for entry in entries if not is_without_pose(entry)]
     images: list[Any] = [entry.get("image") if isinstance(entry, dict) else None for entry in entries]
     for number, image in enumerate(images):
         if not isinstance(image, str) or not image:

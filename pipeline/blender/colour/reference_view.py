@@ -14,6 +14,7 @@ import numpy as np
 from ...case.loaded_case import LoadedCase
 from ...colour.exposure import matched_exposures
 from ...colour.fill import filled_colours
+from ...colour.highlights import without_highlights
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
 from ...colour.source_view import SourceView
@@ -82,9 +83,9 @@ def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceVi
     seen: list[RenderedView] = []
     for frame in loaded.frames:
         if rays is not None:
-            seen.append(RayTracer(mesh, frame.camera, None, rays=rays).render(frame.cam_from_model))
+            seen.append(RayTracer(mesh, frame.camera, rays=rays).render(frame.cam_from_model))
             continue
-        with SurfaceScene(mesh, frame.camera, None) as surface_scene:
+        with SurfaceScene(mesh, frame.camera) as surface_scene:
             seen.append(render_view(surface_scene, frame.cam_from_model))
     view = _view_of(loaded, [each.depth_mm for each in seen], seen[0].observed)
     return replace(view, rays=rays) if view.mesh is mesh else view
@@ -157,7 +158,7 @@ def _view_of(
     pixel = np.array([[u[central], v[central]]], float)
     pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
     pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
-    return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(messages), raster)
+    return ReferenceView(mesh, without_highlights(matched_exposures(views)), pivot_model, tuple(messages), raster)
 
 
 def colours_of(source: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:

@@ -135,20 +135,23 @@ def _missing_views(opened: OpenJob, found: _Found) -> MissingViews:
         job.options,
         opened.description,
         opened.identity,
-        view_kinds(float_depth=job.options.float_depth),
+        _kinds(job),
         len(found.views.finished),
         found.missing,
         frozenset(found.views.damaged).intersection(found.missing),
     )
 
 
+def _kinds(job: Job) -> tuple[str, ...]:
+    return view_kinds(float_depth=job.options.float_depth, several_frames=bool(job.case.frames))
+
+
 def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Survey:
-    kinds = view_kinds(float_depth=opened.job.options.float_depth)
     return survey_views(
         opened.job.out,
         views,
         opened.description,
-        kinds,
+        _kinds(opened.job),
         poses=opened.given_poses,
         hashes=verify,
         threads=available_cores(),

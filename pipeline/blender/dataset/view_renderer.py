@@ -9,17 +9,17 @@ from mathutils import Vector
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
-from ...colour.best_view import Render, best_of
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from ...colour.ray_tracer import best_traced
+from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
 from ...dataset.description import farthest_listed_mm, view_camera
-from ...dataset.layout import ViewPaths
+from ...dataset.layout import ViewPaths, view_kinds
 from ...dataset.options import DatasetOptions
 from ...dataset.run.resume_record import ViewRecord
 from ...dataset.view import RenderedSample, depth_scale_for, encode_view
 from ...poses.constraints import Constraints, PlannedPose, ViewStatistics, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
+from ...projection.rendered_view import Render
 from ...projection.silhouette import SilhouetteEdges
 from ...projection.visible_surface import cast_grid
 from ...transforms import camera_centre
@@ -113,6 +113,7 @@ class ViewRenderer:
         self._resources = ExitStack()
         opened = _opened_renderer(source, self.camera, colours, options, threads)
         self.render, self._probe = self._resources.enter_context(opened)
+        self._kinds = view_kinds(float_depth=options.float_depth, several_frames=len(loaded.frames) > 1)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
         reference = ReferencePose(loaded.frame.cam_from_model, source.pivot_model)
@@ -186,7 +187,7 @@ class ViewRenderer:
             self.camera,
             identity=self._identity,
             depth_scale=self.depth_scale,
-            float_depth=self._options.float_depth,
+            kinds=self._kinds,
         )
 
 
@@ -201,33 +202,27 @@ def _opened_renderer(
     """What renders any pose (4x4, mm) with the options' engine, from the best of the colours, and the probe."""
     mesh, unseen, pivot = source.mesh, unseen_colours_of(source, options.unseen), source.pivot_model
     if options.engine == "raster":
-        with SurfaceScene(mesh, camera, None) as scene:
+        with SurfaceScene(mesh, camera) as scene:
             probe = ViewProbe(scene, source, camera)
-        traced = best_traced(
-            mesh, camera, colours, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
+        tracer = RayTracer(
+            mesh, camera, *colours, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
         )
-        yield traced, probe
+        yield tracer.render, probe
         return
     # Eevee averages many samples at little cost
     at_edges = options.samples > 1 and options.engine == "cycles"
-    with ExitStack() as opened:
-        renders: list[Render] = []
-        for view, colour in zip(source.views, colours, strict=True):
-            scene = SurfaceScene(
-                mesh,
-                camera,
-                colour,
-                unseen=unseen,
-                engine=options.engine,
-                samples=1 if at_edges else options.samples,
-                filtered=at_edges,
-            )
-            opened.enter_context(scene)
-            scene.limit_threads(threads)
-            renders.append(
-                EdgeSampler(scene, view, pivot, options.samples).render if at_edges else partial(render_view, scene)
-            )
-        yield best_of(mesh, camera, source.views, renders), ViewProbe(scene, source, camera)
+    with SurfaceScene(
+        mesh,
+        camera,
+        *colours,
+        unseen=unseen,
+        engine=options.engine,
+        samples=1 if at_edges else options.samples,
+        filtered=at_edges,
+    ) as scene:
+        scene.limit_threads(threads)
+        render = EdgeSampler(scene, pivot, options.samples).render if at_edges else partial(render_view, scene)
+        yield render, ViewProbe(scene, source, camera)
 
 
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:

@@ -134,12 +134,8 @@ def _stated_px(record: Mapping[str, Any], points: np.ndarray, camera: PinholeCam
     """Root mean square error in the image that a case states: its own, or that of its standard deviations."""
     if "error_px" in record:
         return float(record["error_px"])
-    if "standard_deviation_mm" not in record or "standard_deviation_deg" not in record:
+    uncertainty = PoseUncertainty.stated(record, points, pose)
+    if uncertainty is None:
         return np.nan
-    deviations = np.array([*record["standard_deviation_mm"], *np.radians(record["standard_deviation_deg"])])
-    pivot = points.mean(axis=0)
-    radius = float(np.sqrt(((points - pivot) ** 2).sum(axis=1).mean()))
-    covariance, pivot_cam = np.diag(deviations**2), transform_points(pose, pivot)
-    uncertainty = PoseUncertainty(pivot, covariance, np.inf, np.nan, radius, pivot_cam)
     spreads = uncertainty.pixel_covariances(points, camera, pose)
     return float(np.sqrt(np.nanmean(np.trace(spreads, axis1=1, axis2=2))))

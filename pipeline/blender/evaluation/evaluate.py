@@ -5,6 +5,7 @@ photograph are in memory.
 """
 
 import math
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -12,21 +13,21 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
-from ...colour.best_view import Render
-from ...colour.ray_tracer import best_traced
+from ...colour.ray_tracer import RayTracer
 from ...dataset.options import DatasetOptions
-from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, Row
+from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
 from ...evaluation.scores.distribution_distance import (
     FEWEST_IMAGES,
     FID_IMAGES,
     frechet_distance,
     kernel_distance,
-    mean_interval,
 )
 from ...evaluation.scores.inception import Inception
+from ...evaluation.scores.mean_intervals import Resampling
 from ...evaluation.scores.reachable_scores import JITTERS, perfect_views
 from ...evaluation.scores.view_scores import SCORES, scores_of
 from ...poses.distributions import Cone, ReferencePose
+from ...projection.rendered_view import Render
 from ..case.load_case import load_posed_frame
 from ..colour.reference_view import ReferenceView, reference_view_of
 from .methods import Method, opened
@@ -113,9 +114,10 @@ class Findings:
 
     rows: list[Row] = field(default_factory=list)
     features: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    bound: dict[str, list[dict[str, float]]] = field(default_factory=dict)
+    bound: dict[str, list[tuple[str, dict[str, float]]]] = field(default_factory=dict)
     jitter_px: dict[str, float] = field(default_factory=dict)
     without_overlap: list[tuple[str, str]] = field(default_factory=list)
+    preparation_seconds: float = 0.0
 
 
 def named_cases(
@@ -160,8 +162,9 @@ def evaluate_case(
     InputError
         A photograph cannot be used, or the case shows no surface.
     """
+    began = time.perf_counter()
     source = reference_view_of(case.loaded, "raster")
-    trace = best_traced(source.mesh, case.loaded.frame.camera, source.views, rays=source.rays)
+    trace = RayTracer(source.mesh, case.loaded.frame.camera, *source.views, rays=source.rays).render
     novel_poses = _novel_poses(case, source, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses
@@ -169,6 +172,7 @@ def evaluate_case(
     for method in settings.methods:
         rows, features = [], {}
         with opened(method, source, case.loaded.frame.camera, poses) as render:
+            findings.preparation_seconds += time.perf_counter() - began
             for shown in _shown_surfaces(case, trace):
                 scores = dict.fromkeys(SCORES, float("nan"))
                 if shown.surface.any():
@@ -186,6 +190,7 @@ def evaluate_case(
             if method in settings.compared:
                 for number, pose in enumerate(novel_poses):
                     yield View(case, number, method, render(pose))
+        began = time.perf_counter()
         findings.rows += rows
         if features:
             findings.features[case.name, method.name] = (
@@ -247,20 +252,24 @@ def _add_bound(
             rngs = [np.random.default_rng([settings.seed, shown.number, draw]) for draw in range(JITTERS)]
             views = perfect_views(shown.real, shown.depth_mm, case.loaded.frame.camera, gain, jitter, rngs)
             draws = [scores_of(shown.real, view, shown.surface, shown.observed) for view in views]
-            reached.append({score: float(np.mean([each[score] for each in draws])) for score in SCORES})
+            means = {score: float(np.mean([each[score] for each in draws])) for score in SCORES}
+            reached.append((case.images[shown.number], means))
         advance()
 
 
-def bounds(findings: Findings, rng: np.random.Generator) -> Iterator[Bound]:
+def bounds(findings: Findings, cases: Sequence[EvaluatedCase], rng: np.random.Generator) -> Iterator[Bound]:
     """The bound of every score, for each case and for all."""
-    everything = [scores for reached in findings.bound.values() for scores in reached]
-    jitters = [findings.jitter_px[case] for case, reached in findings.bound.items() for _ in reached]
-    groups = [(case, reached, findings.jitter_px[case]) for case, reached in findings.bound.items()]
-    for case, reached, jitter in [*groups, (ALL, everything, float(np.mean(jitters)) if jitters else 0.0)]:
+    everything = [(case, *each) for case, reached in findings.bound.items() for each in reached]
+    for name in (*findings.bound, ALL):
+        own = [each for each in everything if name in (ALL, each[0])]
+        if not own:
+            continue
+        resampling = Resampling(clusters([(case, image) for case, image, _ in own], cases), rng)
+        jitter_px = resampling.interval(np.array([findings.jitter_px[case] for case, _, _ in own])).mean
         for score in SCORES:
             if score not in UNBOUNDED:
-                found = mean_interval(np.array([scores[score] for scores in reached]), rng)
-                yield Bound(case, score, found.mean, found.low, found.high, jitter)
+                found = resampling.interval(np.array([scores[score] for _, _, scores in own]))
+                yield Bound(name, score, found.mean, found.low, found.high, jitter_px)
 
 
 def distributions(findings: Findings) -> Iterator[Distribution]:

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -131,7 +132,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     RunError
         A file cannot be written.
     """
-    findings, gallery = Findings(), _Gallery(run)
+    began, findings, gallery = time.perf_counter(), Findings(), _Gallery(run)
     # what a step takes depends on the size of the photograph
     steps = [steps_px(case, len(run.settings.methods)) for case in run.cases]
     shares = itertools.accumulate(itertools.chain.from_iterable(steps))
@@ -147,19 +148,22 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     if all(np.isnan(row.scores["ssim_whole"]) for row in findings.rows):
         raise InputError("photographs: expected views of a surface, none of them shows any; check the poses")
     rng = np.random.default_rng(run.settings.seed)
+    surfaces = {case.loaded.case.mesh: case.name for case in reversed(run.cases)}
+    cases = tuple(EvaluatedCase(case.name, case.images, surfaces[case.loaded.case.mesh]) for case in run.cases)
     evaluation = Evaluation(
         conditions=_conditions(run),
-        cases=tuple(EvaluatedCase(case.name, case.images) for case in run.cases),
+        cases=cases,
         methods=(
             *(EvaluatedMethod(method.name, method.peer) for method in run.settings.methods),
             *(EvaluatedMethod(method.name, method.peer, reason) for method, reason in run.skipped.items()),
         ),
         rows=tuple(findings.rows),
-        summary=summarised(findings.rows, rng),
+        summary=summarised(findings.rows, cases, rng),
         distribution=tuple(distributions(findings)),
-        bound=tuple(bounds(findings, rng)),
+        bound=tuple(bounds(findings, cases, rng)),
         missing="" if run.settings.inception else NO_INCEPTION,
         pictures=tuple(gallery.pictures),
+        seconds={"all": time.perf_counter() - began, "preparation": findings.preparation_seconds},
     )
     gallery.write_sheets()
     evaluation = draw_charts(evaluation, run.out)

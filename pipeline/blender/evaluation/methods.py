@@ -24,8 +24,8 @@ from ..render.engines import check_engine, opened_engine
 Render = Callable[[np.ndarray], np.ndarray]
 """From ``cam_from_model`` (4x4, mm) to ``(H, W, 3)`` float32 code values 0..1."""
 
-PAPER = "paper"
-"""The colour of the paper's method: per vertex, without a test of visibility."""
+PAPER, PAPER_CLAMPED = "paper", "paper-clamped"
+"""The colour of the paper's method: per vertex, without a test of visibility; black outside the frame, or clamped."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Method:
     key, name
         On the command line; in tables and charts.
     colour
-        One of :data:`.COLOURS`, or :data:`PAPER`.
+        One of :data:`.COLOURS`, :data:`PAPER` or :data:`PAPER_CLAMPED`.
     renderer
         One of :data:`oneframe.dataset.options.ENGINES`, or ``"pyvista"``.
     unseen
@@ -53,7 +53,7 @@ class Method:
     @property
     def peer(self) -> bool:
         """Whether the method is the paper's, not this program's."""
-        return self.colour == PAPER
+        return self.colour in (PAPER, PAPER_CLAMPED)
 
 
 def _ours(colour: str, engine: str, unseen: str = "neutral") -> Method:
@@ -66,7 +66,9 @@ METHODS = {
     for method in (
         *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ENGINES for colour in COLOURS),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
+        Method("paper-clamped-pyvista", "paper, clamped (PyVista)", PAPER_CLAMPED, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
+        Method("paper-clamped-cycles", "paper's colours, clamped (Cycles)", PAPER_CLAMPED, "cycles"),
     )
 }
 DEFAULT = (
@@ -76,6 +78,7 @@ DEFAULT = (
     "vertex-raster",
     "projective-eevee",
     "paper-pyvista",
+    "paper-clamped-pyvista",
 )
 EVERY = "all"
 
@@ -137,11 +140,8 @@ def opened(
         All poses that will be rendered, for the clipping planes of renderers that have fixed ones.
     """
     if method.renderer == "pyvista":
-        view = source.view
-        codes = to_uint8(projected_colours(source.mesh, view.image, view.camera, view.cam_from_model))
-        render = pyvista_renderer(
-            source.mesh, codes, camera, samples=1, lit=False, depth_range_mm=_depth_range(source, poses)
-        )
+        codes, depths = to_uint8(_paper_colours(method, source)), _depth_range(source, poses)
+        render = pyvista_renderer(source.mesh, codes, camera, samples=1, lit=False, depth_range_mm=depths)
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
     unseen = unseen_colours_of(source, method.unseen)
@@ -150,12 +150,16 @@ def opened(
 
 
 def _colours(method: Method, source: ReferenceView) -> list[SurfaceColour]:
-    if method.colour == PAPER:
-        view = source.view
-        rgb = projected_colours(source.mesh, view.image, view.camera, view.cam_from_model)
+    if method.peer:
+        rgb = _paper_colours(method, source)
         everywhere = np.ones(len(rgb), bool)
         return [VertexColours(rgb, everywhere, everywhere)]
     return colours_of(source, method.colour)[0]
+
+
+def _paper_colours(method: Method, source: ReferenceView) -> np.ndarray:
+    view, clamped = source.view, method.colour == PAPER_CLAMPED
+    return projected_colours(source.mesh, view.image, view.camera, view.cam_from_model, clamped=clamped)
 
 
 def _depth_range(source: ReferenceView, poses: Sequence[np.ndarray]) -> tuple[float, float]:

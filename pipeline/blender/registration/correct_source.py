@@ -12,9 +12,10 @@ from ...case.alignment_record import FURTHER_FRAMES
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...files.numbers import format_two_digits
+from ...registration.blocks import SPREAD
 from ...registration.flow_refinement import FlowFit
 from ...registration.source_correction import SourceCorrection, Track
-from ...registration.verdict import ACCEPTED, SPREAD
+from ...registration.verdict import ACCEPTED
 from ...transforms import inverse_rigid, rotation_angle_deg, transform_points
 from .register_frames import CaseRegistrar
 
@@ -23,6 +24,8 @@ MOST_PIXELS = 600
 """Of a frame: more say nothing new."""
 MOST_ROUNDS, SETTLED_PX = 6, 0.1
 """Rounds of flow and fit, and mean movement, at the size of registration, below which no further one follows."""
+LEAST_AGREEMENT = 0.6
+"""Of the pixels at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
 LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
 
@@ -77,7 +80,7 @@ def correct_source(
             registrar = CaseRegistrar(loaded)
         fits, accepted = dict[int, FlowFit](), 0
         for done, frame in enumerate(frames):
-            found = registrar.register(frame, poses.get(done))
+            found = registrar.registered_alone(frame, poses.get(done))
             if found.fit is not None:
                 fits[done] = found.fit
                 accepted += found.verdict.state == ACCEPTED
@@ -97,6 +100,12 @@ def correct_source(
         raise InputError(
             f"{source.name}: expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from "
             f"other sides, found {accepted} of {len(frames)}; the pose is not corrected"
+        )
+    if fit.agreement < LEAST_AGREEMENT:
+        raise InputError(
+            f"{source.name}: expected one pose of the case's frame with which the frames agree, found "
+            f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: "
+            f"align the frame again; the pose is not corrected"
         )
     camera, pose = loaded.case.camera, fit.cam_from_model
     uncertainty = PoseUncertainty(

@@ -1,37 +1,43 @@
 """Register further frames to a case, and write their poses, a sheet of the frames, and of a video a film."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count as counted
 from pathlib import Path
 
+import cv2
 import numpy as np
 
+from ...case.case_writer import relative_name
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
 from ...files.outputs import check_own_folder, made_folder, writing
 from ...images.contact_sheet import contact_sheet
+from ...images.legend import put_border
 from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
 from ...registration.colour_sources import Candidate, chosen_sources, hidden_blocks, sharpness
+from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
-from ...registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
+from ...registration.verdict import ACCEPTED
 from ...video.film_reader import Film
-from ..alignment.overlay_film import WIDEST, OverlayFilm
+from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
+from ..render.lettering import text_mask
 from .register_frames import CaseRegistrar, FurtherFrame
 
-SHEET, FILM, CASE = "frames.png", "overlay.mp4", "case.toml"
-NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, CASE, r"frame_\d+.png")).replace(".", r"\.")
+SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
+NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).replace(".", r"\.")
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
-BORDER_PX = 6
-COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60, 50)}
-"""State of a frame -> colour of its border, sRGB."""
+PICTURES, PICTURE_PX, WEBP = 240, 480, 75
+"""How many frames have a picture as evidence, of all and where the state changes, and its width and quality."""
+STRUCTURE_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -40,16 +46,13 @@ class Registration:
 
     Attributes
     ----------
-    counts
-        State -> number of frames.
-    reasons
-        Of the frames that are not accepted, with their names or numbers.
+    evidence
+        Of each frame.
     sources
         The frames to colour the surface with.
     """
 
-    counts: dict[str, int]
-    reasons: tuple[tuple[str, str], ...]
+    evidence: RegistrationEvidence
     sources: tuple[UnreadFrame, ...] = ()
 
 
@@ -60,6 +63,7 @@ def register_case(
     *,
     every: int = 1,
     colour_frames: int = 0,
+    denoise: bool = False,
     progress: Callable[[int, int], None],
 ) -> Registration:
     """Register all frames of a folder or a video, and write the files into a folder.
@@ -76,8 +80,10 @@ def register_case(
         Take every n-th frame.
     colour_frames
         Choose so many accepted frames, at most, to colour the surface with.
+    denoise
+        Remove noise from these, see :mod:`oneframe.video.denoise`.
     progress
-        Called with the number of finished frames and of all.
+        Called with the number of finished steps and of all: a frame is one, and another one in the film.
 
     Raises
     ------
@@ -88,22 +94,31 @@ def register_case(
     """
     check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
-    scene = overlay_scene(loaded)
-    entries, tiles, poses, candidates = [], [], {}, []
+    scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
+    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), []
+    steps, spare = 1 if source.is_dir() else 2, PICTURES
     with registrar.frames(source, every) as (count, frames):
-        shown_every = -(-count // SHEET_FRAMES)
+        shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         for done, frame in enumerate(frames):
             found = registrar.register(frame)
             surface, units = loaded.surface, loaded.case.mm_per_unit
-            entries.append(pose_entry(frame.name, frame.number, found, surface.mesh_from_model, units))
-            if found.fit is not None and found.verdict.state == ACCEPTED:
-                pose = poses[frame.number] = found.fit.cam_from_model
-                if colour_frames:
-                    hidden = hidden_blocks(found.fit)
-                    candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
-            if done % shown_every == 0:
-                tiles.append(_tile(frame, found, scene, registrar))
-            progress(done + 1, count)
+            # as in a list of photographs: from the folder of the list
+            image = relative_name(source / frame.name, out) if frame.name else ""
+            entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
+            if colour_frames and found.fit is not None and found.verdict.state == ACCEPTED:
+                pose, hidden = found.fit.cam_from_model, hidden_blocks(found.fit)
+                candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
+            picture = None
+            in_sheet = done % shown_every == 0
+            changed = spare > 0 and (not evidence or evidence[-1].verdict.state != found.verdict.state)
+            if in_sheet or changed or done % kept_every == 0:
+                tile = _tile(frame, found, scene, registrar)
+                picture = _webp(tile)
+                tiles += [tile.astype(np.float32) / 255] * in_sheet
+                spare -= changed
+            points = drawn if len(drawn) or found.fit is None else found.fit.points_model
+            evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
+            progress(done + 1, steps * count)
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
     made_folder(out / POSES)
@@ -111,32 +126,68 @@ def register_case(
     sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
-    if not source.is_dir() and every == 1:
-        with Film(source, width=WIDEST) as film:
-            track = [poses.get(number) for number in range(film.info.frames)]
-            OverlayFilm(loaded, film, track, explained=True).write(out / FILM, lambda: None)
-    counts = {state: sum(entry["state"] == state for entry in entries) for state in COLOURS}
-    reasons = tuple(
-        (str(entry.get("image", f"frame {entry['frame']}")), f"{entry['state']}: {entry['reason']}")
-        for entry in entries
-        if entry["state"] != ACCEPTED
-    )
+    if not source.is_dir():
+
+        def shown(share: float) -> None:
+            progress(int((1 + share) * count), 2 * count)
+
+        _write_film(loaded, source, out / FILM, evidence, every, shown)
     sources: tuple[UnreadFrame, ...] = ()
     if candidates:
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
         chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
         listed = {each.number: each for each in candidates if each.number in chosen}
-        sources = tuple(registrar.full_frames(source, out, listed, loaded.surface.mesh_from_model))
-    return Registration(counts, reasons, sources)
+        mesh_from_model = loaded.surface.mesh_from_model
+        sources = tuple(registrar.full_frames(source, out, listed, mesh_from_model, denoise=denoise))
+    known = RegistrationEvidence(
+        tuple(evidence),
+        registrar.mesh,
+        registrar.source,
+        registrar.pivot_model,
+        loaded.case.alignment or {},
+        is_film=not source.is_dir(),
+    )
+    return Registration(known, sources)
+
+
+def _drawn_points(loaded: LoadedCase) -> np.ndarray:
+    """``(N, 3)`` some points of the structures, model frame."""
+    meshes = (mesh.vertices for _, mesh in loaded.surface.structures)
+    return np.concatenate([np.zeros((0, 3)), *(each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes)])
+
+
+def _write_film(
+    loaded: LoadedCase,
+    source: Path,
+    out: Path,
+    evidence: Sequence[FrameEvidence],
+    every: int,
+    progress: Callable[[float], None],
+) -> None:
+    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
+    with Film(source, every=every, width=WIDEST) as film:
+        poses: list[np.ndarray | None] = [None] * (film.info.frames * every)
+        marks = dict[int, FrameMark]()
+        for each in evidence:
+            poses[each.number] = each.cam_from_model
+            sure = each.verdict.state == ACCEPTED
+            codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words(each))
+            marks[each.number] = FrameMark(each.opacity, codes, words)
+        drawing, written = OverlayFilm(loaded, film, poses, explained=True, marks=marks), counted(1)
+        drawing.write(out, lambda: progress(next(written) / drawing.count))
+
+
+def _webp(tile: np.ndarray) -> bytes:
+    size_wh = PICTURE_PX, round(PICTURE_PX * tile.shape[0] / tile.shape[1])
+    small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
 
 
 def _tile(frame: FurtherFrame, found: RegisteredFrame, scene: OverlayScene, registrar: CaseRegistrar) -> np.ndarray:
-    """``(h, w, 3)`` float32: the frame with the overlay at its pose, in a border of its state's colour."""
+    """``(h, w, 3)`` uint8: the frame with the overlay at its pose, in a border of its state's colour."""
     picture = frame.image.copy()
     if found.cam_from_model is not None:
         camera, pose = registrar.camera, found.cam_from_model
         picture = draw_overlay(picture, scene.surface_layer(camera, pose), scene.layers(camera, pose))
-    colour = COLOURS[found.verdict.state]
-    for part in (np.s_[:BORDER_PX], np.s_[-BORDER_PX:], np.s_[:, :BORDER_PX], np.s_[:, -BORDER_PX:]):
-        picture[part] = colour
-    return picture.astype(np.float32) / 255
+    put_border(picture, COLOURS[found.verdict.state], "", text_mask)
+    return picture

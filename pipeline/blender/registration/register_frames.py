@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...alignment.pose_uncertainty import PoseUncertainty
 from ...camera.distortion import distorted_pixels
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
@@ -20,13 +21,16 @@ from ...images.png import encode_png
 from ...registration.colour_sources import Candidate, shown_pixels
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
-from ...registration.verdict import ACCEPTED
-from ...transforms import inverse_rigid
+from ...registration.source_uncertainty import doubt_of_source, with_source
+from ...registration.verdict import ACCEPTED, REFUSED, Verdict
+from ...registration.zoom import has_zoomed, zoom_of
+from ...transforms import inverse_rigid, transform_points
+from ...video.denoise import denoised
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
 from ..alignment.overlay_film import camera_of_film
 from ..bridge.image import read_image
-from ..colour.reference_view import colouring_view_of
+from ..colour.reference_view import ReferenceView, colouring_view_of
 
 LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
@@ -74,29 +78,44 @@ class CaseRegistrar:
         small = replace(frame, image=image, valid=valid, camera=self.camera)
         view = colouring_view_of(replace(loaded, frames=(small,)))
         self.mesh, self.pivot_model, self.cam_from_model = view.mesh, view.pivot_model, frame.cam_from_model
+        self.source = view.view
         self._registrar = Registrar(view.mesh, view.view, view.pivot_model)
-        self._case = loaded.case
+        self._case, self._own = loaded.case, _own_uncertainty(loaded, view)
         self._straight: Resampler | None = None
         self._inside = np.ones(self.camera.shape_hw, bool)
         if loaded.case.distortion is not None:
             pixels = distorted_pixels(self.camera, loaded.case.distortion, self.camera.pixel_grid())
             self._straight = Resampler(pixels)
             self._inside = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
-        self._near: np.ndarray | None = None
+        self._before: tuple[np.ndarray, ...] = ()
 
     def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
-        """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from the one before.
+        """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
+
+        Refused at another focal length; what the case states of its own pose's error is included.
 
         Raises
         ------
         InputError
             The case's frame shows too little texture on the surface.
         """
-        near = self._near if near is None and not frame.name else near
+        found = self.registered_alone(frame, near)
+        if found.fit is not None and has_zoomed(zoom := zoom_of(found.fit, self.pivot_model)):
+            reason = (
+                f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off "
+                f"(--correct-source)"
+            )
+            return RegisteredFrame(None, Verdict(REFUSED, 0.0, reason), None, self.pivot_model)
+        return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
+
+    def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
+        """The same as if the case's pose and the focal length were certain."""
+        if near is None and not frame.name and self._before:
+            # the camera goes on as it did
+            near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
         found = self._registrar.register(grey_codes(frame.image), frame.valid, near)
-        # where its view was drawn, which is kept: a fraction of a pixel from the pose that was found
-        fit = found.fit if found.verdict.state == ACCEPTED else None
-        self._near = None if fit is None else fit.view.cam_from_model
+        pose = found.cam_from_model if found.verdict.state == ACCEPTED else None
+        self._before = () if pose is None else (*self._before[-1:], pose)
         return found
 
     @contextmanager
@@ -120,7 +139,13 @@ class CaseRegistrar:
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
     def full_frames(
-        self, source: Path, out: Path, chosen: Mapping[int, Candidate], mesh_from_model: np.ndarray
+        self,
+        source: Path,
+        out: Path,
+        chosen: Mapping[int, Candidate],
+        mesh_from_model: np.ndarray,
+        *,
+        denoise: bool = False,
     ) -> Iterator[UnreadFrame]:
         """Write registered frames at full size into a folder, clear where something hides the surface, for a case.
 
@@ -132,6 +157,8 @@ class CaseRegistrar:
         for number, image in self._full_images(source, chosen):
             candidate, size_wh = chosen[number], (image.shape[1], image.shape[0])
             shown = shown_pixels(candidate.hidden, self.camera, size_wh)
+            clean = denoised(image, shown)[0] if denoise else None
+            image = image if clean is None else clean
             path = out / FRAME.format(number)
             with writing(path):
                 write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))
@@ -162,6 +189,22 @@ class CaseRegistrar:
         if self._straight is not None:
             image = self._straight(image)
         return FurtherFrame(name, number, image, self._inside)
+
+
+def doubt_of_case(loaded: LoadedCase) -> str:
+    """A sentence if the case's own pose is too unsure for any frame to be accepted; empty otherwise."""
+    own = PoseUncertainty.stated(loaded.case.alignment, loaded.surface.mesh.vertices, loaded.frame.cam_from_model)
+    camera = _small(loaded.frame.camera)
+    return "" if own is None else doubt_of_source(own, loaded.frame.cam_from_model, camera)
+
+
+def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty | None:
+    """Of the case's pose, about the pivot, if the case states it: that of the middle of what the frame shows."""
+    pose, source = loaded.frame.cam_from_model, view.view
+    v, u = np.nonzero(source.inverse_depth > 0)
+    points_cam = source.camera.rays_cam(np.stack([u, v], axis=1).astype(float)) / source.inverse_depth[v, u][:, None]
+    own = PoseUncertainty.stated(loaded.case.alignment, transform_points(inverse_rigid(pose), points_cam), pose)
+    return None if own is None else own.about(view.pivot_model, pose)
 
 
 def image_paths(folder: Path) -> list[Path]:

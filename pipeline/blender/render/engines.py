@@ -8,26 +8,25 @@ import ctypes
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import cache, partial
 
 import bpy
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...colour.best_view import Render, best_of
-from ...colour.ray_tracer import best_traced
-from ...colour.shading import SurfaceColour, source_of
+from ...colour.ray_tracer import RayTracer
+from ...colour.shading import SurfaceColour
 from ...errors import InputError
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
 from ...process.own_process import delayed_interrupts
 from ...projection.rays import require_embree
-from ...projection.rendered_view import RenderedView
+from ...projection.rendered_view import Render, RenderedView
 from ...surface.mesh import TriangleMesh
 from ..bridge.image import render_path
 from ..bridge.versions import set_multilayer_exr
-from .material import OBSERVED_PASS
+from .material import OBSERVED_PASS, SOURCE_PASS
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
@@ -47,7 +46,12 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     # with several samples the flag is the mean over the pixel
     flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
     rgb = combined[..., :3] if surface_scene.samples == 1 else _without_background(combined, depth)
-    return RenderedView(rgb, depth, flag > 0.5, flag > 1.5)
+    source = (flag > 0.5).astype(np.uint8)
+    if SOURCE_PASS in passes:
+        # at seams, several samples may be of several frames
+        numbers = passes[SOURCE_PASS][..., 0] / (1.0 if surface_scene.samples == 1 else np.maximum(flag, 0.5))
+        source *= np.clip(np.rint(numbers), 1, len(surface_scene.colours)).astype(np.uint8)
+    return RenderedView(rgb, depth, source, flag > 1.5)
 
 
 @contextmanager
@@ -69,15 +73,10 @@ def opened_engine(
         The engine cannot render it.
     """
     if engine == "raster":
-        yield best_traced(mesh, camera, colours, unseen=unseen)
+        yield RayTracer(mesh, camera, *colours, unseen=unseen).render
         return
-    with ExitStack() as opened:
-        scenes = [
-            opened.enter_context(SurfaceScene(mesh, camera, colour, unseen=unseen, engine=engine))
-            for colour in colours or (None,)
-        ]
-        views = [source_of(colour) for colour in colours]
-        yield best_of(mesh, camera, views, [partial(render_view, scene) for scene in scenes])
+    with SurfaceScene(mesh, camera, *colours, unseen=unseen, engine=engine) as scene:
+        yield partial(render_view, scene)
 
 
 def _without_background(combined: np.ndarray, depth: np.ndarray) -> np.ndarray:

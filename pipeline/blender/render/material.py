@@ -1,5 +1,8 @@
 """Surface colour as emission: the three colour modes as shader nodes, each with its observed flag.
 
+Of several frames, the surface shows the colour of the best one: of those whose flag is 1, the one of the highest
+resolution on the face (:mod:`oneframe.colour.best_view`).
+
 All modes compute two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface emits the
 colour, or that of unseen surface where the flag is 0; the flag goes to the pass :data:`OBSERVED_PASS`. There is no
 light, so renders show the code values unchanged. Back sides are never observed.
@@ -8,37 +11,45 @@ The flag is the rule of :mod:`oneframe.colour.source_view` at the shaded point, 
 lookup must also find colour: a texel that the frame saw, or three vertices with a colour from it.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import bpy
 import numpy as np
 
-from ...colour.shading import SurfaceColour
+from ...colour.shading import SurfaceColour, source_of
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import COVERED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
-from ..bridge.data_blocks import set_corner_uv, set_corner_vectors, set_vertex_colors
+from ..bridge.data_blocks import set_corner_vectors, set_vertex_colors
 from ..bridge.image import new_float_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
 
-OBSERVED_PASS = "observed"
+OBSERVED_PASS, SOURCE_PASS = "observed", "source"
+"""The flag of the frame that colours a point, and its number from 1, or 0."""
 COLOUR_ATTRIBUTE = "frame_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
-FILTER_LOOKUPS = tuple((f"filter offset {number}", f"filter image {number}") for number in range(4))
-"""Names of the shader's image nodes, and of what moves the filter's lookups, see :func:`assign_colour`."""
+RESOLUTION_ATTRIBUTE = "frame_resolution"
 OBSERVED_LEAST = 0.9999
 """If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
 NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
 
 
+def filter_lookups(frame: int) -> list[tuple[str, str]]:
+    """Names of what moves a filter's four lookups, and of their image nodes, see :func:`assign_colour`."""
+    return [(f"filter offset {frame} {number}", f"filter image {frame} {number}") for number in range(4)]
+
+
 def assign_colour(
     mesh_object: bpy.types.Object,
     mesh: TriangleMesh,
-    colour: SurfaceColour | None,
+    colours: Sequence[SurfaceColour],
     *,
     unseen: np.ndarray | None = None,
     filtered: bool = False,
@@ -49,30 +60,44 @@ def assign_colour(
     ----------
     mesh_object, mesh
         The surface as a Blender object and as a mesh (model frame).
-    colour
-        ``None`` makes it plain neutral, for geometry alone; the observed flag is then 1 on front sides.
+    colours
+        Those from each frame, of which the best is shown. None makes it plain neutral, for geometry alone; the observed
+        flag is then 1 on front sides.
     unseen
         ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
     filtered
-        Take colours (not the observed flag) as the mean of four lookups, nodes :data:`FILTER_LOOKUPS`, for which the
+        Take colours (not the observed flag) as the mean of four lookups, nodes :func:`filter_lookups`, for which the
         caller sets images and offsets, see :mod:`oneframe.colour.footprint_filter`. The alpha of the first is added to
         the flag of observed points. Ignored for vertex colours, which have no image.
     """
     material = new_node_material("surface")
     nodes = Nodes(material.node_tree)
-    match colour:
-        case None:
-            rgb, flag, addition = None, 1.0, None
-        case VertexColours():
-            rgb, flag, addition = _vertex_colour(nodes, mesh_object, mesh, colour)
-        case TextureAtlas():
-            rgb, flag, addition = _texture(nodes, mesh_object, mesh, colour, filtered)
-        case SourceView():
-            rgb, flag, addition = _projection(nodes, mesh_object, mesh, colour, filtered)
-    geometry = nodes.add("ShaderNodeNewGeometry")
-    flag = nodes.math("GREATER_THAN", flag, geometry.outputs["Backfacing"])
+    backfacing = nodes.add("ShaderNodeNewGeometry").outputs["Backfacing"]
+    rgb: bpy.types.NodeSocket | None = None
+    flag = passed = nodes.math("GREATER_THAN", 1.0, backfacing)
+    for number, colour in enumerate(colours):
+        frame = _Frame(nodes, mesh_object, mesh, number, filtered)
+        own_rgb, own_flag, addition = frame.colour(colour)
+        own_flag = nodes.math("GREATER_THAN", own_flag, backfacing)
+        own_passed = own_flag if addition is None else nodes.math("MULTIPLY_ADD", own_flag, addition, own_flag)
+        if len(colours) == 1:
+            rgb, flag, passed = own_rgb, own_flag, own_passed
+            break
+        # positive wherever a frame saw something
+        own_resolution = nodes.math("MULTIPLY", own_flag, frame.resolution(colour))
+        if rgb is None:
+            rgb, passed, resolution, source = own_rgb, own_passed, own_resolution, own_flag
+            continue
+        better = nodes.math("GREATER_THAN", own_resolution, resolution)
+        rgb = nodes.mixed(better, rgb, own_rgb)
+        passed = nodes.chosen(better, passed, own_passed)
+        source = nodes.chosen(better, source, number + 1.0)
+        resolution = nodes.math("MAXIMUM", own_resolution, resolution)
+    if len(colours) > 1:
+        flag = nodes.math("GREATER_THAN", resolution, 0.0)
+        output = nodes.add("ShaderNodeOutputAOV", aov_name=SOURCE_PASS)
+        nodes.link(source, output.inputs["Value"])
     observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
-    passed = flag if addition is None else nodes.math("MULTIPLY_ADD", flag, addition, flag)
     nodes.link(passed, observed_pass.inputs["Value"])
     emission = nodes.add("ShaderNodeEmission", Color=NEUTRAL_RGBA)
     if rgb is not None:
@@ -89,84 +114,104 @@ def assign_colour(
     mesh_object.data.materials.append(material)
 
 
-def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: VertexColours) -> tuple:
-    set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, np.concatenate([colour.rgb, colour.least[:, None]], axis=1))
-    attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)
-    rgb, cover = attribute.outputs["Color"], attribute.outputs["Alpha"]
-    return rgb, _flag(nodes, cover, mesh_object, mesh, colour), None
+@dataclass(frozen=True)
+class _Frame:
+    """The part of a material that knows one frame, with attributes of its own on the mesh."""
 
+    nodes: Nodes
+    mesh_object: bpy.types.Object
+    mesh: TriangleMesh
+    number: int
+    filtered: bool
 
-def _texture(
-    nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, atlas: TextureAtlas, filtered: bool
-) -> tuple:
-    set_corner_uv(mesh_object, UV_MAP, atlas.uv)
-    uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
-    image = new_float_image("frame_atlas", atlas.premultiplied())
-    rgb, cover, addition = _image_lookup(nodes, image, uv.outputs["UV"], filtered)
-    if not filtered:
-        rgb = nodes.scaled(rgb, nodes.math("DIVIDE", 1.0, cover))
-    return rgb, _flag(nodes, cover, mesh_object, mesh, atlas), addition
+    def colour(self, colour: SurfaceColour) -> tuple:
+        """Colour, flag, and addition to the flag or ``None``."""
+        match colour:
+            case VertexColours():
+                return self._vertex_colour(colour)
+            case TextureAtlas():
+                return self._texture(colour)
+            case SourceView():
+                return self._projection(colour, filtered=self.filtered)
 
+    def resolution(self, colour: SurfaceColour) -> bpy.types.NodeSocket:
+        """Of the frame on the face; all are equal where nobody knows where a colour comes from."""
+        source, values = source_of(colour), np.ones(len(self.mesh.faces))
+        if source is not None:
+            values = source.resolution(self.mesh.face_centres, self.mesh.face_normals)
+        vector = self._corner_vectors(RESOLUTION_ATTRIBUTE, np.broadcast_to(values[:, None, None], (len(values), 3, 3)))
+        separate = self.nodes.add("ShaderNodeSeparateXYZ", {0: vector})
+        return separate.outputs["X"]
 
-def _flag(
-    nodes: Nodes,
-    cover: bpy.types.NodeSocket,
-    mesh_object: bpy.types.Object,
-    mesh: TriangleMesh,
-    colour: VertexColours | TextureAtlas,
-) -> bpy.types.NodeSocket:
-    """1 where the lookup is covered and the reference view saw the shaded point, else 0."""
-    is_premultiplied = isinstance(colour, TextureAtlas) and colour.source is not None
-    covered = nodes.math("GREATER_THAN", cover, COVERED_LEAST if is_premultiplied else OBSERVED_LEAST)
-    if colour.source is None:
-        return covered
-    _, seen, _ = _projection(nodes, mesh_object, mesh, colour.source, filtered=False)
-    return nodes.math("MULTIPLY", covered, seen)
+    def _corner_vectors(self, name: str, vectors: np.ndarray) -> bpy.types.NodeSocket:
+        name = f"{name} {self.number}"
+        set_corner_vectors(self.mesh_object, name, vectors)
+        return self.nodes.add("ShaderNodeAttribute", attribute_name=name).outputs["Vector"]
 
+    def _vertex_colour(self, colour: VertexColours) -> tuple:
+        name = f"{COLOUR_ATTRIBUTE} {self.number}"
+        set_vertex_colors(self.mesh_object, name, np.concatenate([colour.rgb, colour.least[:, None]], axis=1))
+        attribute = self.nodes.add("ShaderNodeAttribute", attribute_name=name)
+        return attribute.outputs["Color"], self._flag(attribute.outputs["Alpha"], colour), None
 
-def _projection(
-    nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, source: SourceView, filtered: bool
-) -> tuple:
-    """The pinhole projection per shaded point, and the rule of :mod:`oneframe.colour.source_view`.
-
-    The homogeneous pixel (s z, t z, z), with (s, t) in Blender's texture coordinates, is an affine function of the
-    surface point: interpolated over a triangle of any size and divided by z it is the exact projection.
-    """
-    camera = source.camera
-    points_cam = transform_points(source.cam_from_model, mesh.vertices)
-    z = points_cam[:, 2]
-    s = (camera.fx * points_cam[:, 0] + (camera.cx + 0.5) * z) / camera.width
-    t = z - (camera.fy * points_cam[:, 1] + (camera.cy + 0.5) * z) / camera.height
-    corners = np.stack([s, t, z], axis=1)[mesh.faces]
-    corners[~source.facing_faces(mesh)] = _NOWHERE
-    set_corner_vectors(mesh_object, PROJECTION_ATTRIBUTE, corners)
-    image, surface = source.continued
-    rgba = np.concatenate([image, surface[..., None]], axis=2)
-
-    homogeneous = nodes.add("ShaderNodeAttribute", attribute_name=PROJECTION_ATTRIBUTE).outputs["Vector"]
-    separate = nodes.add("ShaderNodeSeparateXYZ")
-    nodes.link(homogeneous, separate.inputs[0])
-    depth = separate.outputs["Z"]
-    pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
-    rgb, inverse_depth, addition = _image_lookup(nodes, new_float_image("frame", rgba), pixel, filtered)
-    ratio = nodes.math("MULTIPLY", depth, inverse_depth)
-    return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance), addition
-
-
-def _image_lookup(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
-    """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the first filtered one or ``None``."""
-    exact = nodes.add("ShaderNodeTexImage", image=image, interpolation="Linear", extension="CLIP")
-    nodes.link(coordinates, exact.inputs["Vector"])
-    if not filtered:
-        return exact.outputs["Color"], exact.outputs["Alpha"], None
-    lookups = []
-    for offset_name, image_name in FILTER_LOOKUPS:
-        moved = nodes.add("ShaderNodeVectorMath", name=offset_name, operation="ADD")
-        nodes.link(coordinates, moved.inputs[0])
-        lookup = nodes.add(
-            "ShaderNodeTexImage", name=image_name, image=image, interpolation="Linear", extension="EXTEND"
+    def _texture(self, atlas: TextureAtlas) -> tuple:
+        # not as a UV map, of which a mesh has at most 8
+        uv = self._corner_vectors(UV_MAP, np.pad(atlas.uv, ((0, 0), (0, 0), (0, 1))))
+        rgb, cover, addition = self._image_lookup(
+            new_float_image("frame_atlas", atlas.premultiplied()), uv, self.filtered
         )
-        nodes.link(moved.outputs["Vector"], lookup.inputs["Vector"])
-        lookups.append(lookup)
-    mean = nodes.scaled(nodes.added(*(lookup.outputs["Color"] for lookup in lookups)), 0.25)
-    return mean, exact.outputs["Alpha"], lookups[0].outputs["Alpha"]
+        if not self.filtered:
+            rgb = self.nodes.scaled(rgb, self.nodes.math("DIVIDE", 1.0, cover))
+        return rgb, self._flag(cover, atlas), addition
+
+    def _flag(self, cover: bpy.types.NodeSocket, colour: VertexColours | TextureAtlas) -> bpy.types.NodeSocket:
+        """1 where the lookup is covered and the reference view saw the shaded point, else 0."""
+        is_premultiplied = isinstance(colour, TextureAtlas) and colour.source is not None
+        covered = self.nodes.math("GREATER_THAN", cover, COVERED_LEAST if is_premultiplied else OBSERVED_LEAST)
+        if colour.source is None:
+            return covered
+        _, seen, _ = self._projection(colour.source, filtered=False)
+        return self.nodes.math("MULTIPLY", covered, seen)
+
+    def _projection(self, source: SourceView, *, filtered: bool) -> tuple:
+        """The pinhole projection per shaded point, and the rule of :mod:`oneframe.colour.source_view`.
+
+        The homogeneous pixel (s z, t z, z), with (s, t) in Blender's texture coordinates, is an affine function of the
+        surface point: interpolated over a triangle of any size and divided by z it is the exact projection.
+        """
+        camera, nodes = source.camera, self.nodes
+        points_cam = transform_points(source.cam_from_model, self.mesh.vertices)
+        z = points_cam[:, 2]
+        s = (camera.fx * points_cam[:, 0] + (camera.cx + 0.5) * z) / camera.width
+        t = z - (camera.fy * points_cam[:, 1] + (camera.cy + 0.5) * z) / camera.height
+        corners = np.stack([s, t, z], axis=1)[self.mesh.faces]
+        corners[~source.facing_faces(self.mesh)] = _NOWHERE
+        image, surface = source.continued
+        rgba = np.concatenate([image, surface[..., None]], axis=2)
+
+        homogeneous = self._corner_vectors(PROJECTION_ATTRIBUTE, corners)
+        separate = nodes.add("ShaderNodeSeparateXYZ", {0: homogeneous})
+        depth = separate.outputs["Z"]
+        pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
+        rgb, inverse_depth, addition = self._image_lookup(new_float_image("frame", rgba), pixel, filtered)
+        ratio = nodes.math("MULTIPLY", depth, inverse_depth)
+        return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance), addition
+
+    def _image_lookup(self, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
+        """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the first filtered one or ``None``."""
+        nodes = self.nodes
+        exact = nodes.add("ShaderNodeTexImage", image=image, interpolation="Linear", extension="CLIP")
+        nodes.link(coordinates, exact.inputs["Vector"])
+        if not filtered:
+            return exact.outputs["Color"], exact.outputs["Alpha"], None
+        lookups = []
+        for offset_name, image_name in filter_lookups(self.number):
+            moved = nodes.add("ShaderNodeVectorMath", name=offset_name, operation="ADD")
+            nodes.link(coordinates, moved.inputs[0])
+            lookup = nodes.add(
+                "ShaderNodeTexImage", name=image_name, image=image, interpolation="Linear", extension="EXTEND"
+            )
+            nodes.link(moved.outputs["Vector"], lookup.inputs["Vector"])
+            lookups.append(lookup)
+        mean = nodes.scaled(nodes.added(*(lookup.outputs["Color"] for lookup in lookups)), 0.25)
+        return mean, exact.outputs["Alpha"], lookups[0].outputs["Alpha"]

@@ -13,7 +13,7 @@ from ...surface.mesh import TriangleMesh
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
 from ..bridge.versions import ENGINE_IDS
-from .material import OBSERVED_PASS, assign_colour
+from .material import OBSERVED_PASS, SOURCE_PASS, assign_colour
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
@@ -31,7 +31,7 @@ class SurfaceScene:
     ----------
     scene, camera_object, surface_object
         The Blender data; removed on exit, so that the open file is unchanged.
-    mesh, camera, colour, unseen
+    mesh, camera, colours, unseen
         What it was built from.
     """
 
@@ -39,8 +39,7 @@ class SurfaceScene:
         self,
         mesh: TriangleMesh,
         camera: PinholeCamera,
-        colour: SurfaceColour | None,
-        *,
+        *colours: SurfaceColour,
         unseen: np.ndarray | None = None,
         engine: str = "cycles",
         samples: int = 1,
@@ -50,7 +49,7 @@ class SurfaceScene:
 
         Parameters
         ----------
-        mesh, camera, colour, unseen
+        mesh, camera, colours, unseen
             As of :class:`.RayTracer`.
         engine
             ``"cycles"`` is exact; ``"eevee"`` is a rasteriser that needs OpenGL.
@@ -76,15 +75,15 @@ class SurfaceScene:
             )
         self._own: list[bpy.types.ID] = []
         with self.owning():
-            self.mesh, self.camera, self.colour, self.unseen = mesh, camera, colour, unseen
+            self.mesh, self.camera, self.colours, self.unseen = mesh, camera, colours, unseen
             self.scene = bpy.data.scenes.new("oneframe")
             self.surface_object = new_mesh_object("surface", mesh)
             self.scene.collection.objects.link(self.surface_object)
-            assign_colour(self.surface_object, mesh, colour, unseen=unseen, filtered=filtered)
+            assign_colour(self.surface_object, mesh, colours, unseen=unseen, filtered=filtered)
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
             self.engine, self.samples = engine, samples
             _set_exact_colour(self.scene)
-            _set_passes(self.scene)
+            _set_passes(self.scene, several=len(colours) > 1)
             _set_sampling(self.scene, engine, samples)
             self.scene.render.threads_mode = "AUTO"
 
@@ -132,11 +131,12 @@ def _set_exact_colour(scene: bpy.types.Scene) -> None:
     render.use_persistent_data = True
 
 
-def _set_passes(scene: bpy.types.Scene) -> None:
+def _set_passes(scene: bpy.types.Scene, *, several: bool) -> None:
     layer = scene.view_layers[0]
     layer.use_pass_combined = layer.use_pass_z = True
-    observed = layer.aovs.add()
-    observed.name, observed.type = OBSERVED_PASS, "VALUE"
+    for name in (OBSERVED_PASS, SOURCE_PASS) if several else (OBSERVED_PASS,):
+        own = layer.aovs.add()
+        own.name, own.type = name, "VALUE"
 
 
 def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:

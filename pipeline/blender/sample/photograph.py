@@ -88,6 +88,7 @@ def take_photographs(
     shots: Iterable[tuple[np.ndarray, Path]],
     *,
     samples: int = 3,
+    lamp_cam: np.ndarray = LAMP_OFFSET_MM,
 ) -> Iterator[Path]:
     """Photograph the sample case; one 8-bit sRGB PNG per shot.
 
@@ -101,6 +102,8 @@ def take_photographs(
         ``cam_from_mesh`` (4x4, mm) and the file to write.
     samples
         Paths per pixel before denoising.
+    lamp_cam
+        ``(3,)`` where the lamp is, ``cam`` axes, mm.
 
     Yields
     ------
@@ -122,7 +125,7 @@ def take_photographs(
         for cam_from_mesh, path in shots:
             cam_from_scene = cam_from_mesh @ rigid(translation=centre)
             place_camera(camera_object, cam_from_scene)
-            _place_lamp(lamp, cam_from_scene)
+            _place_lamp(lamp, cam_from_scene, lamp_cam)
             with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name)
             data = _png_of_render(scene)
@@ -165,15 +168,15 @@ def _add_lamp(scene: bpy.types.Scene) -> bpy.types.Object:
     return lamp_object
 
 
-def _place_lamp(lamp_object: bpy.types.Object, cam_from_scene: np.ndarray) -> None:
-    """Place the lamp next to the lens and aim it at the point of the optical axis at the scene's distance."""
+def _place_lamp(lamp_object: bpy.types.Object, cam_from_scene: np.ndarray, lamp_cam: np.ndarray) -> None:
+    """Place the lamp and aim it at the point of the optical axis at the scene's distance."""
     distance = cam_from_scene[2, 3]
-    forward = np.array([0, 0, distance]) - LAMP_OFFSET_MM
+    forward = np.array([0, 0, distance]) - lamp_cam
     forward /= np.linalg.norm(forward)
     side = np.cross(forward, [0.0, 1.0, 0.0])
     side /= np.linalg.norm(side)
     # a Blender lamp shines along its own -z
-    cam_from_lamp = rigid(np.stack([side, np.cross(side, forward), -forward], axis=1), LAMP_OFFSET_MM)
+    cam_from_lamp = rigid(np.stack([side, np.cross(side, forward), -forward], axis=1), lamp_cam)
     lamp_object.matrix_world = Matrix(inverse_rigid(cam_from_scene) @ cam_from_lamp)
     lamp_object.data.energy = LAMP_WATT_PER_MM2 * distance**2
 

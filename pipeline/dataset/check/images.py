@@ -35,6 +35,10 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
     _require_none(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
     for kind in ("mask_visib", "mask_observed"):
         _require_none((images[kind] > 0) & ~mask, paths, kind, "lie outside the mask")
+    if "source_frame" in images:
+        source, where = images["source_frame"], "source_frame"
+        _require_none((source > 0) != (images["mask_observed"] > 0), paths, where, "differ from mask_observed")
+        _require_none(source > description.frames, paths, where, f"are of none of the {description.frames} frames")
     _require_none(images["rgb"].any(axis=2) & ~mask, paths, "rgb", "outside the mask are not black")
     if "depth_mm" in images:
         exact = images["depth_mm"].astype(np.float64)
@@ -91,7 +95,7 @@ def _decoded(paths: ViewPaths, kind: str, description: Description) -> np.ndarra
     if kind == "rgb":
         return decoded_rgb(data, shape, where)
     image = decoded_grey(data, np.uint16 if kind == "depth" else np.uint8, shape, where)
-    if kind != "depth" and not ((image == 0) | (image == 255)).all():
+    if kind.startswith("mask") and not ((image == 0) | (image == 255)).all():
         raise InputError(f"{where}: expected a mask of 0 and 255, found other values")
     return image
 

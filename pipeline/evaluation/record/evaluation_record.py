@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +12,8 @@ from ...errors import InputError
 from ...files.content import read_content
 from ...files.tables import parsed_json
 from ..conditions import Conditions
-from ..scores.distribution_distance import mean_interval
-from ..scores.view_scores import SCORES
+from ..scores.mean_intervals import Resampling
+from ..scores.view_scores import SCORES, direction
 
 FORMAT = "oneframe evaluation 1"
 EVALUATION = "evaluation.json"
@@ -24,10 +24,11 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class EvaluatedCase:
-    """A case: its name in all tables, and the names of its photographs."""
+    """A case: its name in all tables, the names of its photographs, and the name of the first case of its surface."""
 
     name: str
     frames: tuple[str, ...]
+    surface: str = ""
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Summary:
-    """The mean of one score over the photographs of a case, with its 95 % confidence interval."""
+    """The mean of one score over the photographs of a case, with its 95 % confidence interval.
+
+    Attributes
+    ----------
+    worst
+        The score of the worst photograph; NaN where neither more nor less is better.
+    behind, behind_low, behind_high
+        How far the mean is behind that of the leading method on the same photographs, with its interval; NaN as above.
+    best
+        Whether the interval does not tell the method from the leading one, but does so with another.
+    """
 
     case: str
     method: str
@@ -60,6 +71,11 @@ class Summary:
     low: float
     high: float
     n: int
+    worst: float = math.nan
+    behind: float = math.nan
+    behind_low: float = math.nan
+    behind_high: float = math.nan
+    best: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,7 +118,7 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All results; ``missing`` says why there is no distribution."""
+    """All results; ``missing`` says why there is no distribution, ``seconds`` what took how long."""
 
     conditions: Conditions
     cases: tuple[EvaluatedCase, ...]
@@ -114,6 +130,7 @@ class Evaluation:
     missing: str = ""
     pictures: tuple[Pictures, ...] = ()
     charts: tuple[str, ...] = field(default=())
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def ran(self) -> tuple[EvaluatedMethod, ...]:
@@ -131,19 +148,54 @@ class Evaluation:
         return next((entry for entry in self.bound if (entry.case, entry.score) == (case, score)), None)
 
 
-def summarised(rows: Sequence[Row], rng: np.random.Generator) -> tuple[Summary, ...]:
-    """Means and confidence intervals for every case and :data:`ALL`, method and score, in the order of the rows."""
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in rows:
-        groups.setdefault((row.case, row.method), []).append(row)
-    for row in rows:
-        groups.setdefault((ALL, row.method), []).append(row)
-    entries = []
-    for (case, method), members in groups.items():
+def summarised(rows: Sequence[Row], cases: Sequence[EvaluatedCase], rng: np.random.Generator) -> tuple[Summary, ...]:
+    """Summaries for every case and :data:`ALL`, method and score, in the order of the rows."""
+    methods = list(dict.fromkeys(row.method for row in rows))
+    images = list(dict.fromkeys((row.case, row.image) for row in rows))
+    by_image = {(row.case, row.image, row.method): row.scores for row in rows}
+    entries: list[Summary] = []
+    for case in [*dict.fromkeys(name for name, _ in images), ALL]:
+        own = [image for image in images if case in (ALL, image[0])]
+        resampling = Resampling(clusters(own, cases), rng)
         for score in SCORES:
-            found = mean_interval(np.array([member.scores[score] for member in members]), rng)
-            entries.append(Summary(case, method, score, found.mean, found.low, found.high, found.n))
+            values = np.array([[by_image[*image, method][score] for image in own] for method in methods])
+            entries += _summaries(case, methods, score, values, resampling)
     return tuple(entries)
+
+
+def clusters(images: Sequence[tuple[str, str]], cases: Sequence[EvaluatedCase]) -> list[tuple[str, str, str]]:
+    """(case, image) -> what an image is drawn by: (surface, case, image)."""
+    surfaces = {case.name: case.surface or case.name for case in cases}
+    return [(surfaces[case], case, image) for case, image in images]
+
+
+def _summaries(
+    case: str, methods: Sequence[str], score: str, values: np.ndarray, resampling: Resampling
+) -> list[Summary]:
+    """Of a row of ``values`` for each method."""
+    sign, found = direction(score), [resampling.interval(row) for row in values]
+    entries = [
+        Summary(case, name, score, each.mean, each.low, each.high, each.n)
+        for name, each in zip(methods, found, strict=True)
+    ]
+    means = sign * np.array([each.mean for each in found])
+    if not sign or np.isnan(means).all():
+        return entries
+    leader = values[np.nanargmax(means)]
+    with np.errstate(invalid="ignore"):
+        behind = [resampling.interval(sign * (leader - row)) for row in values]
+    told = any(each.low > 0 for each in behind)
+    return [
+        replace(
+            entry,
+            worst=sign * float(min(sign * row[~np.isnan(row)], default=math.nan)),
+            behind=gap.mean,
+            behind_low=gap.low,
+            behind_high=gap.high,
+            best=told and gap.n > 0 and not gap.low > 0,
+        )
+        for entry, row, gap in zip(entries, values, behind, strict=True)
+    ]
 
 
 def evaluation_bytes(evaluation: Evaluation) -> bytes:
@@ -173,7 +225,7 @@ def read_evaluation(path: Path) -> Evaluation:
             raise ValueError(f"format {table['format']!r}")
         return Evaluation(
             conditions=Conditions(**table["conditions"]),
-            cases=tuple(EvaluatedCase(e["name"], tuple(e["frames"])) for e in table["cases"]),
+            cases=tuple(EvaluatedCase(e["name"], tuple(e["frames"]), e.get("surface", "")) for e in table["cases"]),
             methods=tuple(EvaluatedMethod(**entry) for entry in table["methods"]),
             rows=tuple(
                 Row(e["case"], e["image"], e["method"], {score: _number(e[score]) for score in SCORES})
@@ -185,6 +237,7 @@ def read_evaluation(path: Path) -> Evaluation:
             missing=table.get("missing", ""),
             pictures=tuple(Pictures(**entry) for entry in table["pictures"]),
             charts=tuple(table["charts"]),
+            seconds=dict(table.get("seconds", {})),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(

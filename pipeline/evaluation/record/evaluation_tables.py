@@ -6,7 +6,7 @@ Beside them sentences: what was skipped or missing, and where the paper's method
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from ..scores.view_scores import SCORES, is_better
+from ..scores.view_scores import SCORES
 from .evaluation_record import ALL, Evaluation, Summary
 
 FRAME_COLUMNS = ("case", "image", "method", *SCORES)
@@ -71,8 +71,12 @@ def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
     """The summary as Markdown: what was skipped and found, then a block of tables for each case."""
     lines = [f"{MARKDOWN_HEAD}", ""]
     lines += [f"{line}  " for line in evaluation.conditions.lines()]
-    lines += ["", "Means over the photographs, with 95 % confidence intervals (bootstrap over photographs)."]
-    lines += ["The limit is what a perfect view would score with the same noise, exposure and error of the pose.", ""]
+    lines += [
+        "",
+        "Means with 95 % confidence intervals: bootstrap over surfaces, then cases, then photographs.",
+        "The limit is modelled: what a perfect view would score with the same noise, exposure and error of the pose.",
+        "",
+    ]
     lines += [f"- {note}" for note in notes]
     for case in _cases(evaluation):
         bound = evaluation.bound_of(case, "ssim_whole")
@@ -86,7 +90,13 @@ def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
             for method in evaluation.ran:
                 found = [evaluation.mean(case, method.name, score) for score in scores]
                 lines.append(_line(method.name, *map(_interval, found, _decimals(scores))))
-            lines += [_line("*limit*", *_limits(evaluation, case, scores)), ""]
+            lines += [_line("*limit, modelled*", *_limits(evaluation, case, scores)), ""]
+        lines += ["**Worst photograph**", "", _line("", *(heading for heading, _ in LATEX_SCORES.values()))]
+        lines += ["|---" * (len(LATEX_SCORES) + 1) + "|"]
+        for method in evaluation.ran:
+            worst = [evaluation.mean(case, method.name, score).worst for score in LATEX_SCORES]
+            lines.append(_line(method.name, *map(_number, worst, _decimals(LATEX_SCORES))))
+        lines.append("")
         lines += _distribution_lines(evaluation, case)
     return ("\n".join(lines).rstrip() + "\n").encode()
 
@@ -108,17 +118,15 @@ def latex_summary(evaluation: Evaluation) -> bytes:
         ]  # fmt: skip
         for method in evaluation.ran:
             cells = [_escaped(method.name)]
-            found = [(score, evaluation.mean(case, method.name, score)) for score in LATEX_SCORES]
-            for (score, each), decimals in zip(found, _decimals(LATEX_SCORES), strict=True):
-                others = [evaluation.mean(case, other.name, score).mean for other in evaluation.ran]
-                best = len(others) > 1 and not any(is_better(score, other, each.mean) for other in others)
-                cells.append(_latex_cell(each, decimals, best=best))
+            found = [evaluation.mean(case, method.name, score) for score in LATEX_SCORES]
+            for each, decimals in zip(found, _decimals(LATEX_SCORES), strict=True):
+                cells.append(_latex_cell(each, decimals))
             if with_distribution:
                 cells += _latex_distribution(evaluation, case, method.name)
             lines.append(" & ".join(cells) + r" \\")
         limits = _limits(evaluation, case, LATEX_SCORES)
         if any(limits):
-            lines += [r"\midrule", " & ".join(["limit", *limits, *[""] * (2 * with_distribution)]) + r" \\"]
+            lines += [r"\midrule", " & ".join(["limit, modelled", *limits, *[""] * (2 * with_distribution)]) + r" \\"]
         lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
     return ("\n".join(lines) + "\n").encode()
 
@@ -157,11 +165,11 @@ def _interval(found: Summary, decimals: int) -> str:
     return f"{found.mean:.{decimals}f} [{found.low:.{decimals}f}, {found.high:.{decimals}f}]"
 
 
-def _latex_cell(found: Summary, decimals: int, *, best: bool) -> str:
+def _latex_cell(found: Summary, decimals: int) -> str:
     if not math.isfinite(found.mean):
         return "--"
     text = f"{found.mean:.{decimals}f}"
-    text = rf"\mathbf{{{text}}}" if best else text
+    text = rf"\mathbf{{{text}}}" if found.best else text
     return f"${text}$" if math.isnan(found.low) else rf"${text} \pm {(found.high - found.low) / 2:.{decimals}f}$"
 
 
@@ -187,25 +195,38 @@ def evaluation_notes(evaluation: Evaluation, without_overlap: Sequence[tuple[str
         notes.append(evaluation.missing)
     if any(entry.fid_biased for entry in evaluation.distribution):
         notes.append("FID is biased: it needs 2048 images or more. Compare KID.")
+    if evaluation.seconds:
+        took, prepared = (evaluation.seconds[name] for name in ("all", "preparation"))
+        notes.append(
+            f"It took {took:.0f} s; {prepared:.0f} s of them prepared surfaces and methods before a first view."
+        )
     notes += [f"{case}: {image} shows nothing of the surface and has no scores." for case, image in without_overlap]
     return [*notes, *where_peers_lead(evaluation)]
 
 
 def where_peers_lead(evaluation: Evaluation) -> Iterator[str]:
-    """A sentence for every case and score by which the paper's method is ahead of all of ours, with the cause."""
-    peers = [method.name for method in evaluation.ran if method.peer]
-    ours = [method.name for method in evaluation.ran if not method.peer]
+    """A sentence for every case and score by which the paper's method is ahead of all of ours, with the cause.
+
+    Ahead is what the interval of the paired difference tells apart.
+    """
     names = [case.name for case in evaluation.cases]
     for case in [*names, *[ALL] * (len(names) > 1)]:
         for score, text in RANKED.items():
-            leader, best = (_best(evaluation, case, methods, score) for methods in (peers, ours))
-            if leader is None or best is None or leader[1] <= best[1]:
-                continue
-            title = "All cases" if case == ALL else case
-            yield (
-                f"{title}: {leader[0]} is ahead in {text}, {leader[1]:.3f} against {best[1]:.3f} ({best[0]}); "
-                f"{_cause(evaluation, case, leader[0], best[0], score)}"
+            found = [evaluation.mean(case, method.name, score) for method in evaluation.ran]
+            peers, ours = (
+                [each for each, method in zip(found, evaluation.ran, strict=True) if method.peer == peer and each.n]
+                for peer in (True, False)
             )
+            if not peers or not ours:
+                continue
+            leader, best = (max(group, key=lambda each: each.mean) for group in (peers, ours))
+            if leader.mean > best.mean and best.behind_low > 0:
+                title = "All cases" if case == ALL else case
+                yield (
+                    f"{title}: {leader.method} is ahead in {text}, {leader.mean:.3f} against {best.mean:.3f} "
+                    f"({best.method}), by {best.behind_low:.3f} to {best.behind_high:.3f} on the same photographs; "
+                    f"{_cause(evaluation, case, leader.method, best.method, score)}"
+                )
 
 
 def _cause(evaluation: Evaluation, case: str, leader: str, best: str, score: str) -> str:
@@ -228,8 +249,3 @@ def _cause(evaluation: Evaluation, case: str, leader: str, best: str, score: str
     if not any(map(math.isnan, aligned)):
         parts.append(f"inside the observed surface, aligned, it is {aligned[0]:.3f} against {aligned[1]:.3f}")
     return "; ".join(parts) + "."
-
-
-def _best(evaluation: Evaluation, case: str, methods: Sequence[str], score: str) -> tuple[str, float] | None:
-    found = [(method, evaluation.mean(case, method, score).mean) for method in methods]
-    return max((each for each in found if not math.isnan(each[1])), key=lambda each: each[1], default=None)

@@ -98,7 +98,8 @@ SCORES = {
 """The scores of a view, in the order of the table -> what they mean."""
 
 HIGHER_IS_BETTER = ("ssim", "psnr", "correlation", "gradient_correlation", "edge_f")
-"""Beginnings of names of scores of which more is better."""
+LOWER_IS_BETTER = ("error", "edge_px")
+"""Beginnings of names of scores of which more, or less, is better; the others describe views and poses."""
 FEWEST_PIXELS = 64
 """A part of the image below this size is not scored: a window of SSIM has 49 pixels."""
 
@@ -153,6 +154,6 @@ def _registered_scores(real: np.ndarray, synthetic: np.ndarray, observed: np.nda
     return values
 
 
-def is_better(score: str, value: float, other: float) -> bool:
-    """Whether one value of a score is better than another."""
-    return value > other if score.startswith(HIGHER_IS_BETTER) else value < other
+def direction(score: str) -> int:
+    """1 if more of a score is better, -1 if less is, 0 if neither."""
+    return int(score.startswith(HIGHER_IS_BETTER)) - int(score.startswith(LOWER_IS_BETTER))

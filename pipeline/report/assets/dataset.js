@@ -163,12 +163,10 @@ const histograms = data.quantities.map((quantity) => ({
     quantity, histogram: createHistogram(quantity, views.map((view) => view[quantity.key] ?? null), arrange),
 }));
 byId('histograms').append(...histograms.map(({ histogram }) => histogram.element));
-const sortBy = byId('sort'), descending = byId('descending'), colourBy = byId('colour-by');
+const sortBy = byId('sort'), descending = byId('descending');
 for (const { key, name } of data.quantities) {
     sortBy.append(el('option', { value: key, text: name }));
-    colourBy.append(el('option', { value: key, text: name }));
 }
-colourBy.value = 'observed';
 sortBy.addEventListener('change', arrange);
 descending.addEventListener('click', () => {
     const down = descending.getAttribute('aria-pressed') !== 'true';
@@ -205,30 +203,7 @@ function arrange() {
 
 const hasPoses = Boolean(data.surface) || views.some((view) => view.centre);
 const poses = hasPoses ? createPoses(byId('scene'), views, (place) => select(place)) : null;
-if (poses) {
-    byId('turn-left').addEventListener('click', () => poses.turn(-0.3, 0));
-    byId('turn-right').addEventListener('click', () => poses.turn(0.3, 0));
-    byId('closer').addEventListener('click', () => poses.zoom(0.8));
-    byId('farther').addEventListener('click', () => poses.zoom(1.25));
-    byId('home').addEventListener('click', () => poses.reset());
-    const through = byId('through');
-    through.addEventListener('click', () => {
-        through.setAttribute('aria-pressed', poses.lookThrough(through.getAttribute('aria-pressed') !== 'true'));
-    });
-    const paint = () => {
-        const quantity = data.quantities.find(({ key }) => key === colourBy.value);
-        const [low, high] = poses.colourBy(quantity);
-        byId('pose-scale').replaceChildren(scaleBar(measured(low, quantity.digits), measured(high, quantity.digits, quantity.unit)));
-    };
-    colourBy.addEventListener('change', paint);
-    paint();
-} else {
-    byId('scene').append(el('p', {
-        class: 'note',
-        text: hasPoses ? 'This browser shows no 3D: WebGL is not available.' : 'No pose and no surface can be read.',
-    }));
-    for (const button of document.querySelectorAll('#poses button, #poses select')) button.disabled = true;
-}
+steer(poses, hasPoses ? NO_WEBGL : 'No pose and no surface can be read.');
 themeListeners.push(drawOverlay, redrawTiles);
 
 // --- the source frame -------------------------------------------------------------------------------------------------------

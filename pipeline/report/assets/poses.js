@@ -67,9 +67,14 @@ function createPoses(stage, views, chosen) {
         scene.add(part);
         return part;
     };
-    const sourceLines = lines(), selectedLines = lines(), beam = lines();
+    const sourceLines = lines(), selectedLines = lines(), beam = lines(), way = lines();
     beam.material.transparent = true;
     beam.material.opacity = 0.35;
+    // from each frame of a film to the next one
+    way.geometry.setAttribute('position', new THREE.Float32BufferAttribute(views.flatMap((view, place) => {
+        const before = data.isFilm ? views[place - 1] : null;
+        return before && before.centre && view.centre ? [...before.centre, ...view.centre] : [];
+    }), 3));
     if (source) {
         sourceLines.geometry.setAttribute('position', new THREE.Float32BufferAttribute(
             frustumLines(source, source.camera, CHOSEN_SHARE * reach), 3));
@@ -196,10 +201,10 @@ function createPoses(stage, views, chosen) {
         const [low, high] = [Math.min(...known), Math.max(...known)];
         const faint = rgbOf(colour('grid'));
         const [lineColours, dotColours] = [frusta.geometry.attributes.color, dots.geometry.attributes.color];
-        posed.forEach(({ place }, number) => {
+        posed.forEach(({ place, view }, number) => {
             const value = values[number];
             const shown = !passing || passing.has(place);
-            const rgb = shown && Number.isFinite(value)
+            const rgb = shown && quantity?.colours ? quantity.colours[view[quantity.key]] : shown && Number.isFinite(value)
                 ? scaleColour(high > low ? (value - low) / (high - low) : 0.5) : faint;
             const [red, green, blue] = rgb.map(linear);
             for (let corner = 0; corner < 16; corner++) lineColours.setXYZ(16 * number + corner, red, green, blue);
@@ -209,6 +214,7 @@ function createPoses(stage, views, chosen) {
         sourceLines.material.color.set(colour('warning'));
         selectedLines.material.color.set(colour('text'));
         beam.material.color.set(colour('text'));
+        way.material.color.set(colour('muted'));
         render();
         return [low, high];
     }
@@ -222,7 +228,7 @@ function createPoses(stage, views, chosen) {
         renderer.setScissorTest(false);
         renderer.setViewport(0, 0, width, height);
         const looking = through && selected;
-        for (const part of [frusta, dots, sourceLines, selectedLines, beam]) part.visible = !looking;
+        for (const part of [frusta, dots, sourceLines, selectedLines, beam, way]) part.visible = !looking;
         plate.visible = Boolean(!looking && plate.material.map && selected);
         labels.source.hidden = looking || !source;
         labels.view.hidden = looking || !selected;
@@ -264,7 +270,7 @@ function createPoses(stage, views, chosen) {
             part.geometry.setAttribute('position', new THREE.Float32BufferAttribute(positions, 3));
         }
         if (selected) {
-            labels.view.textContent = `view ${view.index}`;
+            labels.view.textContent = `${data.noun} ${view.index}`;
             aim(view);
             showPlate(view, size);
         } else {
@@ -344,6 +350,36 @@ function createPoses(stage, views, chosen) {
         },
         direction: () => camera.position.clone().sub(controls.target).normalize().toArray(),
     };
+}
+
+const NO_WEBGL = 'This browser shows no 3D: WebGL is not available.';
+
+/** Buttons and colours around the 3D view; where there is none, `absent` says why. */
+function steer(poses, absent) {
+    if (!poses) {
+        byId('scene').append(el('p', { class: 'note', text: absent }));
+        for (const button of document.querySelectorAll('#poses button, #poses select')) button.disabled = true;
+        return;
+    }
+    byId('turn-left').addEventListener('click', () => poses.turn(-0.3, 0));
+    byId('turn-right').addEventListener('click', () => poses.turn(0.3, 0));
+    byId('closer').addEventListener('click', () => poses.zoom(0.8));
+    byId('farther').addEventListener('click', () => poses.zoom(1.25));
+    byId('home').addEventListener('click', () => poses.reset());
+    const through = byId('through'), colourBy = byId('colour-by');
+    through.addEventListener('click', () => {
+        through.setAttribute('aria-pressed', poses.lookThrough(through.getAttribute('aria-pressed') !== 'true'));
+    });
+    colourBy.append(...data.quantities.map(({ key, name }) => el('option', { value: key, text: name })));
+    colourBy.value = data.coloured;
+    const paint = () => {
+        const quantity = data.quantities.find(({ key }) => key === colourBy.value);
+        const [low, high] = poses.colourBy(quantity);
+        byId('pose-scale').replaceChildren(quantity.colours ? ''
+            : scaleBar(measured(low, quantity.digits), measured(high, quantity.digits, quantity.unit)));
+    };
+    colourBy.addEventListener('change', paint);
+    paint();
 }
 
 const DEGREE = Math.PI / 180;

@@ -1,7 +1,7 @@
 // Tables that sort by a click on a heading.
 
 /**
- * `columns`: {key, name, title, digits, number}; `rows`: objects; `best(row, key)` marks a cell. `first` columns stay in
+ * `columns`: {key, name, title, digits, number, shown}, `shown(row)` an element for the cell; `rows`: objects; `best(row, key)` marks a cell. `first` columns stay in
  * sight when the table is scrolled sideways.
  */
 function createTable({ caption, columns, rows, best = () => false, sort = null }) {
@@ -15,8 +15,8 @@ function createTable({ caption, columns, rows, best = () => false, sort = null }
         const value = row[column.key];
         const text = column.number ? measured(value, column.digits) : String(value ?? '–');
         return el(place ? 'td' : 'th', {
-            scope: place ? null : 'row', class: [column.number ? 'number' : '', best(row, column.key) ? 'best' : ''].join(' ').trim() || null, text,
-        });
+            scope: place ? null : 'row', class: [column.number ? 'number' : '', best(row, column.key) ? 'best' : ''].join(' ').trim() || null, text: column.shown ? '' : text,
+        }, column.shown?.(row));
     })) }));
 
     function order(column, down = sorted?.key === column.key ? !sorted.down : Boolean(column.number)) {

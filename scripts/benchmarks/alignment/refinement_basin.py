@@ -97,8 +97,12 @@ def disturbances(
     return tuple(grid * trials + [Disturbance(name, *WRONG_START) for name in WRONG_IMAGES] * wrong)
 
 
-def disturbed_pose(scene: RefinementScene, angle_deg: float, shift_mm: float, rng: np.random.Generator) -> np.ndarray:
-    """``(4, 4)`` true pose, rotated about the middle of the visible surface and shifted, in random directions."""
+def disturbed_pose(scene: RefinementScene, angle_deg: float, percent: float, rng: np.random.Generator) -> np.ndarray:
+    """``(4, 4)`` true pose, rotated about the middle of the visible surface and shifted by a part of its distance.
+
+    Both in random directions.
+    """
+    shift_mm = percent / 100 * np.linalg.norm(scene.middle_cam)
     axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     turned = turned_about(scene.middle_cam, rotation_from_vector(np.radians(angle_deg) * axis))
     return rigid(translation=shift_mm * direction) @ turned @ scene.cam_from_model
@@ -114,8 +118,7 @@ def run_trials(
 
 def run_trial(scene: RefinementScene, disturbance: Disturbance, rng: np.random.Generator) -> RefinementTrial:
     """Refine one disturbed pose and compare the result with the truth."""
-    distance_mm = float(np.linalg.norm(scene.middle_cam))
-    start = disturbed_pose(scene, disturbance.angle_deg, disturbance.percent / 100 * distance_mm, rng)
+    start = disturbed_pose(scene, disturbance.angle_deg, disturbance.percent, rng)
     wrong = WRONG_IMAGES.get(disturbance.image)
     image = np.ascontiguousarray(wrong(scene.image)) if wrong else scene.image
     began = time.process_time()

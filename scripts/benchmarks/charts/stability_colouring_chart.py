@@ -79,8 +79,10 @@ def _draw(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions: Seque
     panels[-1].text(
         0, 0.5,
         "Surfaces whose colour is known at every point:\nwaves of 18 px. A layer nearer to the one above\nthan "
-        "TOLERANCE_PX is painted from less than\na pixel beside, which does not count as wrong.",
+        "TOLERANCE_PX is painted from less than\na pixel beside, which does not count as wrong.\n\nPhotographs "
+        "(bloster): medians of 14; the error\nthat is added to that of the published pose, or\nof surface seen "
+        "within 30° of the front.",
         va="center", fontsize=9.5, color=theme.text, transform=panels[-1].transAxes,
     )  # fmt: skip
     answer_legend(figure, theme)
-    small_print(figure, theme, "Views by Cycles, 480x360 px.", conditions)
+    small_print(figure, theme, "Views by Cycles, 480x360 px; photographs 1920x1080 px, raster.", conditions)

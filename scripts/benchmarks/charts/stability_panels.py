@@ -227,13 +227,11 @@ def heat_map(axes: Any, theme: Theme, cells: Sequence[Cell], *, text: Callable[[
 # --- legends ---------------------------------------------------------------------------------------------------------
 
 
-def outcome_legend(axes: Any, theme: Theme) -> None:
-    """A panel that explains the bars."""
+def outcome_handles(theme: Theme) -> list[Any]:
+    """Legend entries for the bars."""
     from matplotlib.patches import Patch
 
-    axes.axis("off")
-    handles = [Patch(label=name, **look) for name, look in reversed(outcome_looks(theme).items())]
-    axes.legend(handles=handles, loc="center left", frameon=False, fontsize=9.5)
+    return [Patch(label=name, **look) for name, look in reversed(outcome_looks(theme).items())]
 
 
 def answer_handles(theme: Theme) -> list[Any]:

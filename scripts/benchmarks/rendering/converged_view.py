@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.material import FILTER_LOOKUPS
+from oneframe.blender.render.material import filter_lookups
 from oneframe.blender.render.surface_scene import LARGEST_VIEW_PX, SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.shading import SurfaceColour
@@ -60,7 +60,7 @@ def _converged_band(
     fine = camera.resized(camera.width * along, camera.height * along)
     with SurfaceScene(mesh, fine, colour, filtered=True) as scene:
         if constant and not isinstance(colour, VertexColours):
-            for _, name in FILTER_LOOKUPS:
+            for _, name in filter_lookups(0):
                 scene.surface_object.data.materials[0].node_tree.nodes[name].interpolation = "Closest"
         rays = render_view(scene, cam_from_model)
 

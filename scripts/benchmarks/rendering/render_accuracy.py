@@ -116,7 +116,7 @@ class SceneTrials:
         self._poses = folder / "poses.npy"
         np.save(self._poses, scene.written_poses())
         self._cases: dict[float, tuple[Path, int]] = {0.0: (scene.case, len(scene.loaded.surface.mesh.faces))}
-        self._bare = SurfaceScene(scene.source.mesh, scene.camera, None)
+        self._bare = SurfaceScene(scene.source.mesh, scene.camera)
         self._seconds: dict[str, list[float]] = {}
         self._points: dict[str, Callable[[Sequence[float]], SpeedPoint]] = {}
         self._judged: dict[str, dict[str, float]] = {}

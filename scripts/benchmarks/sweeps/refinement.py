@@ -1,11 +1,11 @@
 """Sweeps of the refinement past the point where it fails: how far off it starts, and how bad the frame is.
 
-Needs ``cv2``.
+A cell has one trial on each of a source's scenes: one rendered frame thrice, or real photographs. Needs ``cv2``.
 """
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -14,17 +14,21 @@ import numpy as np
 
 from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.alignment.refinement.verdict import MAX_ROTATION_DEG
-from oneframe.transforms import rotation_angle_deg
+from oneframe.transforms import rotation_angle_deg, transform_points
 
 from ..alignment.refinement_basin import displacement_px, disturbed_pose
 from ..alignment.refinement_scenes import RefinementScene
 from .cells import NO_LIMIT, Cell, Limit, Outcome, Task
 
 TOPIC = "refinement"
-ANGLES_DEG, SHIFTS_MM = (0.0, 5.0, 10.0, 15.0, 25.0), (0.0, 6.0, 15.0, 30.0)
-BASIN_TRIALS, FRAME_TRIALS = 3, 3
-START = 3.0, 4.0
-"""Degrees and mm that the pose is off at the start of the trials with bad frames."""
+RENDERED, BLOSTER, LMO = "rendered", "bloster", "LM-O"
+"""Sources of scenes, the beginnings of series: the built-in sample case, and two sets of real photographs."""
+RENDERED_TRIALS = 3
+LMO_STEP = 5
+"""Every fifth scene of LM-O: each of its six objects in two photographs."""
+ANGLES_DEG, SHIFTS_PERCENT = (0.0, 5.0, 10.0, 15.0, 25.0), (0.0, 2.0, 5.0, 10.0)
+START = 3.0, 4 / 3
+"""Degrees and percent of the distance that the pose is off at the start of the trials with bad frames."""
 STATED_RATIO = 2.0
 """Ratio of the true to the stated error up to which the software has said how far off the pose is."""
 CONTRASTS = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.0)
@@ -53,6 +57,19 @@ def occluded(image: np.ndarray, part: float, rng: np.random.Generator) -> np.nda
         cv2.line(covered, tip.astype(int).tolist(), end.astype(int).tolist(), [1.0], thickness)
     metal = 0.55 + 0.25 * np.sin(np.arange(width) / 17.0)[None, :, None]
     return np.where(covered[..., None] > 0, metal, image).astype(np.float32)
+
+
+def spoilt(scene: RefinementScene, spoil: Spoil, value: float, rng: np.random.Generator) -> np.ndarray:
+    """The scene's image, made worse in the box of its surface; all of it where that fills nearly all."""
+    pixels = scene.camera.project(transform_points(scene.cam_from_model, scene.points))
+    (left, top), (right, bottom) = (
+        np.clip(edge, 0, scene.camera.size_wh).astype(int) for edge in (pixels.min(axis=0), pixels.max(axis=0) + 2)
+    )
+    if (right - left) * (bottom - top) > 0.9 * scene.valid.size:
+        return spoil(scene.image, value, rng)
+    image = scene.image.copy()
+    image[top:bottom, left:right] = spoil(image[top:bottom, left:right], value, rng)
+    return image
 
 
 def kept(image: np.ndarray, spoilt: np.ndarray) -> np.ndarray:
@@ -91,6 +108,7 @@ FRAMES: dict[str, tuple[Spoil, tuple[float, ...]]] = {
     "blurred": (blurred, BLURS_PX),
 }
 """What makes a frame worse, and by which amounts."""
+MASKED = ", masked"
 
 
 class _Searched(Exception):
@@ -125,7 +143,7 @@ def outcome(scene: RefinementScene, start: np.ndarray) -> Outcome:
 
     An accepted pose counts as wrong if it is beyond the scene's limits, and further off than twice what was stated.
     """
-    result = refine_pose(scene.image, scene.valid, scene.camera, scene.mesh, start)
+    result = refine_pose(scene.image, scene.valid, scene.camera, scene.mesh, start, colours=scene.colours)
     if not result.accepted:
         return Outcome("refuses", message=result.message)
     error_px = displacement_px(scene, result.cam_from_model)
@@ -136,47 +154,44 @@ def outcome(scene: RefinementScene, start: np.ndarray) -> Outcome:
 
 
 def measure_basin(
-    scene: RefinementScene, angle_deg: float, shift_mm: float, key: int, seed: int, *, trials: int
+    source: str, scenes: Sequence[RefinementScene], angle_deg: float, percent: float, key: int, seed: int
 ) -> list[Cell]:
-    """A cell of the basin of convergence: ``x`` in degrees, ``y`` in mm."""
+    """A cell of the basin of convergence: ``x`` in degrees, ``y`` in percent of the distance."""
     rng = np.random.default_rng([seed, 0, key])
-    outcomes = [outcome(scene, disturbed_pose(scene, angle_deg, shift_mm, rng)) for _ in range(trials)]
+    outcomes = [outcome(scene, disturbed_pose(scene, angle_deg, percent, rng)) for scene in scenes]
     limit = Limit("MAX_ROTATION_DEG", MAX_ROTATION_DEG)
-    return [Cell.of("basin", scene.name, angle_deg, outcomes, y=shift_mm, limit=limit)]
+    return [Cell.of("basin", source, angle_deg, outcomes, y=percent, limit=limit)]
 
 
 def measure_frame(
-    scene: RefinementScene,
-    name: str,
-    value: float,
-    key: tuple[int, int],
-    seed: int,
-    *,
-    trials: int,
-    masked: bool = False,
+    series: str, scenes: Sequence[RefinementScene], name: str, value: float, key: tuple[int, int], seed: int
 ) -> list[Cell]:
-    """A cell of one of :data:`FRAMES`, from :data:`START`; ``masked`` leaves out the pixels that are spoilt."""
+    """A cell of one of :data:`FRAMES`, from :data:`START`; a series that :data:`MASKED` ends leaves out what is bad."""
     spoil, _ = FRAMES[name]
-    limit = Limit("MIN_CONTRAST", least_contrast(scene, seed)) if spoil is faded else NO_LIMIT
+    limit = Limit("MIN_CONTRAST", least_contrast(scenes[0], seed)) if spoil is faded else NO_LIMIT
     rng = np.random.default_rng([seed, 1, *key])
     outcomes = []
-    for _ in range(trials):
-        image = spoil(scene.image, value, rng)
-        valid = scene.valid & kept(scene.image, image) if masked else scene.valid
+    for scene in scenes:
+        image = spoilt(scene, spoil, value, rng)
+        valid = scene.valid & kept(scene.image, image) if series.endswith(MASKED) else scene.valid
         outcomes.append(outcome(replace(scene, image=image, valid=valid), disturbed_pose(scene, *START, rng)))
-    return [Cell.of(name, "masked" if masked else "as it is", value, outcomes, limit=limit)]
+    return [Cell.of(name, series, value, outcomes, limit=limit)]
 
 
-def tasks(scene: RefinementScene, seed: int, *, quick: bool) -> Iterator[Task]:
-    """All measurements of the topic on a scene; ``quick`` takes four cells of the basin and one bad frame of a kind."""
-    angles, shifts = (values[:4:3] if quick else values for values in (ANGLES_DEG, SHIFTS_MM))
-    for key, (shift_mm, angle_deg) in enumerate(itertools.product(SHIFTS_MM, ANGLES_DEG)):
-        if angle_deg in angles and shift_mm in shifts:
-            yield partial(measure_basin, scene, angle_deg, shift_mm, key, seed, trials=1 if quick else BASIN_TRIALS)
+def tasks(source: str, scenes: Sequence[RefinementScene], seed: int, *, quick: bool) -> Iterator[Task]:
+    """All measurements of the topic on a source's scenes; of photographs, which are many, at every second setting.
+
+    ``quick`` takes four cells of the basin and one bad frame of a kind, of one scene.
+    """
+    step = 1 if source == RENDERED else 2
+    angles, shifts = (values[:4:3] if quick else values[::step] for values in (ANGLES_DEG, SHIFTS_PERCENT))
+    scenes = scenes[:1] if quick else scenes
+    for key, (percent, angle_deg) in enumerate(itertools.product(SHIFTS_PERCENT, ANGLES_DEG)):
+        if angle_deg in angles and percent in shifts:
+            yield partial(measure_basin, source, scenes, angle_deg, percent, key, seed)
     for number, (name, (_, values)) in enumerate(FRAMES.items()):
         for index, value in enumerate(values):
-            if not quick or index == len(values) // 2:
-                trials = 1 if quick else FRAME_TRIALS
-                yield partial(measure_frame, scene, name, value, (number, index), seed, trials=trials)
+            if index == len(values) // 2 if quick else index % step == step - 1:
+                yield partial(measure_frame, source, scenes, name, value, (number, index), seed)
                 if name == "occluded" and value > 0:
-                    yield partial(measure_frame, scene, name, value, (number, index), seed, trials=trials, masked=True)
+                    yield partial(measure_frame, source + MASKED, scenes, name, value, (number, index), seed)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.alignment.overlay_film import OverlayFilm, camera_of_film, opened_film, report_lines
+from oneframe.blender.alignment.overlay_film import FrameMark, OverlayFilm, camera_of_film, opened_film, report_lines
 from oneframe.blender.alignment.overlay_picture import OverlayPainter
 from oneframe.blender.render.video import stream_video
 from oneframe.camera.distortion import Distortion, undistort
@@ -102,6 +102,25 @@ def test_every_frame_is_the_picture_of_its_pose(loaded, frontal_pose, tmp_path):
     data = (tmp_path / "out.mp4").read_bytes()
     assert b"avc1" in data
     assert {file.name for file in tmp_path.iterdir()} == {"film.mkv", "out.mp4", "out.npy"}
+
+
+def test_a_frame_that_is_less_sure_is_fainter_and_marked(loaded, frontal_pose, tmp_path):
+    images, red = film_frames()[:3], (210, 60, 50)
+    path = write_film(tmp_path / "film.mkv", images)
+    marks = {0: FrameMark(0.4), 1: FrameMark(0.4, red, "doubtful"), 2: FrameMark(0.0, red, "refused")}
+    with Film(path) as film:
+        OverlayFilm(loaded, film, [frontal_pose] * 2 + [None], explained=False, marks=marks).write(
+            tmp_path / "out.mp4", lambda: None
+        )
+    found = decoded(tmp_path / "out.mp4")[1]
+    painter = OverlayPainter(loaded, CAMERA, explained=False)
+    images = [image.astype(float) for image in images]
+    expected = [image + 0.4 * (painter.paint(image.astype(np.uint8), frontal_pose).image - image) for image in images]
+    expected[2] = images[2]
+    inner = np.s_[30:-10, 10:-10]
+    for number, (image, picture) in enumerate(zip(found, expected, strict=True)):
+        assert error_of(image[inner], picture[inner]) < 3
+        assert (np.abs(image[-2:] - np.array(red)).mean() < 25) == (number > 0)
 
 
 def test_a_film_of_another_size_scales_k_and_other_proportions_are_refused(loaded, frontal_pose, tmp_path):

@@ -133,10 +133,10 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
 @pytest.mark.render
 def test_a_view_larger_than_a_tile_of_the_renderer_is_complete(bumpy_mesh, frontal_pose):
     camera = PinholeCamera(2100, 2000, 14000.0, 14000.0, 1049.5, 999.5)
-    with SurfaceScene(bumpy_mesh, camera, None) as scene:
+    with SurfaceScene(bumpy_mesh, camera) as scene:
         assert render_view(scene, frontal_pose).mask.all()
     with pytest.raises(InputError, match="million pixels"):
-        SurfaceScene(bumpy_mesh, PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5), None)
+        SurfaceScene(bumpy_mesh, PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5))
 
 
 @pytest.mark.render
@@ -145,7 +145,7 @@ def test_a_closed_scene_leaves_nothing_behind(bumpy_mesh, frontal_pose, engine):
     """An engine that outlives its scene reads freed memory when anything is removed later."""
     check_engine(engine)
     before = set(data_blocks())
-    with SurfaceScene(bumpy_mesh, CAMERAS["square, far off centre"], None, engine=engine) as scene:
+    with SurfaceScene(bumpy_mesh, CAMERAS["square, far off centre"], engine=engine) as scene:
         render_view(scene, frontal_pose)
         assert engine != "cycles" or engines_of("CYCLES")
     assert not engines_of("CYCLES")

@@ -55,7 +55,7 @@ def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0):
     (colour,), _ = colours_of(source, mode)
     with SurfaceScene(source.mesh, camera, colour, filtered=True) as scene:
         scene.limit_threads(threads)
-        sampler = EdgeSampler(scene, source.view, source.pivot_model, rays)
+        sampler = EdgeSampler(scene, source.pivot_model, rays)
         return [sampler.render(pose) for pose in poses]
 
 
@@ -158,7 +158,7 @@ def test_blender_s_rays_are_those_of_embree(stepped_mesh, oblique_pose):
     for pose in (oblique_pose, oblique_pose @ rigid(np.diag([1.0, -1.0, -1.0]))):
         directions = (VIEW.rays_cam(VIEW.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]).astype(np.float32)
         origins = np.broadcast_to(camera_centre(pose), directions.shape).astype(np.float32)
-        with SurfaceScene(stepped_mesh, VIEW, None) as scene:
+        with SurfaceScene(stepped_mesh, VIEW) as scene:
             found, expected = (
                 rays.first_hits(origins, directions) for rays in (SceneRays(scene), MeshRays(stepped_mesh))
             )
@@ -225,7 +225,7 @@ def test_filled_views_change_where_the_frame_saw_nothing(stepped_mesh, frontal_p
     (colour,), _ = colours_of(source, mode)
     unseen = unseen_colours_of(source, "fill")
     with SurfaceScene(source.mesh, VIEW, colour, unseen=unseen, filtered=True) as scene:
-        filled = EdgeSampler(scene, source.view, source.pivot_model, 8).render(oblique_pose)
+        filled = EdgeSampler(scene, source.pivot_model, 8).render(oblique_pose)
     assert np.array_equal(filled.observed, neutral.observed)
     assert np.array_equal(filled.depth_mm, neutral.depth_mm)
     assert neutral.rgb.max() > 0.49

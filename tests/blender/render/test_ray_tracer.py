@@ -51,7 +51,7 @@ def test_views_are_those_of_cycles(
     for camera in (SMALL,) if samples > 1 else (SMALL, FRAME):
         tracer = RayTracer(mesh, camera, colour, unseen=colours, samples=samples, pivot_model=pivot)
         with SurfaceScene(mesh, camera, colour, unseen=colours, filtered=samples > 1) as scene:
-            sampler = EdgeSampler(scene, source.view, pivot, samples)
+            sampler = EdgeSampler(scene, pivot, samples)
             for pose in (oblique_pose, nearer, from_behind):
                 cycles = sampler.render(pose) if samples > 1 else render_view(scene, pose)
                 assert_those_of_cycles(tracer.render(pose), cycles, camera)
@@ -82,7 +82,7 @@ def test_large_meshes_and_small_objects_are_those_of_a_z_buffer(mesh, camera, di
     )
     assert 0.2 < view.mask.mean() < 0.95
     assert view.observed.sum() > 0.7 * view.mask.sum()
-    shown = RayTracer(mesh, camera, None).render(pose)
+    shown = RayTracer(mesh, camera).render(pose)
     nearness = rasterise_depth(mesh, camera, pose).inverse_depth
     assert np.count_nonzero((nearness > 0) != shown.mask) <= 2
     both = (nearness > 0) & shown.mask
@@ -94,7 +94,7 @@ def test_a_camera_inside_the_surfaces_sphere_sees_what_a_ray_cast_sees(bumpy_mes
     """Near and far parts of the surface in one view, and parts behind the camera."""
     camera = PinholeCamera(120, 90, 60.0, 61.0, 60.2, 44.7)
     pose = rigid(rotation_from_vector(np.array([2.2, 0.1, 0.2])), np.array([0.5, 2.0, 6.0]))
-    view = RayTracer(bumpy_mesh, camera, None).render(pose)
+    view = RayTracer(bumpy_mesh, camera).render(pose)
     depth, _ = ray_cast(bumpy_mesh, camera, pose, camera.pixel_grid().reshape(-1, 2))
     depth = depth.reshape(camera.shape_hw)
     assert (depth > 0).mean() > 0.2

@@ -1,0 +1,51 @@
+"""Whether a frame was taken at the focal length of the aligned one.
+
+A longer lens looks like a nearer camera, but for the relief of the surface: it moves by other amounts in the image.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..alignment.reprojection import apply_twist, twist_jacobians
+from ..transforms import transform_points
+from .blocks import robust_step
+from .flow_refinement import FlowFit
+
+STEPS, LARGEST_STEP = 8, 0.1
+"""Of the fit, and how far a step goes at most, as the logarithm of the focal length."""
+LEAST_CHANGE, LEAST_SIGMAS = 0.03, 3.0
+"""How far the focal length must be from the aligned frame's, relatively and in its standard deviations."""
+
+
+class Zoom(NamedTuple):
+    """The focal length of a frame relative to the aligned one's, and the standard deviation of its logarithm."""
+
+    factor: float
+    sigma: float
+
+
+def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
+    """The zoom that fits together with a pose; ``fit`` is at the aligned frame's, ``pivot_model`` ``(3,)`` mm."""
+    camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
+    used = np.isfinite(fit.residuals_px)
+    used[used] = np.arange(np.count_nonzero(used)) % max(1, np.count_nonzero(used) // 2000) == 0
+    points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
+    centre, sigma = np.array([camera.cx, camera.cy]), np.inf
+    for _ in range(STEPS):
+        zoomed = replace(camera, fx=camera.fx * np.exp(zoom), fy=camera.fy * np.exp(zoom))
+        position = transform_points(pose, pivot_model[None])
+        offsets_cam = (points - pivot_model) @ pose[:3, :3].T
+        predicted = zoomed.project(offsets_cam + position)
+        jacobian = twist_jacobians(zoomed, offsets_cam[None], position)[0]
+        jacobian = np.concatenate([jacobian, (predicted - centre)[:, :, None]], axis=2)
+        step, covariance = robust_step(jacobian, moved - predicted, pixels)
+        step *= min(1.0, LARGEST_STEP / max(abs(step[6]), 1e-9))
+        pose, zoom, sigma = apply_twist(step[:6], pose, pivot_model), zoom + step[6], float(np.sqrt(covariance[6, 6]))
+    return Zoom(float(np.exp(zoom)), sigma)
+
+
+def has_zoomed(zoom: Zoom) -> bool:
+    """Whether the focal length is clearly another."""
+    return abs(zoom.factor - 1) > LEAST_CHANGE and abs(np.log(zoom.factor)) > LEAST_SIGMAS * zoom.sigma

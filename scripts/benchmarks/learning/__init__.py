@@ -1,0 +1,1 @@
+"""A small network that learns poses from nothing but the views of a dataset."""

@@ -1,0 +1,165 @@
+"""Poses of photographs by a trained network, and refined from there by render and flow, beside the true ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from oneframe.alignment.refinement.verification import mean_distance_px
+from oneframe.blender.case.load_case import load_posed_frame, read_photographs
+from oneframe.blender.colour.reference_view import colouring_view_of
+from oneframe.blender.registration.register_frames import LONGER_SIDE_PX
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.loaded_case import LoadedCase
+from oneframe.case.posed_frame import PosedFrame
+from oneframe.registration.flow_refinement import refined_by_flow
+from oneframe.registration.known_views import KnownViews, grey_codes
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import camera_centre, rigid, rotation_angle_deg, rotation_from_vector, transform_points
+
+from ..alignment.refinement_scenes import visible_points
+
+FARTHEST_DEG = 60
+"""Between the directions from which frame and photograph look; farther ones show too little that the frame saw."""
+FEWEST, SUREST = 12, 0.7
+"""Points without which there is no pose, and the part of them that is used."""
+NEAREST_MM = 1.0
+OUTLIER = 3.0
+"""Times the median of the stated errors."""
+
+
+class Training(NamedTuple):
+    """What a network was trained on, and for how long."""
+
+    scene: str
+    dataset: str
+    views: int
+    steps: int
+
+
+@dataclass(frozen=True)
+class PoseTrial:
+    """A photograph's errors by one training, before and after refinement, see :func:`errors`.
+
+    Attributes
+    ----------
+    seconds
+        Processor time of the training.
+    """
+
+    scene: str
+    dataset: str
+    views: int
+    steps: int
+    seconds: float
+    photograph: str
+    angle_deg: float
+    percent: float
+    px: float
+    refined_angle_deg: float
+    refined_percent: float
+    refined_px: float
+
+    @property
+    def training(self) -> Training:
+        """Of the network."""
+        return Training(self.scene, self.dataset, self.views, self.steps)
+
+
+def errors(pose: np.ndarray | None, photograph: PosedFrame, mesh: TriangleMesh) -> tuple[float, float, float]:
+    """How far a pose is from a photograph's: infinite if there is none.
+
+    Returns
+    -------
+    Rotation in degrees; shift of the middle of the visible surface in percent of its distance; mean shift of the
+    visible surface in px, at the size of registration.
+    """
+    if pose is None:
+        return np.inf, np.inf, np.inf
+    true = photograph.cam_from_model
+    points = visible_points(mesh, photograph.camera, true)
+    one, other = (transform_points(each, points).mean(axis=0) for each in (true, pose))
+    percent = 100 * float(np.linalg.norm(one - other) / np.linalg.norm(one))
+    return (
+        rotation_angle_deg(pose[:3, :3] @ true[:3, :3].T), percent,
+        mean_distance_px(photograph.camera, points, true, pose),
+    )  # fmt: skip
+
+
+def photographs_of(loaded: LoadedCase, listed: Path) -> list[PosedFrame]:
+    """The photographs of a list that are near enough; errors as :func:`.read_photographs`."""
+    own = loaded.frame
+    middle = visible_points(loaded.surface.mesh, own.camera, own.cam_from_model).mean(axis=0)
+
+    def direction(frame: PosedFrame) -> np.ndarray:
+        ray = camera_centre(frame.cam_from_model) - middle
+        return ray / np.linalg.norm(ray)
+
+    unread = read_photographs(listed, loaded.case)[0]
+    frames = [_small(load_posed_frame(each, loaded.surface.mesh_from_model, name=listed.name)) for each in unread]
+    return [frame for frame in frames if direction(frame) @ direction(own) > np.cos(np.radians(FARTHEST_DEG))]
+
+
+def known_views(loaded: LoadedCase) -> KnownViews:
+    """What the case's frame shows, for the refinement."""
+    view = colouring_view_of(replace(loaded, frames=(_small(loaded.frame),)))
+    return KnownViews(view.mesh, view.view)
+
+
+def _small(frame: PosedFrame) -> PosedFrame:
+    """The frame at the size of registration."""
+    factor = min(LONGER_SIDE_PX / max(frame.camera.size_wh), 1.0)
+    camera = frame.camera.resized(round(frame.camera.width * factor), round(frame.camera.height * factor))
+    image = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)
+    valid = cv2.resize(frame.valid.astype(np.uint8), camera.size_wh, interpolation=cv2.INTER_NEAREST) > 0
+    return replace(frame, image=image, valid=valid, camera=camera)
+
+
+def refined(views: KnownViews, photograph: PosedFrame, pose: np.ndarray | None) -> np.ndarray | None:
+    """The pose refined by render and flow."""
+    fit = None if pose is None else refined_by_flow(views, grey_codes(photograph.image), photograph.valid, pose)
+    return None if fit is None else fit.cam_from_model
+
+
+def summary(trials: Sequence[PoseTrial]) -> str:
+    """A line with the medians of one training."""
+    names = "angle_deg", "percent", "px", "refined_angle_deg", "refined_percent", "refined_px"
+    medians = [float(np.median([getattr(trial, name) for trial in trials])) for name in names]
+    return (
+        "{}, {}, {} views, {} steps: ".format(*trials[0].training)
+        + "{:.2f}°, {:.2f} %, {:.2f} px; refined {:.2f}°, {:.2f} %, {:.2f} px".format(*medians)
+        + f" (medians of {len(trials)} photographs; {trials[0].seconds:.0f} s)"
+    )
+
+
+def pose_of(points: np.ndarray, pixels: np.ndarray, errors_mm: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
+    """``cam_from_model`` from ``(N, 3)`` points, mm, at ``(N, 2)`` pixels, with ``(N,)`` the errors they state."""
+    sure = errors_mm <= np.quantile(errors_mm, SUREST) if len(points) else np.zeros(0, bool)
+    if np.count_nonzero(sure) < FEWEST:
+        return None
+    points, pixels, errors_mm = points[sure], pixels[sure], errors_mm[sure]
+    pivot = points.mean(axis=0)
+    extent = np.linalg.norm(points - pivot, axis=1).mean() / np.linalg.norm(pixels - pixels.mean(axis=0), axis=1).mean()
+    found, turn, position, _ = cv2.solvePnPRansac(
+        points - pivot, pixels, camera.k, np.zeros(0),
+        reprojectionError=float(max(OUTLIER * np.median(errors_mm) / extent, 1.0)),
+        iterationsCount=1000, confidence=0.9999, flags=cv2.SOLVEPNP_SQPNP,
+    )  # fmt: skip
+    if not found:
+        return None
+    rotation, position = cv2.Rodrigues(turn)[0], position[:, 0]
+
+    def residuals(twist: np.ndarray) -> np.ndarray:
+        placed = (points - pivot) @ (rotation_from_vector(twist[3:]) @ rotation).T + position + twist[:3]
+        # outliers may lie behind the camera
+        placed[:, 2] = np.maximum(placed[:, 2], NEAREST_MM)
+        scale_px = errors_mm * camera.fx / placed[:, 2]
+        return ((camera.project(placed) - pixels) / scale_px[:, None]).ravel()
+
+    twist = least_squares(residuals, np.zeros(6), loss="soft_l1", x_scale=[1, 1, 10, 0.1, 0.1, 0.1]).x
+    rotation, position = rotation_from_vector(twist[3:]) @ rotation, position + twist[:3]
+    return rigid(rotation, position - rotation @ pivot)

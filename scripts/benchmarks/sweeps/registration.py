@@ -1,0 +1,238 @@
+"""Sweeps of the registration: all photographs, a film, bad frames, where it ends, and the source's pose corrected.
+
+Each yields trials. Random ones depend on the seed and their place alone.
+"""
+
+import json
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from oneframe.blender.case.load_case import load_posed_frame
+from oneframe.blender.registration.correct_source import correct_source
+from oneframe.blender.sample.photograph import LAMP_OFFSET_MM, take_photographs
+from oneframe.blender.sample.sample_case import FILM, FILM_POSES
+from oneframe.case.posed_frame import PosedFrame, UnreadFrame
+from oneframe.errors import InputError
+from oneframe.files.temporary import temporary_folder
+from oneframe.poses.distributions import ReferencePose
+from oneframe.registration.verdict import ACCEPTED, REFUSED
+from oneframe.sample.temporal_bone import sample_surface
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+
+from ..alignment.registration_trials import NO_ERROR, Registration, RegistrationTrial, Scene, resized, spread
+from .degradations import CLEAN, DEGRADATIONS, WRONG
+from .refinement import blurred, faded
+
+surface_once = cache(sample_surface)
+Trials = Iterator[RegistrationTrial]
+OTHERS = 6
+"""Images of other scenes that a source is shown."""
+CONTRASTS, PAINT_PX, SIZES = (1.0, 0.3, 0.1, 0.05, 0.02), (0.0, 1.5, 3.0, 6.0, 12.0), (1.0, 0.5, 0.25, 0.125)
+LIGHTS_DEG, LAMP_MM = (0.0, 15.0, 30.0, 45.0, 60.0), 300.0
+TILTS_DEG, DIRECTIONS = (10.0, 20.0, 30.0, 45.0, 60.0, 75.0), 4
+OFF_DEG, SURFACE_MM, OFF_SHARE = (2.0, 4.0, 8.0), (0.0, 0.25, 0.5, 1.0), 0.005
+"""By how much the source's pose and the surface are off; the pose's shift as a share of the distance and degree."""
+WAVE_MM, WAVES = 12.0, 48
+"""Mean length of the waves of a surface's error, and their number."""
+
+
+def photographs(scenes: Sequence[Scene], most: int | None) -> Trials:
+    """Register every photograph to every other one, or to some of them."""
+    for scene in scenes:
+        for source in scene.sources(most):
+            registration = Registration(source, "photographs")
+            yield from (registration.trial(frame, CLEAN) for frame in source.photographs)
+
+
+def film(scene: Scene, folder: Path) -> Trials:
+    """Track the sample's film; the kind is what spoils the frame."""
+    registration = Registration(scene, "film")
+    listed = json.loads((folder / FILM_POSES).read_text())
+    with registration.registrar.frames(folder / FILM) as (_, frames):
+        for frame, entry in zip(frames, listed, strict=False):
+            pose = np.array(entry["cam_from_mesh"]) @ scene.loaded.surface.mesh_from_model
+            image = frame.image.astype(np.float32) / 255
+            posed = PosedFrame(image, frame.valid, registration.registrar.camera, pose, Path(f"{frame.number:03d}"))
+            yield registration.trial(posed, entry["disturbance"] or CLEAN, tracked=frame.number)
+
+
+def grid(scenes: Sequence[Scene], shown: Sequence[Scene], seed: int, few: tuple[int, int], *, quick: bool) -> Trials:
+    """Spoil some photographs of each scene in every way, and show it some of all others; few sources and frames."""
+    sources, frames = few
+    for scene in scenes:
+        cases = sum(other.name == scene.name for other in scenes)
+        others = [frame for other in shown for frame in other.photographs if other is not scene]
+        for number, source in enumerate(scene.sources(-(-sources // cases))):
+            registration = Registration(source, "grid")
+            for place in chosen(source, number, frames):
+                frame = source.photographs[place]
+                yield registration.trial(frame, CLEAN)
+                yield registration.trial(frame, WRONG[0], image=frame.image[:, ::-1], shows=False)
+                for kind, (name, how) in enumerate(DEGRADATIONS.items()):
+                    for index, amount in enumerate(how.amounts):
+                        if amount != how.clean and (index == 4 or not quick):
+                            rng = np.random.default_rng([seed, number, place, kind, index])
+                            spoilt = how.spoil(frame.image, amount, rng)
+                            yield registration.trial(frame, name, amount, image=spoilt)
+            for place in spread(len(others), OTHERS * sources)[number::sources]:
+                image = fitted(others[place].image, registration.registrar.camera.shape_hw)
+                placed = replace(source.loaded.frame, path=others[place].path)
+                yield registration.trial(placed, WRONG[1], image=image, shows=False)
+
+
+def chosen(source: Scene, number: int, frames: int) -> list[int]:
+    """Places of some photographs, others for each source."""
+    count = len(source.photographs)
+    return sorted({(place + number) % count for place in spread(count, frames)})
+
+
+def fitted(image: np.ndarray, shape_hw: tuple[int, int]) -> np.ndarray:
+    """The image repeated by reflection, or cropped, to a shape."""
+    more = [(0, max(0, shape_hw[axis] - image.shape[axis])) for axis in (0, 1)]
+    return np.pad(image, (*more, (0, 0)), mode="symmetric")[: shape_hw[0], : shape_hw[1]]
+
+
+def texture_and_size(scenes: Sequence[Scene], seed: int, few: tuple[int, int], *, quick: bool) -> Trials:
+    """Source and frames lose contrast, with a sensor's noise, or fine paint, or are shrunk."""
+    for scene in scenes:
+        for source in scene.sources(few[0]):
+            frames = [source.photographs[place] for place in spread(len(source.photographs), few[1])]
+            for kind, amounts in (("contrast", CONTRASTS), ("paint", PAINT_PX), ("size", SIZES)):
+                for amount in amounts[:: 3 if quick else 1]:
+                    rng = np.random.default_rng(seed)
+                    own, *others = (_poorer(frame, kind, amount, rng) for frame in (source.loaded.frame, *frames))
+                    poorer = replace(source, loaded=replace(source.loaded, frames=(own,)))
+                    registration = Registration(poorer, "limits")
+                    at = shown_px(poorer, own) if kind == "size" else amount
+                    yield from (registration.trial(frame, kind, at) for frame in others)
+
+
+def _poorer(frame: PosedFrame, kind: str, amount: float, rng: np.random.Generator) -> PosedFrame:
+    if kind == "size":
+        return resized(frame, amount)
+    return replace(frame, image=(faded if kind == "contrast" else blurred)(frame.image, amount, rng))
+
+
+def small_objects(scenes: Sequence[Scene], most: int) -> Trials:
+    """Register some photographs of small objects; the amount is the size of the object in the photograph."""
+    for scene in scenes:
+        registration = Registration(scene, "limits")
+        for place in spread(len(scene.photographs), most):
+            frame = scene.photographs[place]
+            yield registration.trial(frame, "size", shown_px(scene, frame))
+
+
+def shown_px(scene: Scene, frame: PosedFrame) -> float:
+    """The longer side of what a frame may show of the surface."""
+    points_cam = transform_points(frame.cam_from_model, scene.loaded.surface.mesh.vertices)
+    pixels = np.clip(frame.camera.project(points_cam[points_cam[:, 2] > 0]), 0, frame.camera.size_wh)
+    return float(np.ptp(pixels, axis=0).max())
+
+
+def light(scene: Scene, out: Path, *, quick: bool) -> Trials:
+    """Photograph the sample under a lamp that leaves the lens."""
+    registration = Registration(scene, "limits")
+    poses = [frame.cam_from_model for frame in scene.photographs[: 1 if quick else None]]
+    for angle_deg in LIGHTS_DEG[:: 4 if quick else 1]:
+        turn = math.radians(angle_deg)
+        lamp = LAMP_OFFSET_MM + LAMP_MM * np.array([math.sin(turn), 0, 1 - math.cos(turn)])
+        lit = photographed(scene, poses, out / f"{angle_deg:.0f}", lamp)
+        yield from (registration.trial(frame, "light", angle_deg) for frame in lit)
+
+
+def around(scene: Scene, out: Path, *, quick: bool) -> Scene:
+    """The sample with photographs from ever further away around the source."""
+    pivot = Registration(scene, "").registrar.pivot_model
+    reference, turns = ReferencePose(scene.loaded.frame.cam_from_model, pivot), 2 * np.pi * np.arange(DIRECTIONS)
+    poses = [
+        reference.orbit((tilt * math.cos(turn), tilt * math.sin(turn)), 0.0, reference.distance_mm)
+        for tilt in np.radians(TILTS_DEG[: 1 if quick else None])
+        for turn in turns / DIRECTIONS
+    ]
+    return replace(scene, photographs=tuple(photographed(scene, poses, out)))
+
+
+def overlap(scene: Scene) -> Trials:
+    """Register what :func:`around` gives."""
+    registration = Registration(scene, "limits")
+    for frame in scene.photographs:
+        yield registration.trial(frame, "overlap")
+
+
+def photographed(
+    scene: Scene, poses: Sequence[np.ndarray], out: Path, lamp_cam: np.ndarray = LAMP_OFFSET_MM
+) -> list[PosedFrame]:
+    """Path trace the sample at some poses, ``cam_from_model``, into a folder."""
+    camera, mesh_from_model = scene.loaded.frame.camera, scene.loaded.surface.mesh_from_model
+    out.mkdir(parents=True)
+    shots = [(pose @ inverse_rigid(mesh_from_model), out / f"{number:03d}.png") for number, pose in enumerate(poses)]
+    return [
+        load_posed_frame(UnreadFrame(path, camera, None, pose), mesh_from_model, name="sample")
+        for path, (pose, _) in zip(
+            take_photographs(surface_once(), camera, shots, lamp_cam=lamp_cam), shots, strict=True
+        )
+    ]
+
+
+# --- the source's pose corrected ------------------------------------------------------------------------------------
+
+
+def corrections(scene: Scene, seed: int, sources: int, *, surfaces: bool, quick: bool) -> Trials:
+    """Correct a source whose pose, or surface too, is off, by all photographs, and by the nearest ones."""
+    for number, source in enumerate(scene.sources(sources)):
+        for index, off_deg in enumerate(OFF_DEG[1:2] if quick else OFF_DEG):
+            yield corrected(source, "pose", off_deg, off_deg, np.random.default_rng([seed, number, index]))
+        for index, rms_mm in enumerate(SURFACE_MM if surfaces and not quick else ()):
+            rng = np.random.default_rng([seed, number, 9, index])
+            surface = replace(source.loaded.surface, mesh=rough(source.loaded.surface.mesh, rms_mm, rng))
+            rougher = replace(source, loaded=replace(source.loaded, surface=surface))
+            yield corrected(rougher, "surface", rms_mm, 4.0, rng)
+
+
+def more_frames(scene: Scene, counts: Sequence[int], seed: int) -> Trials:
+    """Correct a source 4° off by ever more of its photographs, the nearest first; the amount is their number."""
+    registration = Registration(scene, "correction")
+    near = sorted(scene.photographs, key=lambda frame: registration.angle_deg(frame.cam_from_model))
+    for count in counts:
+        rng = np.random.default_rng([seed, count])
+        yield corrected(replace(scene, photographs=tuple(near[:count])), "frames", count, 4.0, rng)
+
+
+def corrected(source: Scene, kind: str, amount: float, off_deg: float, rng: np.random.Generator) -> RegistrationTrial:
+    """Disturb the source's pose, and correct it; refused if the command would end with an error."""
+    truth, registration = source.loaded.frame, Registration(source, "correction")
+    pivot, axes = registration.registrar.pivot_model, rng.normal(size=(2, 3))
+    axis, shift = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    middle = transform_points(truth.cam_from_model, pivot[None])[0]
+    turn = rotation_from_vector(math.radians(off_deg) * axis)
+    shift = middle - turn @ middle + OFF_SHARE * off_deg * np.linalg.norm(middle) * shift
+    wrong = replace(truth, cam_from_model=rigid(turn, shift) @ truth.cam_from_model)
+    began, state, errors = time.process_time(), REFUSED, NO_ERROR
+    with temporary_folder() as folder:
+        for number, frame in enumerate(source.photographs):
+            (folder / f"{number:03d}{frame.path.suffix}").symlink_to(frame.path.resolve())
+        try:
+            loaded = replace(source.loaded, frames=(wrong,))
+            found = correct_source(loaded, folder, tool="benchmark", date="", progress=lambda _: None)
+            state, errors = ACCEPTED, registration.errors(found.loaded.frame.cam_from_model, truth.cam_from_model)
+        except InputError:
+            """Too few frames agree."""
+    span_deg = max(registration.angle_deg(frame.cam_from_model) for frame in source.photographs)
+    return RegistrationTrial(
+        "correction", source.name, source.real, truth.path.stem, f"{len(source.photographs)} frames", kind, amount,
+        span_deg, state, float(state == ACCEPTED), time.process_time() - began, *errors,
+    )  # fmt: skip
+
+
+def rough(mesh: TriangleMesh, rms_mm: float, rng: np.random.Generator) -> TriangleMesh:
+    """The mesh with a smooth error along its normals: waves in random directions."""
+    waves, phases = rng.normal(size=(WAVES, 3)) * 2 * np.pi / WAVE_MM / math.sqrt(3), rng.uniform(0, 2 * np.pi, WAVES)
+    heights = np.cos(mesh.vertices @ waves.T + phases).sum(axis=1) * math.sqrt(2 / WAVES)
+    return TriangleMesh(mesh.vertices + rms_mm * heights[:, None] * mesh.vertex_normals, mesh.faces)

@@ -104,7 +104,7 @@ def nudge(values: list, place: int = 0, by: float = 1e-6) -> None:
 def test_a_sound_dataset_passes(sound, run, capsys):
     assert run(sound) == 0
     messages = capsys.readouterr().out
-    assert f"dataset of {COUNT} views: complete and consistent (checked: hashes of {6 * COUNT + 22} files" in messages
+    assert f"dataset of {COUNT} views: complete and consistent (checked: hashes of {7 * COUNT + 22} files" in messages
     agreeing, shift = re.search(r"at ([\d.]+)% of .* largest shift of a view (\S+) px", messages).groups()
     assert float(agreeing) == 100
     assert float(shift) < 0.01
@@ -188,7 +188,7 @@ MUTATIONS = {
     ),
     "record without a hash": (
         lambda root: change_record(root, 1, lambda c: c["files"].popitem()),
-        r"frame/000001\.json: expected sums of the view's 6 files",
+        r"frame/000001\.json: expected sums of the view's 7 files",
     ),
     "reflection": (
         lambda root: change_record(root, 1, rewrite_rotation),

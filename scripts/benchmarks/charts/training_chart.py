@@ -14,8 +14,8 @@ from .log_axes import log_y, plain_log_axis
 
 NAMES = {
     NEUTRAL: "default\noptions", "fill": "--unseen\nfill", "vertex": "--colour\nvertex\n(paper)",
-    "plain": "shading,\nno frame", "samples4": "--samples\n4", "cone10": "--cone-deg\n10", "cone35": "--cone-deg\n35",
-    "frames": "colours\nof 6 more\nframes",
+    "plain": "plain\nshading", "samples4": "--samples\n4", "cone10": "cone\n10°", "cone35": "cone\n35°",
+    "frames": "6 more\nframes",
 }  # fmt: skip
 SCORES = (("angle_deg", "rotation error (°)", 0.01, 100.0), ("px", "shift of the surface (px of 640)", 0.03, 300.0))
 """Field, label, and range of the axis; medians beyond it, and photographs without a pose, are drawn at its end."""
@@ -50,7 +50,7 @@ def training_charts(trials: Sequence[PoseTrial], conditions: str, data: Path) ->
 
                     def plot(axes: Any, x: Sequence[float], chosen: Sequence[Training], **more: Any) -> None:
                         median, *ends = np.clip(_medians(trials, chosen, prefix + score), low, high).T  # noqa: B023
-                        axes.errorbar(x, median, np.abs(ends - median), capsize=2.5, elinewidth=1, **look, **more)  # noqa: B023
+                        axes.errorbar(x, median, np.abs(ends - median), capsize=2.5, clip_on=False, **look, **more)  # noqa: B023
 
                     name = f"{scene} ({counts[scene]} photographs): {stage}"
                     plot(left, [each.views for each in by_views], by_views, marker=marker, linestyle=line, label=name)
@@ -76,7 +76,7 @@ def training_charts(trials: Sequence[PoseTrial], conditions: str, data: Path) ->
         figure.legend(handles, labels, loc="outside upper right", ncols=2, frameon=False, fontsize=9.5)
         note(figure, theme, f"Medians over held-out photographs, with 95 % bootstrap intervals. {conditions}")
 
-    return write_chart(data, draw, (12.6, 8.6), title="What the views of one frame are worth to a network")
+    return write_chart(data, draw, (12.6, 8.6), title="What views are worth")
 
 
 def _medians(trials: Sequence[PoseTrial], trainings: Sequence[Training], score: str) -> np.ndarray:

@@ -44,28 +44,20 @@ def training_charts(trials: Sequence[PoseTrial], conditions: str, data: Path) ->
                 own = [each for each in equal if each.scene == scene]
                 by_views = [each for each in own if each.dataset == NEUTRAL]
                 by_option = [each for each in own if each.views == compared]
-                for number, (stage, prefix, marker, line) in enumerate(STAGES):
-                    colour = theme.series[place % len(theme.series)]
-                    look = {"color": colour, "markerfacecolor": theme.background if number else colour}
-
-                    def plot(axes: Any, x: Sequence[float], chosen: Sequence[Training], **more: Any) -> None:
-                        median, *ends = np.clip(_medians(trials, chosen, prefix + score), low, high).T  # noqa: B023
-                        axes.errorbar(x, median, np.abs(ends - median), capsize=2.5, clip_on=False, **look, **more)  # noqa: B023
-
+                most = [each for each in trainings if each.scene == scene and each.steps == longest != steps]
+                colour, shift = theme.series[place % len(theme.series)], 0.16 * (place - (len(scenes) - 1) / 2)
+                for stage, prefix, marker, line in STAGES:
+                    look = {"color": colour, "markerfacecolor": theme.background if prefix else colour}
                     name = f"{scene} ({counts[scene]} photographs): {stage}"
-                    plot(left, [each.views for each in by_views], by_views, marker=marker, linestyle=line, label=name)
-                    most = [each for each in trainings if each.scene == scene and each.steps == longest != steps]
-                    if most:
-                        plot(
-                            left,
-                            [1.25 * each.views for each in most],
-                            most,
-                            marker="*",
-                            markersize=13,
-                            linestyle="none",
-                        )
-                    x = [options.index(each.dataset) + 0.16 * (place - (len(scenes) - 1) / 2) for each in by_option]
-                    plot(right, x, by_option, marker=marker, linestyle="none")
+                    for axes, x, chosen, more in (
+                        (left, [each.views for each in by_views], by_views, {"linestyle": line, "label": name}),
+                        (left, [1.25 * each.views for each in most], most, {"marker": "*", "markersize": 13}),
+                        (right, [options.index(each.dataset) + shift for each in by_option], by_option, {}),
+                    ):
+                        if chosen:
+                            median, *ends = np.clip(_medians(trials, chosen, prefix + score), low, high).T
+                            style = {"marker": marker, "linestyle": "none", "capsize": 2.5, **look, **more}
+                            axes.errorbar(x, median, np.abs(ends - median), clip_on=False, **style)
             left.set_xscale("log")
             plain_log_axis(left.xaxis, sorted({each.views for each in equal}))
             right.set_xticks(range(len(options)), [NAMES.get(option, option) for option in options])

@@ -3,7 +3,7 @@
 It learns the surface's point for each cell of an image; PnP gives the pose, and render and flow refine it. It trains on
 the first --views of the default dataset, then at --compared views on datasets rendered with other options: unseen
 surface filled, the paper's vertex colours, plain shading without the frame, narrower and wider cones, and colours of
-further frames. All trainings take as many --steps, and two of most views, one of them filled, take --longest. Scenes are the built-in
+further frames. All trainings take as many --steps, and one of most views takes --longest. Scenes are the built-in
 sample with its film (path traced), each --case, and bloster (real), of photographs up to 60° away from the frame.
 
 Needs PyTorch (pip install torch). Writes a table, FILE.csv, with a row for each photograph and training, and its chart;
@@ -31,7 +31,7 @@ from oneframe.progress import Progress
 from .charts.training_chart import training_charts
 from .figures import conditions_note, read_rows, write_rows
 from .learning.pose_trials import PoseTrial, Training, errors, known_views, photographs_of, pose_of, refined, summary
-from .learning.training_scenes import DATASETS, FILL, FRAMES, NEUTRAL, PLAIN, TrainingScene, bloster_scene, sample_scene
+from .learning.training_scenes import DATASETS, FRAMES, NEUTRAL, PLAIN, TrainingScene, bloster_scene, sample_scene
 from .learning.view_crops import ViewCrops
 
 QUICK = {"views": [2, 4], "compared": 4, "steps": 2, "longest": 4, "datasets": [NEUTRAL, PLAIN]}
@@ -107,9 +107,7 @@ def _scenes(arguments: argparse.Namespace) -> Iterator[TrainingScene]:
 def _trainings(scene: TrainingScene, arguments: argparse.Namespace) -> Iterator[Training]:
     for count in sorted({*arguments.views, arguments.compared}):
         yield Training(scene.name, NEUTRAL, count, arguments.steps)
-    for dataset in (NEUTRAL, FILL):
-        if dataset in arguments.datasets:
-            yield Training(scene.name, dataset, max(arguments.views), arguments.longest)
+    yield Training(scene.name, NEUTRAL, max(arguments.views), arguments.longest)
     for dataset in arguments.datasets:
         if dataset != NEUTRAL and (dataset != FRAMES or FRAMES in scene.more):
             yield Training(scene.name, dataset, arguments.compared, arguments.steps)

@@ -18,12 +18,11 @@ from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
 from ..published import bloster_cases
 
-NEUTRAL, PLAIN, FILL = "neutral", "plain", "fill"
-"""As ``oneframe render`` has it by default; the same views without the frame's colours, see :class:`.ViewCrops`; filled
-where the frame saw nothing."""
+NEUTRAL, PLAIN = "neutral", "plain"
+"""As ``oneframe render`` has it by default; the same views without the frame's colours, see :class:`.ViewCrops`."""
 DATASETS: Mapping[str, tuple[str, ...]] = {
     NEUTRAL: (),
-    FILL: ("--unseen", FILL),
+    "fill": ("--unseen", "fill"),
     "vertex": ("--colour", "vertex"),
     PLAIN: (),
     "samples4": ("--samples", "4"),

@@ -7,7 +7,7 @@ the depth. The point's pixel in a frame, (x, y, z), is A (u, v, 1) + b / depth, 
 precision, so that at the frame's own pose each pixel is looked up at its own place.
 
 Of several frames, the one that shows the face best is looked up first, and the next one only where that one did not see
-the point: so a view takes hardly longer than with one frame.
+the point: so the time grows slowly with the frames.
 """
 
 from collections.abc import Callable

@@ -97,10 +97,12 @@ def text_of(verdict: Verdict) -> str:
 
 def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
     found, film = of(scene), session.of(scene)
-    if found is None or film is None or film.shown not in found.frames or not shown_frame.is_shown(scene):
+    if found is None or film is None or not shown_frame.is_shown(scene):
         return None
-    verdict, pose, _ = found.frames[film.shown]
     name = f"frame {film.score.index} of {film.path.name}"
+    if film.shown not in found.frames:
+        return SeenFrame(name, "not registered", None)
+    verdict, pose, _ = found.frames[film.shown]
     return SeenFrame(name, text_of(verdict), pose)
 
 

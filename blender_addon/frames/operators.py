@@ -70,6 +70,7 @@ class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
         registrar = CaseRegistrar(recorded_case(scene))
         found.latest = self._found
         scene.oneframe_video.visible = True
+        shown_frame.restore(scene)
         return partial(self._found.register, registrar)
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:

@@ -59,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..files.outputs import check_outputs, check_own_folder, writing
         from ..progress import ShareProgress
         from ..registration.pose_list import ESTIMATES, POSES
+        from ..registration.verdict import ACCEPTED
         from ..report.registration_page import registration_page
     if arguments.denoise and not arguments.colour_frames:
         raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
@@ -104,6 +105,10 @@ def run(arguments: argparse.Namespace) -> int:
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
     reasons, counts = found.evidence.reasons, found.evidence.counts
+    if not counts[ACCEPTED]:
+        output.write(
+            "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?\n"
+        )
     output.write("".join(f"{reason}\n" for reason in reasons[:MOST_REASONS]))
     if len(reasons) > MOST_REASONS:
         output.write(f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}\n")

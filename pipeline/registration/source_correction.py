@@ -18,6 +18,7 @@ from ..camera.pinhole import PinholeCamera
 from ..projection.rays import MeshRays
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, cross_matrices, transform_points
+from .blocks import blocks_of
 
 LOSS = Loss(1.0)
 MOST_STEPS, SETTLED = 60, 1e-6
@@ -26,8 +27,6 @@ STEEPEST = 0.2
 """Cosine between ray and normal below which a pixel's place on the surface is too uncertain."""
 LEAST_BEND = 0.2
 """Below it, most pixels are outliers, and the formula for the covariance does not hold."""
-BLOCK_PX = 32
-"""Side of the blocks of the source whose errors count as independent: a wrong surface errs alike in all frames."""
 
 
 @dataclass(frozen=True)
@@ -183,13 +182,16 @@ def _normal(linear: _Linear, number: np.ndarray, damping: float) -> _Normal:
 
 
 def _covariance(linear: _Linear, number: np.ndarray, source_px: np.ndarray) -> np.ndarray:
-    """``(6, 6)`` of the source's twist, robust against errors shared within a block (Liang & Zeger 1986)."""
+    """``(6, 6)`` of the source's twist, robust against errors shared within a block (Liang & Zeger 1986).
+
+    The blocks are the source's: a wrong surface errs alike in all frames.
+    """
     normal = _normal(linear, number, 0.0)
     eliminated = (normal.crosses @ normal.inverses)[number]
     alone = linear.by_source - np.einsum("nci,nji->ncj", linear.by_frame, eliminated)
-    places, block = np.unique((source_px // BLOCK_PX).astype(int), axis=0, return_inverse=True)
-    sums = np.zeros((len(places), 6))
-    np.add.at(sums, block.ravel(), np.einsum("nci,nc,n->ni", alone, linear.residuals, linear.weight))
+    count, block = blocks_of(source_px)
+    sums = np.zeros((count, 6))
+    np.add.at(sums, block, np.einsum("nci,nc,n->ni", alone, linear.residuals, linear.weight))
     # the loss bends: its second derivative is less than the weight (Huber 1981), in the mean over both directions
     weight = linear.weight
     bend = float((weight * (2 * np.sqrt(weight) - 1)).sum() / weight.sum())

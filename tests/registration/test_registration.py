@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.alignment.reprojection import apply_twist, twist_between
 from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
@@ -22,7 +23,9 @@ from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
 from oneframe.registration.evidence import frame_evidence
 from oneframe.registration.register import Registrar
 from oneframe.registration.source_correction import SourceCorrection, Track
+from oneframe.registration.source_uncertainty import with_source
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
+from oneframe.registration.zoom import has_zoomed, zoom_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
@@ -106,17 +109,45 @@ def test_the_pose_before_gives_the_same_pose(registrar, mesh):
     assert np.abs(tracked.cam_from_model - alone.cam_from_model).max() < 0.2
 
 
-@pytest.mark.parametrize("kind", ["mirrored", "another", "blurred", "masked"])
+@pytest.mark.parametrize("kind", ["mirrored", "another", "blurred", "masked", "grey"])
 def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
     image = photograph(mesh, SOURCE, seed=1 if kind == "another" else 0)
     if kind == "mirrored":
         image = np.ascontiguousarray(image[:, ::-1])
     if kind == "blurred":
         image = cv2.GaussianBlur(image, (0, 0), 25)
+    if kind == "grey":
+        image = 0.5 + np.random.default_rng(0).normal(0, 0.01, image.shape)
     valid = everywhere() if kind != "masked" else np.zeros(CAMERA.shape_hw, bool)
-    found = registrar.register(codes(image), valid)
+    # from a pose that would be right, and from nothing
+    found = registrar.register(codes(image), valid, SOURCE)
     assert (found.verdict.state, found.cam_from_model, found.covariance) == (REFUSED, None, None)
     assert found.verdict.reason
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.25])
+def test_another_focal_length_is_told_from_another_distance(registrar, mesh, factor):
+    enlarged = factor * np.eye(2, 3)
+    enlarged[:, 2] = (1 - factor) * np.array([CAMERA.cx, CAMERA.cy])
+    image = cv2.warpAffine(codes(photograph(mesh, seen_from(25, 10))), enlarged, CAMERA.size_wh)
+    fit = registrar.register(image, everywhere()).fit
+    zoom = zoom_of(fit, PIVOT)
+    assert abs(zoom.factor - factor) < max(0.02, 3 * zoom.sigma)
+    assert has_zoomed(zoom) == (factor != 1)
+
+
+def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(15, 70))), everywhere())
+    covariance = np.diag(np.array([0.2, 0.3, 1.0, *np.radians([0.5, 0.3, 1.0])]) ** 2)
+    source = PoseUncertainty(PIVOT, covariance, np.inf, np.nan, 20.0, transform_points(SOURCE, PIVOT))
+    both = with_source(found, source, SOURCE, CAMERA)
+    frame, twists = found.cam_from_model, np.random.default_rng(0).multivariate_normal(np.zeros(6), covariance, 4000)
+    taken_along = [frame @ inverse_rigid(SOURCE) @ apply_twist(each, SOURCE, PIVOT) for each in twists]
+    off = np.array([twist_between(each, frame, PIVOT) for each in taken_along])
+    scale = np.sqrt(np.diag(both.covariance))
+    assert np.abs((found.covariance + off.T @ off / len(off) - both.covariance) / np.outer(scale, scale)).max() < 0.1
+    assert both.verdict.probability < found.verdict.probability
+    assert (found.verdict.state, both.verdict.state) == (ACCEPTED, DOUBTFUL)
 
 
 def test_uncertainty_is_that_of_the_covariance(registrar, mesh):

@@ -83,7 +83,7 @@ def camera_of_film(camera: PinholeCamera, size_wh: tuple[int, int], video: str) 
     if abs(across / down - 1) > LARGEST_RATIO_ERROR:
         raise InputError(
             f"{video}: expected frames of the proportions of the case's camera, {camera.width}x{camera.height} px, "
-            f"found {size_wh[0]}x{size_wh[1]}; crop the video, or write a case with the K of this video"
+            f"found {size_wh[0]}x{size_wh[1]}; crop, or write a case with their K"
         )
     return camera if size_wh == camera.size_wh else camera.resized(*size_wh)
 

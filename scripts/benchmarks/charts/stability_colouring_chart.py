@@ -36,7 +36,11 @@ PANELS = (
     Panel("thin walls", "Thin walls", "distance of the sides (pixel footprints)", True, False),
 )
 
-LEGENDS: dict[str, str | tuple[float, float]] = {"mesh density": (0.05, 0.12), "magnification": (0.55, 0.06)}
+LEGENDS: dict[str, str | tuple[float, float]] = {
+    "incidence": "upper left",
+    "mesh density": (0.05, 0.12),
+    "magnification": (0.55, 0.06),
+}
 """Where there are no points."""
 
 

@@ -14,8 +14,8 @@ from .log_axes import log_y, plain_log_axis
 
 NAMES = {
     NEUTRAL: "default\noptions", "fill": "--unseen\nfill", "vertex": "--colour\nvertex\n(paper)",
-    "plain": "shading,\nno frame", "samples4": "--samples\n4", "cone10": "--cone-deg\n10", "cone35": "--cone-deg\n35",
-    "frames": "colours\nof 6 more\nframes",
+    "plain": "plain\nshading", "samples4": "--samples\n4", "cone10": "cone\n10°", "cone35": "cone\n35°",
+    "frames": "6 more\nframes",
 }  # fmt: skip
 SCORES = (("angle_deg", "rotation error (°)", 0.01, 100.0), ("px", "shift of the surface (px of 640)", 0.03, 300.0))
 """Field, label, and range of the axis; medians beyond it, and photographs without a pose, are drawn at its end."""
@@ -44,28 +44,20 @@ def training_charts(trials: Sequence[PoseTrial], conditions: str, data: Path) ->
                 own = [each for each in equal if each.scene == scene]
                 by_views = [each for each in own if each.dataset == NEUTRAL]
                 by_option = [each for each in own if each.views == compared]
-                for number, (stage, prefix, marker, line) in enumerate(STAGES):
-                    colour = theme.series[place % len(theme.series)]
-                    look = {"color": colour, "markerfacecolor": theme.background if number else colour}
-
-                    def plot(axes: Any, x: Sequence[float], chosen: Sequence[Training], **more: Any) -> None:
-                        median, *ends = np.clip(_medians(trials, chosen, prefix + score), low, high).T  # noqa: B023
-                        axes.errorbar(x, median, np.abs(ends - median), capsize=2.5, elinewidth=1, **look, **more)  # noqa: B023
-
+                most = [each for each in trainings if each.scene == scene and each.steps == longest != steps]
+                colour, shift = theme.series[place % len(theme.series)], 0.16 * (place - (len(scenes) - 1) / 2)
+                for stage, prefix, marker, line in STAGES:
+                    look = {"color": colour, "markerfacecolor": theme.background if prefix else colour}
                     name = f"{scene} ({counts[scene]} photographs): {stage}"
-                    plot(left, [each.views for each in by_views], by_views, marker=marker, linestyle=line, label=name)
-                    most = [each for each in trainings if each.scene == scene and each.steps == longest != steps]
-                    if most:
-                        plot(
-                            left,
-                            [1.25 * each.views for each in most],
-                            most,
-                            marker="*",
-                            markersize=13,
-                            linestyle="none",
-                        )
-                    x = [options.index(each.dataset) + 0.16 * (place - (len(scenes) - 1) / 2) for each in by_option]
-                    plot(right, x, by_option, marker=marker, linestyle="none")
+                    for axes, x, chosen, more in (
+                        (left, [each.views for each in by_views], by_views, {"linestyle": line, "label": name}),
+                        (left, [1.25 * each.views for each in most], most, {"marker": "*", "markersize": 13}),
+                        (right, [options.index(each.dataset) + shift for each in by_option], by_option, {}),
+                    ):
+                        if chosen:
+                            median, *ends = np.clip(_medians(trials, chosen, prefix + score), low, high).T
+                            style = {"marker": marker, "linestyle": "none", "capsize": 2.5, **look, **more}
+                            axes.errorbar(x, median, np.abs(ends - median), clip_on=False, **style)
             left.set_xscale("log")
             plain_log_axis(left.xaxis, sorted({each.views for each in equal}))
             right.set_xticks(range(len(options)), [NAMES.get(option, option) for option in options])
@@ -76,7 +68,7 @@ def training_charts(trials: Sequence[PoseTrial], conditions: str, data: Path) ->
         figure.legend(handles, labels, loc="outside upper right", ncols=2, frameon=False, fontsize=9.5)
         note(figure, theme, f"Medians over held-out photographs, with 95 % bootstrap intervals. {conditions}")
 
-    return write_chart(data, draw, (12.6, 8.6), title="What the views of one frame are worth to a network")
+    return write_chart(data, draw, (12.6, 8.6), title="What views are worth")
 
 
 def _medians(trials: Sequence[PoseTrial], trainings: Sequence[Training], score: str) -> np.ndarray:

@@ -182,8 +182,9 @@ def _corrections(figure: Any, theme: Theme, *, rows: Trials, conditions: Sequenc
             look, x = _look(theme, scene), [[each for each, _ in labels].index(row.amount) for row in some]
             y = np.array([max(row.error_deg, 0.011) if np.isfinite(row.error_deg) else np.nan for row in some])
             axes.plot(x, y, **look | {"linestyle": "none"})
-            at = sorted(set(x))
-            medians = [np.nanmedian([b for a, b in zip(x, y, strict=True) if a == place] or [np.nan]) for place in at]
+            found = [(a, b) for a, b in zip(x, y, strict=True) if np.isfinite(b)]
+            at = sorted({a for a, _ in found})
+            medians = [np.median([b for a, b in found if a == place]) for place in at]
             axes.plot(at, medians, **look | {"marker": "", "label": ""})
             refused = [place for place, value in zip(x, y, strict=True) if np.isnan(value)]
             axes.plot(refused, [15] * len(refused), "x", color=look["color"])

@@ -72,9 +72,7 @@ class ViewCrops:
     def crop_wh(self) -> tuple[int, int]:
         """Width and height of the crops."""
         height, width = self.rgba.shape[1:3]
-        return tuple(
-            min(size, most) // MULTIPLE * MULTIPLE for size, most in zip((width, height), CROP_WH, strict=True)
-        )
+        return min(width, CROP_WH[0]) // MULTIPLE * MULTIPLE, min(height, CROP_WH[1]) // MULTIPLE * MULTIPLE
 
     def crop(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """A random crop ``(h, w, 3)`` uint8 of a random view, and ``(h / 8, w / 8, 3)`` codes at its cells."""

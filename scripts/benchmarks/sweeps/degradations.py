@@ -37,8 +37,8 @@ def bloody(image: np.ndarray, part: float, rng: np.random.Generator) -> np.ndarr
     height, width = image.shape[:2]
     field = cv2.GaussianBlur(rng.normal(size=(height, width)).astype(np.float32), (0, 0), width / 16)
     cover = (field > np.quantile(field, 1 - part)).astype(np.float32)
-    cover = cv2.GaussianBlur(cover, (0, 0), 1.5)[..., None]
-    return (1 - cover) * image + cover * BLOOD
+    soft = cv2.GaussianBlur(cover, (0, 0), 1.5)[..., None]
+    return (1 - soft) * image + soft * BLOOD
 
 
 def shaken(image: np.ndarray, length_px: float, rng: np.random.Generator) -> np.ndarray:

@@ -16,8 +16,8 @@ from .flow_refinement import FlowFit
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
 """Of the fit, how far a step goes at most, and how small the last one is, as the logarithm of the focal length."""
 LEAST_CHANGE, STILL_CHANGED, LEAST_SIGMAS = 0.15, 0.05, 3.0
-"""How far the focal length must be from the aligned frame's, relatively, also where it was in the frame before, and in its
-standard deviations. A pose that is 2 px off and a surface that is not exact look like 11 % at most in "bloster"."""
+"""How far the focal length must be from the aligned frame's, relatively, also where it was in the frame before, and
+in its standard deviations. A pose 2 px off and a surface that is not exact look like 11 % at most in "bloster"."""
 
 
 class Zoom(NamedTuple):

@@ -150,7 +150,7 @@ def rendered_distances(loaded, dots):
     """The same distances in the renderer's silhouette at the frame's pose, at higher resolution: a mask is binary."""
     fine = 3
     camera = loaded.frame.camera.resized(fine * CAMERA.width, fine * CAMERA.height)
-    with SurfaceScene(loaded.surface.mesh, camera, None) as surface_scene:
+    with SurfaceScene(loaded.surface.mesh, camera) as surface_scene:
         mask = render_view(surface_scene, loaded.frame.cam_from_model).mask.astype(float)
     reach, off = int(1.6 * fine * RADIUS_PX), []
     for dot in dots:

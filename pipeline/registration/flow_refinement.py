@@ -111,9 +111,12 @@ def _flow(view: KnownView, frame: np.ndarray, valid: np.ndarray, cam_from_model:
     usable = cv2.remap(valid.astype(np.uint8), x, y, cv2.INTER_NEAREST)
     # what the view does not show is the frame's own: no false edge at the border
     shown = np.where(view.shown, known, laid)
-    search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    still = np.zeros(place.shape, np.float32)
-    there, back = search.calc(shown, laid, still.copy()), search.calc(laid, shown, still)
+    # the way back only tests, to a pixel
+    presets = cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, cv2.DISOPTICAL_FLOW_PRESET_FAST
+    there, back = (
+        cv2.DISOpticalFlow.create(preset).calc(one, other, np.zeros(place.shape, np.float32))
+        for preset, (one, other) in zip(presets, ((shown, laid), (laid, shown)), strict=True)
+    )
     height, width = frame.shape
     u, v = view.textured.T
     moved = view.textured + there[v, u]

@@ -15,9 +15,9 @@ from .flow_refinement import FlowFit
 
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
 """Of the fit, how far a step goes at most, and how small the last one is, as the logarithm of the focal length."""
-LEAST_CHANGE, LEAST_SIGMAS = 0.15, 3.0
-"""How far the focal length must be from the aligned frame's, relatively and in its standard deviations. A pose that is
-2 px off and a surface that is not exact look like 11 % at most in "bloster"."""
+LEAST_CHANGE, STILL_CHANGED, LEAST_SIGMAS = 0.15, 0.05, 3.0
+"""How far the focal length must be from the aligned frame's, relatively, also where it was in the frame before, and
+in its standard deviations. A pose 2 px off and a surface that is not exact look like 11 % at most in "bloster"."""
 
 
 class Zoom(NamedTuple):
@@ -49,6 +49,7 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     return Zoom(float(np.exp(zoom)), sigma)
 
 
-def has_zoomed(zoom: Zoom) -> bool:
-    """Whether the focal length is clearly another."""
-    return abs(zoom.factor - 1) > LEAST_CHANGE and abs(np.log(zoom.factor)) > LEAST_SIGMAS * zoom.sigma
+def has_zoomed(zoom: Zoom, *, before: bool = False) -> bool:
+    """Whether the focal length is clearly another; less clearly if it was in the frame ``before`` of a video."""
+    least = STILL_CHANGED if before else LEAST_CHANGE
+    return abs(zoom.factor - 1) > least and abs(np.log(zoom.factor)) > LEAST_SIGMAS * zoom.sigma

@@ -88,6 +88,7 @@ class CaseRegistrar:
             self._straight = Resampler(pixels)
             self._inside = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
         self._before: tuple[np.ndarray, ...] = ()
+        self._zoomed = False
 
     def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
@@ -100,7 +101,11 @@ class CaseRegistrar:
             The case's frame shows too little texture on the surface.
         """
         found = self.registered_alone(frame, near)
-        if found.fit is not None and has_zoomed(zoom := zoom_of(found.fit, self.pivot_model)):
+        if found.fit is None:
+            return found
+        zoom = zoom_of(found.fit, self.pivot_model)
+        self._zoomed = has_zoomed(zoom, before=self._zoomed and not frame.name)
+        if self._zoomed:
             reason = (
                 f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off "
                 f"(--correct-source)"

@@ -10,7 +10,7 @@ import numpy as np
 from ..class_registration import class_registration, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
-from ..pipeline.registration.colour_sources import Candidate, hidden_blocks, sharpness
+from ..pipeline.registration.colour_sources import Candidate, candidate_of
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..state import another_frame
 from ..state.another_frame import SeenFrame
@@ -58,10 +58,8 @@ class FoundFrames:
             for frame in frames:
                 if frame.number not in positions:
                     continue
-                found, candidate = registrar.register(frame), None
-                if found.fit is not None and found.verdict.state == ACCEPTED:
-                    hidden = hidden_blocks(found.fit)
-                    candidate = Candidate(frame.number, found.fit.cam_from_model, sharpness(frame.image), hidden)
+                found = registrar.register(frame)
+                candidate = candidate_of(frame.number, frame.image, found)
                 self.frames[positions[frame.number]] = FoundFrame(found.verdict, found.cam_from_model, candidate)
                 progress(len(self.frames) / len(positions))
 

@@ -162,6 +162,11 @@ class PoseUncertainty:
         jacobians = jacobian_at(points_model, camera, cam_from_model, self.pivot_model)
         return jacobians @ self.covariance @ np.swapaxes(jacobians, -1, -2)
 
+    def root_mean_square_px(self, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> float:
+        """Root mean square displacement in the image of ``(N, 3)`` points, px."""
+        covariances = self.pixel_covariances(points_model, camera, cam_from_model)
+        return float(np.sqrt(np.trace(covariances, axis1=1, axis2=2).mean()))
+
     @property
     def points_around(self) -> np.ndarray:
         """``(6, 3)`` points all around the pivot, at the radius, that stand for the surface."""
@@ -169,8 +174,7 @@ class PoseUncertainty:
 
     def spread_px(self, camera: PinholeCamera, cam_from_model: np.ndarray) -> float:
         """Root mean square displacement in the image of points all around the pivot, at the radius, px."""
-        covariances = self.pixel_covariances(self.points_around, camera, cam_from_model)
-        return float(np.sqrt(np.trace(covariances, axis1=1, axis2=2).mean()))
+        return self.root_mean_square_px(self.points_around, camera, cam_from_model)
 
     def ellipse_scale(self, level: float = REGION_LEVEL) -> float:
         """Scale of the ellipse that holds a projected point with probability ``level``, in standard deviations."""

@@ -10,7 +10,6 @@ from itertools import combinations
 
 import numpy as np
 
-from ..transforms import inverse_rigid, transform_points
 from .source_view import SourceView
 
 STEP_PX = 4
@@ -27,7 +26,7 @@ def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
     """The same views in the exposure and white balance of the first one."""
     if len(views) == 1:
         return tuple(views)
-    points = [_points(view) for view in views]
+    points = [view.shown_points(STEP_PX) for view in views]
     size = len(views)
     normal, right = PRIOR * np.eye(size), np.zeros((size, 3))
     for a, b in combinations(range(size), 2):
@@ -44,14 +43,6 @@ def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
         replace(view, image=np.clip(view.image * gain, 0, 1).astype(np.float32))
         for view, gain in zip(views[1:], gains, strict=True)
     )
-
-
-def _points(view: SourceView) -> np.ndarray:
-    """``(N, 3)`` what a grid of the view's pixels shows, model frame, mm."""
-    depth_mm = view.depth_mm[::STEP_PX, ::STEP_PX]
-    pixels = view.camera.pixel_grid()[::STEP_PX, ::STEP_PX][depth_mm > 0]
-    points_cam = view.camera.rays_cam(pixels) * depth_mm[depth_mm > 0][:, None]
-    return transform_points(inverse_rigid(view.cam_from_model), points_cam)
 
 
 def _log_ratios(a: SourceView, b: SourceView, points_model: np.ndarray) -> np.ndarray:

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ..transforms import inverse_rigid, transform_points
 from .source_view import SourceView
 
 STEP_PX = 2
@@ -34,11 +33,7 @@ def without_highlights(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
 
 
 def _masked(view: SourceView, views: Sequence[SourceView]) -> SourceView:
-    depth_mm = view.depth_mm[::STEP_PX, ::STEP_PX]
-    shown = depth_mm > 0
-    pixels = view.camera.pixel_grid()[::STEP_PX, ::STEP_PX][shown]
-    points_cam = view.camera.rays_cam(pixels) * depth_mm[shown][:, None]
-    points = transform_points(inverse_rigid(view.cam_from_model), points_cam)
+    shown, points = view.depth_mm[::STEP_PX, ::STEP_PX] > 0, view.shown_points(STEP_PX)
     brightness = np.full((len(views), len(points)), np.nan, np.float32)
     for number, other in enumerate(views):
         seen = other.unoccluded(points)

@@ -32,7 +32,7 @@ import numpy as np
 from ..case.posed_frame import PosedFrame
 from ..images.pixel_values import among_centres, sample_bilinear
 from ..surface.mesh import TriangleMesh
-from ..transforms import BLOCK, camera_centre, transform_points
+from ..transforms import BLOCK, camera_centre, inverse_rigid, transform_points
 
 TOLERANCE_PX = 1.5
 """Depth tolerance in pixel footprints: a wrongly accepted point is displaced by less than about one pixel."""
@@ -86,6 +86,13 @@ class SourceView(PosedFrame):
     def _steepest(self) -> float:
         """Largest relative change of the depth of a surface from pixel to pixel."""
         return float(np.tan(np.radians(MAX_INCIDENCE_DEG))) / min(self.camera.fx, self.camera.fy)
+
+    def shown_points(self, step: int = 1) -> np.ndarray:
+        """``(N, 3)`` what every ``step``-th pixel across and down shows of the surface, model frame, mm."""
+        depth_mm = self.depth_mm[::step, ::step]
+        shown = depth_mm > 0
+        points_cam = self.camera.rays_cam(self.camera.pixel_grid()[::step, ::step][shown]) * depth_mm[shown][:, None]
+        return transform_points(inverse_rigid(self.cam_from_model), points_cam)
 
     def project(self, points_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``(N, 3)`` model points -> ``(N, 2)`` pixels (NaN behind the camera) and ``(N,)`` depth in mm."""

@@ -14,6 +14,8 @@ from ..colour.source_view import SourceView
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from .flow_refinement import FlowFit
+from .register import RegisteredFrame
+from .verdict import ACCEPTED
 
 MOST_FACES = 30_000
 MOST_CANDIDATES = 100
@@ -31,7 +33,14 @@ class Candidate(NamedTuple):
     hidden: np.ndarray
 
 
-def sharpness(image: np.ndarray) -> float:
+def candidate_of(number: int, image: np.ndarray, found: RegisteredFrame) -> Candidate | None:
+    """A registered frame, ``(H, W, 3)`` uint8, if it is accepted, so that it may colour the surface."""
+    if found.fit is None or found.verdict.state != ACCEPTED:
+        return None
+    return Candidate(number, found.fit.cam_from_model, _sharpness(image), hidden_blocks(found.fit))
+
+
+def _sharpness(image: np.ndarray) -> float:
     """Mean strength of the finest detail of ``(H, W, 3)`` uint8, relative to the image's brightness."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     return float(np.abs(cv2.Laplacian(grey, cv2.CV_32F)).mean() / max(grey.mean(), 1.0))

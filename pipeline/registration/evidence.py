@@ -122,7 +122,6 @@ def frame_evidence(
         return FrameEvidence(name, number, found.verdict, None, picture=picture)
     pose, pivot = found.cam_from_model, found.pivot_model
     uncertainty = PoseUncertainty(pivot, found.covariance, np.inf, np.nan, np.nan, transform_points(pose, pivot))
-    spread = uncertainty.pixel_covariances(points_model, camera, pose)
     return FrameEvidence(
         name,
         number,
@@ -130,6 +129,6 @@ def frame_evidence(
         pose,
         uncertainty.largest_rotation_deg,
         float(np.sqrt(np.linalg.eigvalsh(found.covariance[:3, :3])[-1])),
-        float(np.sqrt(np.trace(spread, axis1=1, axis2=2).mean())),
+        uncertainty.root_mean_square_px(points_model, camera, pose),
         picture,
     )

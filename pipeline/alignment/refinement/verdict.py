@@ -15,7 +15,7 @@ from ..pose_uncertainty import PoseUncertainty
 from ..posterior.evidence import IMAGE, PoseEvidence
 from .image_pyramid import PyramidLevel
 from .local_search import score
-from .verification import ImageAgreement, Verification, jackknife, mean_distance_px, root_mean_square_px, verify
+from .verification import ImageAgreement, Verification, jackknife, mean_distance_px, verify
 
 MIN_SCORE = 0.1
 """Squared correlation of the refined pose."""
@@ -136,7 +136,7 @@ def judged(
     moved_px = mean_distance_px(camera, points, start, pose)
     rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
     uncertainty = jackknife(levels[-1], pose, points, camera)
-    own_px = np.inf if uncertainty is None else root_mean_square_px(uncertainty, points, camera, pose)
+    own_px = np.inf if uncertainty is None else uncertainty.root_mean_square_px(points, camera, pose)
     error_px = float(np.hypot(own_px, bias_px))
     if uncertainty is not None and bias_px > 0:
         # shadows draw the surface across the view

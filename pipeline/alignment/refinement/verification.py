@@ -159,7 +159,7 @@ def jackknife(
         moved -= camera.project(transform_points(cam_from_model, points_model))
         squared_px += float((moved**2).sum(axis=1).mean())
     quarters_px = NOISE * np.sqrt((QUARTERS - 1) / QUARTERS * squared_px)
-    fields_px = max(root_mean_square_px(uncertainty, points_model, camera, cam_from_model), 1e-12)
+    fields_px = max(uncertainty.root_mean_square_px(points_model, camera, cam_from_model), 1e-12)
     if not np.isfinite(quarters_px / fields_px):
         return None
     own_px, least_px = max(fields_px, quarters_px), LEAST_LEVEL_PX * level.px
@@ -167,14 +167,6 @@ def jackknife(
     if own_px < least_px:
         own_px, dof = least_px, min(dof, LEAST_DOF)
     return replace(uncertainty, covariance=(own_px / fields_px) ** 2 * covariance, dof=dof)
-
-
-def root_mean_square_px(
-    uncertainty: PoseUncertainty, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray
-) -> float:
-    """Root mean square displacement in the image of ``(N, 3)`` points, in pixels, that an uncertainty amounts to."""
-    covariances = uncertainty.pixel_covariances(points_model, camera, cam_from_model)
-    return float(np.sqrt(np.trace(covariances, axis1=1, axis2=2).mean()))
 
 
 def _field_covariance(system: Linearisation) -> tuple[np.ndarray | None, int]:

@@ -20,7 +20,7 @@ from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
-from ...registration.colour_sources import Candidate, chosen_sources, hidden_blocks, sharpness
+from ...registration.colour_sources import Candidate, candidate_of, chosen_sources
 from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
@@ -95,19 +95,18 @@ def register_case(
     check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
-    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), []
+    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), list[Candidate]()
+    surface, units = loaded.surface, loaded.case.mm_per_unit
     steps, spare = 1 if source.is_dir() else 2, PICTURES
     with registrar.frames(source, every) as (count, frames):
         shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         for done, frame in enumerate(frames):
             found = registrar.register(frame)
-            surface, units = loaded.surface, loaded.case.mm_per_unit
             # as in a list of photographs: from the folder of the list
             image = relative_name(source / frame.name, out) if frame.name else ""
             entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
-            if colour_frames and found.fit is not None and found.verdict.state == ACCEPTED:
-                pose, hidden = found.fit.cam_from_model, hidden_blocks(found.fit)
-                candidates.append(Candidate(frame.number, pose, sharpness(frame.image), hidden))
+            candidate = candidate_of(frame.number, frame.image, found) if colour_frames else None
+            candidates += [] if candidate is None else [candidate]
             picture = None
             in_sheet = done % shown_every == 0
             changed = spare > 0 and (not evidence or evidence[-1].verdict.state != found.verdict.state)
@@ -122,7 +121,7 @@ def register_case(
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
     made_folder(out / POSES)
-    write_poses(out, entries, loaded.case.mm_per_unit)
+    write_poses(out, entries, units)
     sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
@@ -137,8 +136,7 @@ def register_case(
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
         chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
         listed = {each.number: each for each in candidates if each.number in chosen}
-        mesh_from_model = loaded.surface.mesh_from_model
-        sources = tuple(registrar.full_frames(source, out, listed, mesh_from_model, denoise=denoise))
+        sources = tuple(registrar.full_frames(source, out, listed, surface.mesh_from_model, denoise=denoise))
     known = RegistrationEvidence(
         tuple(evidence),
         registrar.mesh,

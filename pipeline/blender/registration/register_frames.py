@@ -24,7 +24,7 @@ from ...registration.register import RegisteredFrame, Registrar
 from ...registration.source_uncertainty import doubt_of_source, with_source
 from ...registration.verdict import ACCEPTED, REFUSED, Verdict
 from ...registration.zoom import has_zoomed, zoom_of
-from ...transforms import inverse_rigid, transform_points
+from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
@@ -184,7 +184,7 @@ class CaseRegistrar:
         image, valid = read_image(path, path.name)
         camera_of_film(self._case.camera, (image.shape[1], image.shape[0]), path.name)
         small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
-        frame = self._undistorted(path.name, number, np.rint(255 * np.clip(small, 0, 1)).astype(np.uint8))
+        frame = self._undistorted(path.name, number, to_uint8(small))
         shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
         return replace(frame, valid=frame.valid & shown)
 
@@ -205,10 +205,8 @@ def doubt_of_case(loaded: LoadedCase) -> str:
 
 def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty | None:
     """Of the case's pose, about the pivot, if the case states it: that of the middle of what the frame shows."""
-    pose, source = loaded.frame.cam_from_model, view.view
-    v, u = np.nonzero(source.inverse_depth > 0)
-    points_cam = source.camera.rays_cam(np.stack([u, v], axis=1).astype(float)) / source.inverse_depth[v, u][:, None]
-    own = PoseUncertainty.stated(loaded.case.alignment, transform_points(inverse_rigid(pose), points_cam), pose)
+    pose = loaded.frame.cam_from_model
+    own = PoseUncertainty.stated(loaded.case.alignment, view.view.shown_points(), pose)
     return None if own is None else own.about(view.pivot_model, pose)
 
 

@@ -13,11 +13,13 @@ import numpy as np
 
 from oneframe.alignment.refinement.verification import mean_distance_px
 from oneframe.blender.registration.register_frames import LONGER_SIDE_PX, CaseRegistrar, FurtherFrame
+from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.case.posed_frame import PosedFrame
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.registration.verdict import ACCEPTED, REFUSED, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
+from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, rotation_angle_deg, transform_points
 
 from .refinement_scenes import visible_points
@@ -157,15 +159,24 @@ class Registration:
         )  # fmt: skip
 
     def errors(self, found: np.ndarray, true: np.ndarray) -> tuple[float, float, float]:
-        """Degrees, percent of the distance, and pixels, by which a pose is off."""
-        points = visible_points(self.registrar.mesh, self.registrar.camera, true)
-        middle = points.mean(axis=0)[None]
-        places = [transform_points(pose, middle)[0] for pose in (found, true)]
-        return (
-            rotation_angle_deg(found[:3, :3] @ true[:3, :3].T),
-            100 * float(np.linalg.norm(places[0] - places[1]) / np.linalg.norm(places[1])),
-            mean_distance_px(self.registrar.camera, points, found, true),
-        )
+        """By how much a pose is off, see :func:`pose_errors`."""
+        return pose_errors(found, true, self.registrar.mesh, self.registrar.camera)
+
+
+def pose_errors(
+    found: np.ndarray, true: np.ndarray, mesh: TriangleMesh, camera: PinholeCamera
+) -> tuple[float, float, float]:
+    """By how much a pose is off: degrees; of the visible surface, the shift of its middle in percent of its distance,
+    and its mean displacement in px.
+    """
+    points = visible_points(mesh, camera, true)
+    middle = points.mean(axis=0)[None]
+    places = [transform_points(pose, middle)[0] for pose in (found, true)]
+    return (
+        rotation_angle_deg(found[:3, :3] @ true[:3, :3].T),
+        100 * float(np.linalg.norm(places[0] - places[1]) / np.linalg.norm(places[1])),
+        mean_distance_px(camera, points, found, true),
+    )
 
 
 def share(

@@ -9,19 +9,18 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from oneframe.alignment.refinement.verification import mean_distance_px
 from oneframe.blender.case.load_case import load_posed_frame, read_photographs
 from oneframe.blender.colour.reference_view import colouring_view_of
-from oneframe.blender.registration.register_frames import LONGER_SIDE_PX
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.case.posed_frame import PosedFrame
 from oneframe.registration.flow_refinement import refined_by_flow
 from oneframe.registration.known_views import KnownViews, grey_codes
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.transforms import camera_centre, rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.transforms import camera_centre, rigid, rotation_from_vector
 
 from ..alignment.refinement_scenes import visible_points
+from ..alignment.registration_trials import pose_errors, small
 
 FARTHEST_DEG = 60
 """Between the directions from which frame and photograph look; farther ones show too little that the frame saw."""
@@ -71,23 +70,10 @@ class PoseTrial:
 
 
 def errors(pose: np.ndarray | None, photograph: PosedFrame, mesh: TriangleMesh) -> tuple[float, float, float]:
-    """How far a pose is from a photograph's: infinite if there is none.
-
-    Returns
-    -------
-    Rotation in degrees; shift of the middle of the visible surface in percent of its distance; mean shift of the
-    visible surface in px, at the size of registration.
-    """
+    """How far a pose is from a photograph's, see :func:`.pose_errors`: infinite if there is none."""
     if pose is None:
         return np.inf, np.inf, np.inf
-    true = photograph.cam_from_model
-    points = visible_points(mesh, photograph.camera, true)
-    one, other = (transform_points(each, points).mean(axis=0) for each in (true, pose))
-    percent = 100 * float(np.linalg.norm(one - other) / np.linalg.norm(one))
-    return (
-        rotation_angle_deg(pose[:3, :3] @ true[:3, :3].T), percent,
-        mean_distance_px(photograph.camera, points, true, pose),
-    )  # fmt: skip
+    return pose_errors(pose, photograph.cam_from_model, mesh, photograph.camera)
 
 
 def photographs_of(loaded: LoadedCase, listed: Path) -> list[PosedFrame]:
@@ -100,23 +86,14 @@ def photographs_of(loaded: LoadedCase, listed: Path) -> list[PosedFrame]:
         return ray / np.linalg.norm(ray)
 
     unread = read_photographs(listed, loaded.case)[0]
-    frames = [_small(load_posed_frame(each, loaded.surface.mesh_from_model, name=listed.name)) for each in unread]
+    frames = [small(load_posed_frame(each, loaded.surface.mesh_from_model, name=listed.name)) for each in unread]
     return [frame for frame in frames if direction(frame) @ direction(own) > np.cos(np.radians(FARTHEST_DEG))]
 
 
 def known_views(loaded: LoadedCase) -> KnownViews:
     """What the case's frame shows, for the refinement."""
-    view = colouring_view_of(replace(loaded, frames=(_small(loaded.frame),)))
+    view = colouring_view_of(replace(loaded, frames=(small(loaded.frame),)))
     return KnownViews(view.mesh, view.view)
-
-
-def _small(frame: PosedFrame) -> PosedFrame:
-    """The frame at the size of registration."""
-    factor = min(LONGER_SIDE_PX / max(frame.camera.size_wh), 1.0)
-    camera = frame.camera.resized(round(frame.camera.width * factor), round(frame.camera.height * factor))
-    image = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)
-    valid = cv2.resize(frame.valid.astype(np.uint8), camera.size_wh, interpolation=cv2.INTER_NEAREST) > 0
-    return replace(frame, image=image, valid=valid, camera=camera)
 
 
 def refined(views: KnownViews, photograph: PosedFrame, pose: np.ndarray | None) -> np.ndarray | None:

@@ -13,7 +13,7 @@ from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
 MAX_ITERATIONS = 60
 CONVERGED_PX = 1e-8
-"""The iteration ends when a step moves the projected points by less than this (root of the sum of squares)."""
+"""By how much a step that is the last one moves the projected points (root of the sum of squares)."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,7 @@ def fit_poses(
     prior: PosePrior | None = None,
     free_directions: np.ndarray | None = None,
     iterations: int = MAX_ITERATIONS,
+    converged_px: float = CONVERGED_PX,
 ) -> tuple[Poses, np.ndarray]:
     """The local minima of the reprojection error that initial poses converge to.
 
@@ -97,6 +98,8 @@ def fit_poses(
         ``(6, D)`` orthonormal directions of the twist in which the poses may change; all six if left out.
     iterations
         Largest number of iterations.
+    converged_px
+        By how much a step that is the last one moves the projected points (root of the sum of squares).
 
     Returns
     -------
@@ -132,7 +135,7 @@ def fit_poses(
         cost[accepted], normal[accepted] = tried_cost[better], tried_normal[better]
         gradient[accepted] = tried_gradient[better]
         damping[now] = np.clip(np.where(better, damping[now] / 8, damping[now] * 6), 1e-12, None)
-        active[now] = (moved_px > CONVERGED_PX) & (damping[now] < 1e9)
+        active[now] = (moved_px > converged_px) & (damping[now] < 1e9)
     return Poses(_orthonormal(rotations), positions), cost
 
 

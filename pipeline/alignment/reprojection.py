@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..transforms import cross_matrices, rigid, rotation_from_vector, rotation_vector, transform_points
+from ..transforms import rigid, rotation_from_vector, rotation_vector, transform_points
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ def twist_jacobians(camera: PinholeCamera, offsets_cam: np.ndarray, positions: n
     jacobians[..., 0, 2] = -camera.fx * x * inverse**2
     jacobians[..., 1, 1] = camera.fy * inverse
     jacobians[..., 1, 2] = -camera.fy * y * inverse**2
-    # a rotation w moves the point by w x offset = -[offset]x w
-    jacobians[..., 3:] = -jacobians[..., :3] @ cross_matrices(offsets_cam)
+    # a rotation w moves the point by w x offset
+    jacobians[..., 3:] = np.cross(offsets_cam[..., None, :], jacobians[..., :3])
     return jacobians
 
 

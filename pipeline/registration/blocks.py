@@ -35,11 +35,11 @@ def robust_step(jacobian: np.ndarray, residuals: np.ndarray, pixels: np.ndarray)
     """
     # far residuals have little weight, as in the fit
     weight = 1 / (1 + (residuals**2).sum(axis=1)) ** 2
-    normal = np.einsum("nci,ncj,n->ij", jacobian, jacobian, weight)
-    gradient = np.einsum("nci,nc,n->ni", jacobian, residuals, weight)
-    count, block = blocks_of(pixels)
-    sums = np.zeros((count, len(normal)))
-    np.add.at(sums, block, gradient)
+    weighted = jacobian * weight[:, None, None]
+    normal = np.tensordot(weighted, jacobian, ((0, 1), (0, 1)))
+    gradient = (weighted * residuals[:, :, None]).sum(axis=1)
+    _, block = blocks_of(pixels)
+    sums = np.stack([np.bincount(block, each) for each in gradient.T], axis=1)
     # mm and radians differ in size
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
     inverse = scale[:, None] * np.linalg.pinv(scale[:, None] * normal * scale, hermitian=True) * scale

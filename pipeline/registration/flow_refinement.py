@@ -5,6 +5,7 @@ searched for, from no motion. The flow is that of dense inverse search (Kroeger 
 disagree, the frame shows something else than the surface.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,6 +30,8 @@ CLOSING_PX = 1.0
 LOSS_PX = 1.0
 FITTED = 1500
 """Pixels of which a pose is fitted at most: its neighbours' flow says nothing else."""
+CONVERGED_PX = 0.1
+"""Movement of all of them together below which a fit ends: 0.003 px each."""
 LEAST_PIXELS = 30
 
 
@@ -59,6 +62,11 @@ class FlowFit:
     points_model: np.ndarray
     moved: np.ndarray
     codes: np.ndarray
+
+    def returning(self, most: int) -> np.ndarray:
+        """``(M,)`` numbers of points whose flow comes back, evenly chosen: about ``most`` of them."""
+        numbers = np.flatnonzero(np.isfinite(self.residuals_px))
+        return numbers[:: max(1, len(numbers) // most)]
 
 
 class _Flow(NamedTuple):
@@ -99,8 +107,18 @@ def refined_by_flow(
 def _fitted(points: np.ndarray, pixels: np.ndarray, camera: PinholeCamera, start: np.ndarray) -> np.ndarray:
     chosen = slice(None, None, max(1, len(points) // FITTED))
     known = Correspondences.about(points[chosen], pixels[chosen], camera)
-    poses, _ = fit_poses(known, Poses.of(start[None], known.pivot_model), loss=Loss(LOSS_PX), iterations=STEPS)
+    poses, _ = fit_poses(
+        known,
+        Poses.of(start[None], known.pivot_model),
+        loss=Loss(LOSS_PX),
+        iterations=STEPS,
+        converged_px=CONVERGED_PX,
+    )
     return poses.matrix(0, known.pivot_model)
+
+
+def _dense_flow(preset: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return cv2.DISOpticalFlow.create(preset).calc(one, other, np.zeros((*one.shape, 2), np.float32))
 
 
 def _flow(view: KnownView, frame: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray) -> _Flow:
@@ -113,10 +131,8 @@ def _flow(view: KnownView, frame: np.ndarray, valid: np.ndarray, cam_from_model:
     shown = np.where(view.shown, known, laid)
     # the way back only tests, to a pixel
     presets = cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, cv2.DISOPTICAL_FLOW_PRESET_FAST
-    there, back = (
-        cv2.DISOpticalFlow.create(preset).calc(one, other, np.zeros(place.shape, np.float32))
-        for preset, (one, other) in zip(presets, ((shown, laid), (laid, shown)), strict=True)
-    )
+    with ThreadPoolExecutor(2) as both:
+        there, back = both.map(_dense_flow, presets, (shown, laid), (laid, shown))
     height, width = frame.shape
     u, v = view.textured.T
     moved = view.textured + there[v, u]

@@ -15,7 +15,7 @@ from ..alignment.reprojection import twist_jacobians
 from ..camera.pinhole import PinholeCamera
 from ..transforms import transform_points
 from .blocks import blocks_of, robust_step
-from .flow_refinement import FlowFit
+from .flow_refinement import FITTED, FlowFit
 from .localise import Localised
 
 ACCEPTED, DOUBTFUL, REFUSED = "accepted", "doubtful", "refused"
@@ -100,7 +100,7 @@ def within(cam_from_model: np.ndarray, camera: PinholeCamera, covariance: np.nda
 
 def _covariance(fit: FlowFit, pivot_model: np.ndarray) -> np.ndarray:
     """``(6, 6)`` covariance of a fit's twist."""
-    used = np.isfinite(fit.residuals_px)
+    used = fit.returning(FITTED)
     position = transform_points(fit.cam_from_model, pivot_model[None])
     offsets_cam = (fit.points_model[used] - pivot_model) @ fit.cam_from_model[:3, :3].T
     jacobian = twist_jacobians(fit.camera, offsets_cam[None], position)[0]

@@ -11,7 +11,7 @@ import numpy as np
 from ..alignment.reprojection import apply_twist, twist_jacobians
 from ..transforms import transform_points
 from .blocks import robust_step
-from .flow_refinement import FlowFit
+from .flow_refinement import FITTED, FlowFit
 
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
 """Of the fit, how far a step goes at most, and how small the last one is, as the logarithm of the focal length."""
@@ -30,8 +30,7 @@ class Zoom(NamedTuple):
 def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     """The zoom that fits together with a pose; ``fit`` is at the aligned frame's, ``pivot_model`` ``(3,)`` mm."""
     camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
-    used = np.isfinite(fit.residuals_px)
-    used[used] = np.arange(np.count_nonzero(used)) % max(1, np.count_nonzero(used) // 2000) == 0
+    used = fit.returning(FITTED)
     points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
     centre, sigma = np.array([camera.cx, camera.cy]), np.inf
     for _ in range(STEPS):

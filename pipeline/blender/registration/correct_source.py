@@ -136,7 +136,6 @@ def correct_source(
 
 
 def _track(registrar: CaseRegistrar, fit: FlowFit) -> Track:
-    closing = np.flatnonzero(np.isfinite(fit.residuals_px))
-    chosen = closing[:: max(1, len(closing) // MOST_PIXELS)]
+    chosen = fit.returning(MOST_PIXELS)
     source_px = registrar.camera.project(transform_points(registrar.cam_from_model, fit.points_model[chosen]))
     return Track(source_px, fit.moved[chosen], fit.cam_from_model)

@@ -147,6 +147,10 @@ class PinholeCamera:
         u, v = pixels[..., 0], pixels[..., 1]
         return (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
 
+    def zoomed(self, factor: float) -> "PinholeCamera":
+        """The camera with another focal length, relative to its own."""
+        return replace(self, fx=factor * self.fx, fy=factor * self.fy)
+
     def resized(self, width: int, height: int) -> "PinholeCamera":
         """The camera of the image resampled to another size: c' = (c + 0.5) s - 0.5."""
         sx, sy = width / self.width, height / self.height

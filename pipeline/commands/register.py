@@ -24,8 +24,9 @@ covariance), bop_estimates.csv (the accepted ones), registration.html and frames
 video overlay.mp4: the overlay is the fainter the less sure its pose is, and what is not accepted is marked.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
-adjustment: a pose of the case that is some degrees off comes back. --colour-frames chooses accepted frames that show
-more of the surface, or show it better: colours then come from all of them, in the exposure of the case's own.
+adjustment: a pose of the case that is some degrees off comes back, with --estimate-focal also a focal length that is
+some percent off, where the frames determine it. --colour-frames chooses accepted frames that show more of the surface,
+or show it better: colours then come from all of them, in the exposure of the case's own.
 DIR/case.toml holds the case with the new pose and these frames.
 """
 
@@ -38,6 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", metavar="FRAMES", type=Path, help="a folder of images, or a video")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
     parser.add_argument("--correct-source", action="store_true", help="first correct the case's own pose by the frames")
+    parser.add_argument(
+        "--estimate-focal", action="store_true",
+        help="with --correct-source: find the focal length too; the principal point and fy / fx stay",
+    )  # fmt: skip
     parser.add_argument(
         "--colour-frames", metavar="N", type=at_least(1), default=0,
         help="also write the case with up to N of the frames to colour its surface with",
@@ -63,6 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
         from ..report.registration_page import registration_page
     if arguments.denoise and not arguments.colour_frames:
         raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
+    if arguments.estimate_focal and not arguments.correct_source:
+        raise InputError("command line: --estimate-focal: expected --correct-source with it, which finds both")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
     inputs = case.input_files()
@@ -73,15 +80,19 @@ def run(arguments: argparse.Namespace) -> int:
     loaded = load_case(case).with_shown_structures()
     for message in loaded.messages:
         output.write(f"note: {message}\n")
+    comment = ""
     if arguments.correct_source:
         with ShareProgress("of the case's pose", stream=output) as shown:
             corrected = correct_source(
                 loaded,
                 arguments.frames,
+                focal=arguments.estimate_focal,
                 tool=f"OneFrame {__version__}, register",
                 date=datetime.date.today().isoformat(),
                 progress=shown.reach,
             )
+        comment = f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
+        comment += f", K = {case.camera.k.tolist()}" if arguments.estimate_focal else ""
         loaded = corrected.loaded
         output.write(f"{corrected.text}\n")
     if doubt := doubt_of_case(loaded):
@@ -101,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.correct_source or arguments.colour_frames:
         further = (*loaded.case.frames, *found.sources)
         with writing(out / CASE):
-            write_case(out / CASE, replace(loaded.case, frames=further))
+            write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
     reasons, counts = found.evidence.reasons, found.evidence.counts

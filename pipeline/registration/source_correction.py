@@ -3,7 +3,8 @@
 A pixel of the aligned frame, the source, lies on the surface where its ray meets it: at a wrong pose of the source in a
 wrong place. Frames that see the place from other sides cannot all agree on it, whatever their poses, unless the
 source's is right. All poses are found together, as in bundle adjustment (Triggs et al. 2000) with points that stay on
-the surface; those of the frames are eliminated (Schur complement).
+the surface; those of the frames are eliminated (Schur complement). The focal length, the same in all, may be found too:
+near and far places of the surface tell it from the distance.
 """
 
 from collections.abc import Sequence
@@ -23,6 +24,8 @@ from .blocks import blocks_of
 LOSS = Loss(1.0)
 MOST_STEPS, SETTLED = 60, 1e-6
 """Steps, and the share of the cost below which a step is the last."""
+LARGEST_ZOOM = 0.2
+"""Of a step, as the logarithm of the focal length."""
 STEEPEST = 0.2
 """Cosine between ray and normal below which a pixel's place on the surface is too uncertain."""
 LEAST_BEND = 0.2
@@ -55,20 +58,35 @@ class SourceFit(NamedTuple):
         ``(4, 4)`` the source's, mm.
     frames
         ``(F, 4, 4)`` those of the frames, mm.
+    camera
+        Of all frames.
     covariance
-        ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes.
+        ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes; ``(7, 7)`` with the
+        logarithm of the focal length.
     agreement
         Mean weight of the pixels, 0..1: low at a pose that is not near the right one, and on a wrong surface.
     """
 
     cam_from_model: np.ndarray
     frames: np.ndarray
+    camera: PinholeCamera
     covariance: np.ndarray
     agreement: float
 
 
+class _Pixels(NamedTuple):
+    """``(N, 2)`` pixels of the source, ``(N, 2)`` where a frame shows them, and ``(N,)`` the number of the frame."""
+
+    source: np.ndarray
+    frame: np.ndarray
+    number: np.ndarray
+
+
 class _Linear(NamedTuple):
-    """Residuals ``(N, 2)``, their weights ``(N,)`` and cost, and derivatives ``(N, 2, 6)`` by the twists."""
+    """Residuals ``(N, 2)``, their weights ``(N,)`` and cost, and derivatives by the twists.
+
+    ``by_source`` is ``(N, 2, 6)``, or ``(N, 2, 7)`` with that by the logarithm of the focal length.
+    """
 
     residuals: np.ndarray
     weight: np.ndarray
@@ -88,59 +106,65 @@ class _Normal(NamedTuple):
 
 
 class SourceCorrection:
-    """Finds the source's pose from tracks."""
+    """Finds the source's pose, and the focal length if asked for, from tracks."""
 
-    def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, pivot_model: np.ndarray) -> None:
-        """Prepare a surface (model frame) and the camera of all frames; twists are about the ``(3,)`` pivot, mm."""
+    def __init__(
+        self, mesh: TriangleMesh, camera: PinholeCamera, pivot_model: np.ndarray, *, focal: bool = False
+    ) -> None:
+        """Prepare a surface (model frame) and the camera of all frames; twists are about the ``(3,)`` pivot, mm.
+
+        ``focal`` finds the focal length too; principal point and fy / fx stay.
+        """
         self._mesh, self._rays, self._camera, self._pivot = mesh, MeshRays(mesh), camera, pivot_model
+        self._unknowns = 7 if focal else 6
 
     def fit(self, source: np.ndarray, tracks: Sequence[Track]) -> SourceFit:
         """The poses that fit together, from a rough one ``(4, 4)`` of the source; every track has pixels."""
-        frames = np.stack([track.cam_from_model for track in tracks])
+        camera, frames = self._camera, np.stack([track.cam_from_model for track in tracks])
         number = np.repeat(np.arange(len(tracks)), [len(track.source_px) for track in tracks])
-        source_px = np.concatenate([track.source_px for track in tracks])
-        pixels = source_px, np.concatenate([track.frame_px for track in tracks]), number
-        now, damping = self._linear(source, frames, *pixels), 1e-4
+        source_px, frame_px = (
+            np.concatenate(each) for each in zip(*((track.source_px, track.frame_px) for track in tracks), strict=True)
+        )
+        pixels = _Pixels(source_px, frame_px, number)
+        now, damping = self._linear(camera, source, frames, pixels), 1e-4
         for _ in range(MOST_STEPS):
             normal = _normal(now, number, damping)
             step = np.linalg.solve(normal.reduced, normal.right)
             steps = np.einsum("fij,fj->fi", normal.inverses, normal.own_rights - step @ normal.crosses)
             moved = np.stack([apply_twist(*each, self._pivot) for each in zip(steps, frames, strict=True)])
-            next_source = apply_twist(step, source, self._pivot)
-            tried = self._linear(next_source, moved, *pixels)
+            next_source = apply_twist(step[:6], source, self._pivot)
+            next_camera = camera.zoomed(float(np.exp(np.clip(step[6:].sum(), -LARGEST_ZOOM, LARGEST_ZOOM))))
+            tried = self._linear(next_camera, next_source, moved, pixels)
             if tried.cost >= now.cost:
                 damping *= 10
                 continue
             is_last = now.cost - tried.cost < SETTLED * now.cost
-            source, frames, now, damping = next_source, moved, tried, damping / 10
+            camera, source, frames, now, damping = next_camera, next_source, moved, tried, damping / 10
             if is_last:
                 break
-        return SourceFit(source, frames, _covariance(now, number, source_px), float(now.weight.mean()))
+        return SourceFit(source, frames, camera, _covariance(now, number, source_px), float(now.weight.mean()))
 
-    def _linear(
-        self,
-        source: np.ndarray,
-        frames: np.ndarray,
-        source_px: np.ndarray,
-        frame_px: np.ndarray,
-        number: np.ndarray,
-    ) -> _Linear:
-        """All pixels at some poses; ``number`` is ``(N,)``, the frame of each."""
-        rays_cam = self._camera.rays_cam(source_px)
+    def _linear(self, camera: PinholeCamera, source: np.ndarray, frames: np.ndarray, pixels: _Pixels) -> _Linear:
+        """All pixels at some poses."""
+        rays_cam = camera.rays_cam(pixels.source)
         depths_mm, normals_cam, met = self._hits(source, rays_cam)
         points_cam = depths_mm[:, None] * rays_cam
         points_model = (points_cam - source[:3, 3]) @ source[:3, :3]
-        poses = Poses.of(frames, self._pivot)[number]
+        poses = Poses.of(frames, self._pivot)[pixels.number]
         offsets_cam = np.einsum("nij,nj->ni", poses.rotations, points_model - self._pivot)
-        residuals = frame_px - self._camera.project(offsets_cam + poses.positions)
+        predicted = camera.project(offsets_cam + poses.positions)
+        residuals = pixels.frame - predicted
         cost, weight = LOSS(np.where(met, (residuals**2).sum(axis=1), np.nan))
-        by_frame = twist_jacobians(self._camera, offsets_cam[:, None], poses.positions)[:, 0]
-        # a point moves against the source's twist, and along its ray back to the surface
+        by_frame = twist_jacobians(camera, offsets_cam[:, None], poses.positions)[:, 0]
+        # a point moves against the source's twist, inwards if the lens is longer, and along its ray back to the surface
         facing = np.where(met, (normals_cam * rays_cam).sum(axis=1), 1.0)
         slide = np.eye(3) - rays_cam[:, :, None] * normals_cam[:, None] / facing[:, None, None]
-        turn = -cross_matrices(points_cam - transform_points(source, self._pivot[None]))
-        moved = slide @ np.concatenate([np.broadcast_to(np.eye(3), turn.shape), turn], axis=2)
-        by_source = -by_frame[:, :, :3] @ poses.rotations @ source[:3, :3].T @ moved
+        turn = cross_matrices(points_cam - transform_points(source, self._pivot[None]))
+        narrowed = points_cam[:, :, None] * np.array([-1.0, -1.0, 0.0])[:, None]
+        moved = slide @ np.concatenate([np.broadcast_to(-np.eye(3), turn.shape), turn, narrowed], axis=2)
+        by_source = by_frame[:, :, :3] @ poses.rotations @ source[:3, :3].T @ moved
+        by_source[:, :, 6] += predicted - [camera.cx, camera.cy]
+        by_source = by_source[:, :, : self._unknowns]
         known = weight > 0
         residuals, by_source, by_frame = (
             np.where(known.reshape(-1, *[1] * (each.ndim - 1)), each, 0.0) for each in (residuals, by_source, by_frame)
@@ -165,12 +189,12 @@ class SourceCorrection:
 def _normal(linear: _Linear, number: np.ndarray, damping: float) -> _Normal:
     starts = np.flatnonzero(np.diff(number, prepend=-1))
     by_source, by_frame, weight = linear.by_source, linear.by_frame, linear.weight
-    damped = np.ones((6, 6)) + damping * np.eye(6)
-    own = damped * np.add.reduceat(np.einsum("nci,ncj,n->nij", by_frame, by_frame, weight), starts)
+    own = (1 + damping * np.eye(6)) * np.add.reduceat(np.einsum("nci,ncj,n->nij", by_frame, by_frame, weight), starts)
     crosses = np.add.reduceat(np.einsum("nci,ncj,n->nij", by_source, by_frame, weight), starts)
     own_rights = np.add.reduceat(np.einsum("nci,nc,n->ni", by_frame, linear.residuals, weight), starts)
     inverses = np.linalg.inv(own)
-    source = damped * np.einsum("nci,ncj,n->ij", by_source, by_source, weight)
+    source = np.einsum("nci,ncj,n->ij", by_source, by_source, weight)
+    source += damping * np.diag(np.diag(source))
     right = np.einsum("nci,nc,n->i", by_source, linear.residuals, weight)
     return _Normal(
         reduced=source - np.einsum("fij,fjk,flk->il", crosses, inverses, crosses),
@@ -182,7 +206,7 @@ def _normal(linear: _Linear, number: np.ndarray, damping: float) -> _Normal:
 
 
 def _covariance(linear: _Linear, number: np.ndarray, source_px: np.ndarray) -> np.ndarray:
-    """``(6, 6)`` of the source's twist, robust against errors shared within a block (Liang & Zeger 1986).
+    """Of the source's unknowns, robust against errors shared within a block (Liang & Zeger 1986).
 
     The blocks are the source's: a wrong surface errs alike in all frames.
     """
@@ -190,7 +214,7 @@ def _covariance(linear: _Linear, number: np.ndarray, source_px: np.ndarray) -> n
     eliminated = (normal.crosses @ normal.inverses)[number]
     alone = linear.by_source - np.einsum("nci,nji->ncj", linear.by_frame, eliminated)
     count, block = blocks_of(source_px)
-    sums = np.zeros((count, 6))
+    sums = np.zeros((count, alone.shape[2]))
     np.add.at(sums, block, np.einsum("nci,nc,n->ni", alone, linear.residuals, linear.weight))
     # the loss bends: its second derivative is less than the weight (Huber 1981), in the mean over both directions
     weight = linear.weight

@@ -3,7 +3,6 @@
 A longer lens looks like a nearer camera, but for the relief of the surface: it moves by other amounts in the image.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +33,7 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
     centre, sigma = np.array([camera.cx, camera.cy]), np.inf
     for _ in range(STEPS):
-        zoomed = replace(camera, fx=camera.fx * np.exp(zoom), fy=camera.fy * np.exp(zoom))
+        zoomed = camera.zoomed(np.exp(zoom))
         position = transform_points(pose, pivot_model[None])
         offsets_cam = (points - pivot_model) @ pose[:3, :3].T
         predicted = zoomed.project(offsets_cam + position)

@@ -174,11 +174,13 @@ def test_what_covers_the_surface_gives_no_colour(registrar, mesh):
     assert shown[:, :200].mean() > 0.9
 
 
-def test_frames_bring_back_the_pose_of_the_source(mesh):
+@pytest.mark.parametrize("factor", [1.0, 1.08])
+def test_frames_bring_back_the_pose_of_the_source_and_its_focal_length(mesh, factor):
     rng = np.random.default_rng(0)
     source_px = CAMERA.pixel_grid()[::12, ::12].reshape(-1, 2)[rng.permutation(540)[:300]]
     poses = [seen_from(tilt, roll) for tilt, roll in ((25, 0), (-20, 30), (15, 90), (30, -60))]
-    correction = SourceCorrection(mesh, CAMERA, PIVOT)
+    focal = factor != 1
+    correction = SourceCorrection(mesh, CAMERA.zoomed(factor), PIVOT, focal=focal)
     rays = CAMERA.rays_cam(source_px)
     hits = MeshRays(mesh).first_hits(
         np.tile(camera_centre(SOURCE).astype(np.float32), (len(rays), 1)), (rays @ SOURCE[:3, :3]).astype(np.float32)
@@ -196,9 +198,11 @@ def test_frames_bring_back_the_pose_of_the_source(mesh):
         if noise_px == 0:
             assert rotation_angle_deg(found.cam_from_model[:3, :3] @ SOURCE[:3, :3].T) < 0.01
             assert np.abs(np.array(poses) - found.frames).max() < 0.05
+            assert found.camera.fx == pytest.approx(CAMERA.fx, rel=1e-4)
         else:
-            twist = twist_between(found.cam_from_model, SOURCE, PIVOT)
-            distances.append(twist @ np.linalg.solve(found.covariance, twist) / 6)
+            off = [*twist_between(found.cam_from_model, SOURCE, PIVOT), np.log(CAMERA.fx / found.camera.fx)]
+            off = np.array(off[: len(found.covariance)])
+            distances.append(off @ np.linalg.solve(found.covariance, off) / len(off))
     # of 30 draws from a mean of one
     assert 0.5 < np.mean(distances) < 2.0
 

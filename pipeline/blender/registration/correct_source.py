@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from ...alignment.pose_uncertainty import PoseUncertainty
-from ...alignment.refinement.verification import mean_distance_px
 from ...case.alignment_record import FURTHER_FRAMES
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
@@ -28,6 +27,8 @@ LEAST_AGREEMENT = 0.6
 """Of the pixels at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
 LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
+LARGEST_FOCAL = 0.05
+"""Relative standard deviation of the focal length above which they leave it open: as with landmarks."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,13 @@ class CorrectedSource:
 
 
 def correct_source(
-    loaded: LoadedCase, source: Path, *, tool: str, date: str, progress: Callable[[float], None]
+    loaded: LoadedCase,
+    source: Path,
+    *,
+    focal: bool = False,
+    tool: str,
+    date: str,
+    progress: Callable[[float], None],
 ) -> CorrectedSource:
     """Correct the pose of a case by frames of a folder or a video, spread evenly over it.
 
@@ -57,6 +64,8 @@ def correct_source(
         The case at its pose, which may be some degrees off.
     source
         Folder of images, or a video.
+    focal
+        Find the focal length too, the same in all frames; principal point and fy / fx stay.
     tool, date
         For the record in the case.
     progress
@@ -65,16 +74,21 @@ def correct_source(
     Raises
     ------
     InputError
-        The frames cannot be used, too few of them are accepted, or they leave the pose open.
+        The frames cannot be used, too few of them are accepted, or they leave the pose or the focal length open.
     """
+    if focal and loaded.case.distortion is not None:
+        raise InputError(
+            f"{loaded.case.path.name}: expected no distortion where the focal length is to be found, found "
+            f"coefficients: they belong to the focal length of their calibration; correct the pose alone"
+        )
     registrar = CaseRegistrar(loaded)
     with registrar.frames(source) as (count, _):
         every = -(-count // MOST_FRAMES)
     with registrar.frames(source, every) as (_, chosen):
         frames = list(chosen)
-    first, pivot = loaded.frame.cam_from_model, registrar.pivot_model
+    first, pivot = loaded, registrar.pivot_model
     start = (loaded.case.alignment or {}).get("method")
-    correction, poses = SourceCorrection(registrar.mesh, registrar.camera, pivot), dict[int, np.ndarray]()
+    poses = dict[int, np.ndarray]()
     for number in range(MOST_ROUNDS):
         if poses:
             registrar = CaseRegistrar(loaded)
@@ -87,12 +101,14 @@ def correct_source(
             progress((number + (done + 1) / len(frames)) / MOST_ROUNDS)
         if len(fits) < LEAST_FRAMES:
             break
-        before = loaded.frame.cam_from_model
-        fit = correction.fit(before, [_track(registrar, each) for each in fits.values()])
+        before = loaded
+        correction = SourceCorrection(registrar.mesh, registrar.camera, pivot, focal=focal)
+        fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
         loaded = loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), {})
+        loaded = loaded.zoomed(fit.camera.fx / registrar.camera.fx)
         poses = dict(zip(fits, fit.frames, strict=True))
         points = np.concatenate([each.points_model for each in fits.values()])
-        if mean_distance_px(registrar.camera, points, before, fit.cam_from_model) < SETTLED_PX:
+        if _moved_px(points, before, loaded) * registrar.camera.width / loaded.case.camera.width < SETTLED_PX:
             break
     progress(1.0)
     # of the last round: at a wrong pose of the case's frame, few of the frames agree
@@ -110,7 +126,7 @@ def correct_source(
     camera, pose = loaded.case.camera, fit.cam_from_model
     uncertainty = PoseUncertainty(
         pivot_model=pivot,
-        covariance=SPREAD**2 * fit.covariance,
+        covariance=SPREAD**2 * fit.covariance[:6, :6],
         dof=np.inf,
         sigma_px=np.nan,
         radius_mm=float(np.sqrt(((points - pivot) ** 2).sum(axis=1).mean())),
@@ -121,8 +137,14 @@ def correct_source(
             f"{source.name}: expected frames that determine the pose of the case's frame, found ±"
             f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
         )
-    moved_px = mean_distance_px(camera, points, first, pose)
-    moved_deg = rotation_angle_deg(pose[:3, :3] @ first[:3, :3].T)
+    relative = float(SPREAD * np.sqrt(np.diag(fit.covariance)[6:].sum()))
+    if relative > LARGEST_FOCAL:
+        raise InputError(
+            f"{source.name}: expected frames that determine the focal length, found {camera.fx:.0f} px ± "
+            f"{relative:.0%}; take K from a calibration, as microscopes need, and correct the pose alone"
+        )
+    moved_px = _moved_px(points, first, loaded)
+    moved_deg = rotation_angle_deg(pose[:3, :3] @ first.frame.cam_from_model[:3, :3].T)
     error_px = uncertainty.spread_px(camera, pose)
     record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
     record |= {"start_method": start} if start else {}
@@ -132,7 +154,17 @@ def correct_source(
         f"{len(fits)} further frames; it is off by about {format_two_digits(error_px)} px if the surface is right, "
         f"least certain: {uncertainty.weakest}"
     )
+    if focal:
+        text += f"; the focal length is {camera.fx:.0f} px ± {relative:.1%}, it was {first.case.camera.fx:.0f} px"
     return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
+
+
+def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -> float:
+    """How far points ``(N, 3)`` move in the case's frame, in the mean, px."""
+    seen = (
+        each.case.camera.project(transform_points(each.frame.cam_from_model, points_model)) for each in (before, after)
+    )
+    return float(np.linalg.norm(np.subtract(*seen), axis=1).mean())
 
 
 def _track(registrar: CaseRegistrar, fit: FlowFit) -> Track:

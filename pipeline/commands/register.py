@@ -95,6 +95,11 @@ def run(arguments: argparse.Namespace) -> int:
         comment += f", K = {case.camera.k.tolist()}" if arguments.estimate_focal else ""
         loaded = corrected.loaded
         output.write(f"{corrected.text}\n")
+        if case.frames:
+            output.write(
+                f"note: the case's {len(case.frames)} further frames keep their poses; if these are from before, take "
+                f"them out and choose frames with --colour-frames\n"
+            )
     if doubt := doubt_of_case(loaded):
         output.write(f"note: {doubt}\n")
     with ShareProgress("of the frames", stream=output) as shown:

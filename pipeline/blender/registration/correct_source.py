@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...alignment.pose_uncertainty import PoseUncertainty
+from ...alignment.reprojection import jacobian_at
 from ...case.alignment_record import FURTHER_FRAMES
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
@@ -123,10 +124,10 @@ def correct_source(
             f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: "
             f"align the frame again; the pose is not corrected"
         )
-    camera, pose = loaded.case.camera, fit.cam_from_model
+    camera, pose, covariance = loaded.case.camera, fit.cam_from_model, SPREAD**2 * fit.covariance
     uncertainty = PoseUncertainty(
         pivot_model=pivot,
-        covariance=SPREAD**2 * fit.covariance[:6, :6],
+        covariance=covariance[:6, :6],
         dof=np.inf,
         sigma_px=np.nan,
         radius_mm=float(np.sqrt(((points - pivot) ** 2).sum(axis=1).mean())),
@@ -137,7 +138,7 @@ def correct_source(
             f"{source.name}: expected frames that determine the pose of the case's frame, found ±"
             f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
         )
-    relative = float(SPREAD * np.sqrt(np.diag(fit.covariance)[6:].sum()))
+    relative = float(np.sqrt(np.diag(covariance)[6:].sum()))
     if relative > LARGEST_FOCAL:
         raise InputError(
             f"{source.name}: expected frames that determine the focal length, found {camera.fx:.0f} px ± "
@@ -145,17 +146,20 @@ def correct_source(
         )
     moved_px = _moved_px(points, first, loaded)
     moved_deg = rotation_angle_deg(pose[:3, :3] @ first.frame.cam_from_model[:3, :3].T)
-    error_px = uncertainty.spread_px(camera, pose)
+    # a longer lens and a greater distance cancel in the image
+    seen = camera.project(transform_points(pose, uncertainty.points_around)) - [camera.cx, camera.cy]
+    jacobian = np.dstack([jacobian_at(uncertainty.points_around, camera, pose, pivot), seen])[..., : len(covariance)]
+    error_px = float(np.sqrt(np.trace(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2), axis1=1, axis2=2).mean()))
     record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
     record |= {"start_method": start} if start else {}
     record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
     text = (
         f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
-        f"{len(fits)} further frames; it is off by about {format_two_digits(error_px)} px if the surface is right, "
+        f"{len(fits)} further frames; if the surface is right, it is off by about {format_two_digits(error_px)} px, "
         f"least certain: {uncertainty.weakest}"
     )
     if focal:
-        text += f"; the focal length is {camera.fx:.0f} px ± {relative:.1%}, it was {first.case.camera.fx:.0f} px"
+        text += f", and the focal length is {camera.fx:.0f} px ± {relative:.1%} (it was {first.case.camera.fx:.0f} px)"
     return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
 
 

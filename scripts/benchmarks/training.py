@@ -6,31 +6,36 @@ surface filled, the paper's vertex colours, plain shading without the frame, nar
 further frames. All trainings take as many --steps, and one of most views takes --longest. Scenes are the built-in
 sample with its film (path traced), each --case, and bloster (real), of photographs up to 60° away from the frame.
 
-Needs PyTorch (pip install torch). Writes a table, FILE.csv, with a row for each photograph and training, and its chart;
-datasets go to a folder beside it, FILE/. Go on where it stopped with the same command.
+The longest training's network also sees spoilt photographs, as in the topic registration, beside registration itself.
+
+Needs PyTorch (pip install torch). Writes a table, FILE.csv, with a row for each photograph and training, FILE_bad.csv
+with the spoilt ones, and their charts; datasets go to a folder beside it, FILE/. Go on where it stopped with the same
+command.
 """
 
 import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
 import bpy
-import cv2
-import numpy as np
 
 from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
 from oneframe.errors import RunError
 from oneframe.evaluation.conditions import current_conditions
-from oneframe.images.pixel_values import to_uint8
 from oneframe.progress import Progress
 
+from .alignment.registration_trials import RegistrationTrial, Scene, small
+from .charts.bad_photographs_chart import bad_photographs_chart
 from .charts.training_chart import training_charts
 from .figures import conditions_note, read_rows, write_rows
-from .learning.pose_trials import PoseTrial, Training, errors, known_views, photographs_of, pose_of, refined, summary
+from .learning.bad_photographs import bad_photographs
+from .learning.pose_trials import PoseTrial, Training, errors, known_views, photographs_of, refined, summary
 from .learning.training_scenes import DATASETS, FRAMES, NEUTRAL, PLAIN, TrainingScene, bloster_scene, sample_scene
 from .learning.view_crops import ViewCrops
 
@@ -56,17 +61,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Train and test; write the table after each training."""
     try:
-        from .learning.coordinate_network import predicted, trained_network
+        from .learning.coordinate_network import network_pose, trained_network
     except ImportError:
         raise RunError("training: expected PyTorch, it is not installed; run pip install torch and try again") from None
     finished = read_rows(arguments.out, PoseTrial)[0] if arguments.out.is_file() else []
+    spoilt = read_rows(_bad(arguments.out), RegistrationTrial)[0] if _bad(arguments.out).is_file() else []
     conditions = current_conditions({"seed": arguments.seed}, blender=bpy.app.version_string)
     for scene in _scenes(arguments):
         loaded = load_case(read_case(scene.case))
         mesh = loaded.surface.mesh
         photographs, known = photographs_of(loaded, scene.photographs), known_views(loaded)
         for training in _trainings(scene, arguments):
-            if training in [trial.training for trial in finished]:
+            spoil = training.steps == arguments.longest and scene.name not in [trial.scene for trial in spoilt]
+            if training in [trial.training for trial in finished] and not spoil:
                 continue
             views = scene.dataset(training.dataset, training.views)
             crops = ViewCrops.of(views, training.views, mesh, plain=training.dataset == PLAIN)
@@ -74,23 +81,30 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             with Progress(training.steps, "steps", stream=sys.stderr) as progress:
                 network = trained_network(crops, training.steps, arguments.seed, progress.advance)
             seconds = time.process_time() - begin
-            trials, camera = [], loaded.case.camera.resized(*views.size_wh)
+            camera = loaded.case.camera.resized(*views.size_wh)
+            pose_by, trials = partial(network_pose, network, crops, camera), []
             for photograph in photographs:
-                image = to_uint8(cv2.resize(photograph.image, camera.size_wh, interpolation=cv2.INTER_AREA))
-                pixels, codes, stated = np.split(predicted(network, image), [2, 5], axis=1)
-                points = codes * crops.reach_mm + crops.centre_model
-                pose = pose_of(points, pixels, stated[:, 0] * crops.reach_mm, camera)
+                pose = pose_by(photograph.image)
                 both = (errors(each, photograph, mesh) for each in (pose, refined(known, photograph, pose)))
                 trials.append(PoseTrial(*training, seconds, photograph.path.name, *chain(*both)))
-            finished += trials
+            finished = [trial for trial in finished if trial.training != training] + trials
             write_rows(arguments.out, finished, conditions)
             report(summary(trials))
+            if spoil:
+                own = Scene(scene.name, scene.real, replace(loaded, frames=(small(loaded.frame),)), tuple(photographs))
+                spoilt += bad_photographs(own, known, pose_by, arguments.seed, quick=arguments.quick)
+                write_rows(_bad(arguments.out), spoilt, conditions, "right")
 
 
 def draw(out: Path) -> list[Path]:
     """Draw the table."""
     trials, conditions = read_rows(out, PoseTrial)
-    return training_charts(trials, conditions_note(conditions), out)
+    charts = training_charts(trials, conditions_note(conditions), out)
+    return charts + bad_photographs_chart(*read_rows(_bad(out), RegistrationTrial), _bad(out))
+
+
+def _bad(out: Path) -> Path:
+    return out.with_name(f"{out.stem}_bad.csv")
 
 
 def _scenes(arguments: argparse.Namespace) -> Iterator[TrainingScene]:

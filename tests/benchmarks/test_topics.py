@@ -40,7 +40,8 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
         "", ["--only", "sampling"], [f"stability_sampling{end}" for end in (".csv", *CHART)]
     ),
     "training": (
-        "training.csv", ["--without-sample", "--case", "{case}", "{photographs}"], [f"training{end}" for end in CHART]
+        "training.csv", ["--without-sample", "--case", "{case}", "{photographs}"],
+        ["training_bad.csv", *(f"training{part}{end}" for part in ("", "_bad") for end in CHART)],
     ),
 }  # fmt: skip
 

@@ -12,6 +12,10 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.images.pixel_values import to_uint8
+
+from .pose_trials import pose_of
 from .view_crops import FULL, MULTIPLE, NOTHING, STRIDE, ViewCrops
 
 BATCH = 8
@@ -74,6 +78,15 @@ def trained_network(crops: ViewCrops, steps: int, seed: int, advance: Callable[[
         optimiser.zero_grad()
         advance()
     return network.eval()
+
+
+def network_pose(
+    network: CoordinateNetwork, crops: ViewCrops, camera: PinholeCamera, image: np.ndarray
+) -> np.ndarray | None:
+    """``cam_from_model`` of an image ``(H, W, 3)`` float32 of any size, seen by the network at the camera's."""
+    codes = to_uint8(cv2.resize(image, camera.size_wh, interpolation=cv2.INTER_AREA))
+    pixels, points, errors = np.split(predicted(network, codes), [2, 5], axis=1)
+    return pose_of(points * crops.reach_mm + crops.centre_model, pixels, errors[:, 0] * crops.reach_mm, camera)
 
 
 def predicted(network: CoordinateNetwork, image: np.ndarray) -> np.ndarray:

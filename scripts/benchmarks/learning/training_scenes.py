@@ -56,6 +56,8 @@ class TrainingScene:
         Where its datasets are.
     options
         Of ``oneframe render``, for all of them.
+    real
+        Whether the photographs are, not rendered.
     more
         Other case files by dataset.
     """
@@ -65,6 +67,7 @@ class TrainingScene:
     photographs: Path
     folder: Path
     options: tuple[str, ...] = ()
+    real: bool = True
     more: Mapping[str, Path] = field(default_factory=dict)
 
     def dataset(self, name: str, count: int) -> Dataset:
@@ -91,7 +94,7 @@ def sample_scene(folder: Path) -> TrainingScene:
         _oneframe("register", case / "case.toml", case / FILM, "--out", registered, *FRAME_OPTIONS)
     scale = f"--scale={VIEW_WIDTH / MICROSCOPE.width!r}"
     more = {FRAMES: registered / "case.toml"}
-    return TrainingScene("sample", case / "case.toml", listed, folder, (scale,), more)
+    return TrainingScene("sample", case / "case.toml", listed, folder, (scale,), real=False, more=more)
 
 
 def bloster_scene(data: Path, folder: Path) -> TrainingScene:

@@ -3,6 +3,7 @@
 A longer lens looks like a nearer camera, but for the relief of the surface: it moves by other amounts in the image.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +15,11 @@ from .flow_refinement import FITTED, FlowFit
 
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
 """Of the fit, how far a step goes at most, and how small the last one is, as the logarithm of the focal length."""
-LEAST_CHANGE, STILL_CHANGED, LEAST_SIGMAS = 0.15, 0.05, 3.0
-"""How far the focal length must be from the aligned frame's, relatively, also where it was in the frame before, and
-in its standard deviations. A pose 2 px off and a surface that is not exact look like 11 % at most in "bloster"."""
+LEAST_CHANGE, LEAST_SIGMAS = 0.15, 3.0
+"""How far the focal length must be from the aligned frame's, relatively, and in its standard deviations. A pose 2 px
+off and a surface that is not exact look like 11 % at most in "bloster"."""
+LASTING, LASTING_CHANGE = 9, 0.06
+"""How many frames of a video show a smaller change, in the median, and how small: "bloster" has one of 4 % at most."""
 
 
 class Zoom(NamedTuple):
@@ -47,7 +50,10 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     return Zoom(float(np.exp(zoom)), sigma)
 
 
-def has_zoomed(zoom: Zoom, *, before: bool = False) -> bool:
-    """Whether the focal length is clearly another; less clearly if it was in the frame ``before`` of a video."""
-    least = STILL_CHANGED if before else LEAST_CHANGE
-    return abs(zoom.factor - 1) > least and abs(np.log(zoom.factor)) > LEAST_SIGMAS * zoom.sigma
+def has_zoomed(zoom: Zoom, before: Sequence[Zoom] = ()) -> bool:
+    """Whether the focal length is clearly another; ``before`` are those of the frames before it in a video."""
+    lasting = np.median([*before, zoom][-LASTING:], axis=0)
+    known = [(zoom, LEAST_CHANGE)]
+    if len(before) >= LASTING - 1:
+        known.append((Zoom(*lasting), LASTING_CHANGE))
+    return any(abs(factor - 1) > least and abs(np.log(factor)) > LEAST_SIGMAS * s for (factor, s), least in known)

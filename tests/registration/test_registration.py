@@ -25,7 +25,7 @@ from oneframe.registration.register import Registrar
 from oneframe.registration.source_correction import SourceCorrection, Track
 from oneframe.registration.source_uncertainty import with_source
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
-from oneframe.registration.zoom import has_zoomed, zoom_of
+from oneframe.registration.zoom import Zoom, has_zoomed, zoom_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
@@ -125,7 +125,7 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
     assert found.verdict.reason
 
 
-@pytest.mark.parametrize("factor", [1.0, 1.25])
+@pytest.mark.parametrize("factor", [1.0, 1.1, 1.25])
 def test_another_focal_length_is_told_from_another_distance(registrar, mesh, factor):
     enlarged = factor * np.eye(2, 3)
     enlarged[:, 2] = (1 - factor) * np.array([CAMERA.cx, CAMERA.cy])
@@ -133,7 +133,10 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     fit = registrar.register(image, everywhere()).fit
     zoom = zoom_of(fit, PIVOT)
     assert abs(zoom.factor - factor) < max(0.02, 3 * zoom.sigma)
-    assert has_zoomed(zoom) == has_zoomed(zoom, before=True) == (factor != 1)
+    assert has_zoomed(zoom) == (factor == 1.25)
+    # a smaller change must last
+    assert has_zoomed(zoom, [zoom] * 8) == (factor != 1)
+    assert has_zoomed(zoom, [Zoom(1.0, zoom.sigma)] * 5 + [zoom] * 3) == (factor == 1.25)
 
 
 def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):

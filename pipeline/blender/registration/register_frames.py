@@ -23,7 +23,7 @@ from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
 from ...registration.source_uncertainty import doubt_of_source, with_source
 from ...registration.verdict import ACCEPTED, REFUSED, Verdict
-from ...registration.zoom import has_zoomed, zoom_of
+from ...registration.zoom import Zoom, has_zoomed, zoom_of
 from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
@@ -88,7 +88,7 @@ class CaseRegistrar:
             self._straight = Resampler(pixels)
             self._inside = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
         self._before: tuple[np.ndarray, ...] = ()
-        self._zoomed = False
+        self._zooms: list[Zoom] = []
 
     def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
@@ -104,8 +104,9 @@ class CaseRegistrar:
         if found.fit is None:
             return found
         zoom = zoom_of(found.fit, self.pivot_model)
-        self._zoomed = has_zoomed(zoom, before=self._zoomed and not frame.name)
-        if self._zoomed:
+        before = [] if frame.name else self._zooms
+        self._zooms = [*before, zoom]
+        if has_zoomed(zoom, before):
             reason = (
                 f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off "
                 f"(--correct-source)"

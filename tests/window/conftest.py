@@ -16,6 +16,8 @@ from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, sample_surf
 from tests.window import session
 
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "window"
+SPACING = {} if os.environ.get("ONEFRAME_SCREENSHOTS") else {"spacing_mm": 0.6}
+"""Of the sample's surface: coarse, as software OpenGL draws it in half the time."""
 
 
 @pytest.fixture(scope="session")
@@ -38,14 +40,18 @@ def resources(blender: str, extension_zip: Path, tmp_path_factory: pytest.TempPa
 
 @pytest.fixture(scope="session")
 def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The case file of the built-in sample, without the held-out photographs; beside it, ``film.avi``."""
+    """The case file of the built-in sample, without the held-out photographs."""
     folder = tmp_path_factory.mktemp("sample")
-    # coarse: software OpenGL draws it in half the time
-    finest = {} if os.environ.get("ONEFRAME_SCREENSHOTS") else {"spacing_mm": 0.6}
-    surface = sample_surface(**finest)
-    *_, case = write_sample_case(folder, surface, held_out=False)
-    write_film(folder / "film.avi", surface, tmp_path_factory.mktemp("film"))
+    *_, case = write_sample_case(folder, sample_surface(**SPACING), held_out=False)
     return case
+
+
+@pytest.fixture(scope="session")
+def film(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """``film.avi`` beside that case."""
+    path = sample.with_name("film.avi")
+    write_film(path, sample_surface(**SPACING), tmp_path_factory.mktemp("film"))
+    return path
 
 
 def write_film(path: Path, surface: SampleSurface, folder: Path) -> None:
@@ -61,10 +67,14 @@ def write_film(path: Path, surface: SampleSurface, folder: Path) -> None:
 
 
 @pytest.fixture
-def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callable[[Path, float], dict]:
+def play(
+    request: pytest.FixtureRequest, blender: str, resources: Path, sample: Path, tmp_path: Path
+) -> Callable[[Path, float], dict]:
     """Plays a scenario file in a separate Blender; returns its facts, and fails if the scenario fails."""
 
     def run(scenario: Path, timeout_s: float) -> dict:
+        if "film.avi" in scenario.read_text():
+            request.getfixturevalue("film")
         pictures = PICTURES / scenario.stem.removeprefix("scenario_")
         return session.play_scenario(
             blender,

@@ -43,6 +43,12 @@ def play(settings: dict) -> at_window.Action:
         Path(settings["result"]).write_text(json.dumps(result))
 
 
+def nap() -> float:
+    """What Blender does between two events, unless they are simulated: then it would take a whole core to wait."""
+    time.sleep(0.005)
+    return 0.0
+
+
 def give_up(seconds: float) -> None:
     """End a Blender that hangs, and print the stacks of all threads; needed if the test process is gone."""
     sys.stderr.write(f"driver: not finished after {seconds:g} s\n")
@@ -59,6 +65,7 @@ def main() -> None:
     preferences.view.show_tooltips = False
     if not os.environ.get("ONEFRAME_SCREENSHOTS"):
         preferences.system.viewport_aa = "OFF"
+        preferences.system.use_overlay_smooth_wire = False
     # open file selectors in the main window
     preferences.view.filebrowser_display_type = "SCREEN"
     watchdog = threading.Timer(settings["timeout_s"], give_up, [settings["timeout_s"]])
@@ -78,6 +85,7 @@ def main() -> None:
         return None
 
     bpy.app.timers.register(tick, first_interval=0.1, persistent=True)
+    bpy.app.timers.register(nap, persistent=True)
 
 
 main()

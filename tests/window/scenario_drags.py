@@ -20,12 +20,9 @@ TIMEOUT_S = 7200
 
 
 def scenario(user):
+    yield from user.open_case()
     yield from user.open_sidebar("OneFrame")
-    yield from user.press("oneframe.open_sample")
-    yield from user.at_workbench()
     scene = bpy.context.scene
-    yield from user.until(lambda: scene.oneframe.surface is not None, "the sample to be open")
-    yield from user.redraw()
     vertices = np.array([vertex.co for vertex in scene.oneframe.surface.data.vertices][::50])
     rng, poses, nearest_mm = np.random.default_rng(5), [], np.inf
     for drag in range(DRAGS):

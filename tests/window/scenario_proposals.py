@@ -7,6 +7,7 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 import scenario_first_session as first_session
 import scenario_parts as parts
 from bl_ext.user_default.oneframe.move import proposals
+from bl_ext.user_default.oneframe.pipeline.alignment.proposal import propose, template_search
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.setup.alignment_record import pose_record
 
@@ -16,6 +17,8 @@ MOST_ACTIONS = 12
 def scenario(user):
     actions = yield from parts.load_parts(user)
     scene, true = bpy.context.scene, read_case(user.case).cam_from_mesh
+    # the right size alone and fewer poses: quicker
+    template_search.SPANS, propose.REFINED = template_search.SPANS[-1:], (30, 5)
     yield from user.press("oneframe.propose_poses")
     yield from user.until(lambda: proposals.found(scene) is not None, "proposed poses")
     yield from user.redraw()

@@ -19,8 +19,8 @@ import numpy as np
 from oneframe.images.png import encode_png
 
 DRIVER = Path(__file__).resolve().parent / "driver.py"
-SIZE = 1280, 800
-"""Of the window, pixels."""
+SIZE = (1280, 800) if os.environ.get("ONEFRAME_SCREENSHOTS") else (1024, 640)
+"""Of the window, pixels: most of the time goes into drawing them in software."""
 
 
 def window_flags(size_wh: tuple[int, int] = SIZE) -> list[str]:

@@ -42,7 +42,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             "antialiasing": lambda: measure_anti_aliasing(folder, report),
             "scaling": lambda: measure_triangles(folder, report),
             "workers": lambda: measure_workers(folder, report),
-            "start": lambda: measure_start(folder, report),
+            "start": lambda: measure_start(folder, report, rounds=min(arguments.rounds, 3)),
             "memory": lambda: measure_memory(folder, report, views=arguments.views),
         }
         for name in arguments.only:

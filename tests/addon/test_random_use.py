@@ -9,7 +9,7 @@ import pytest
 
 pytestmark = [pytest.mark.long, pytest.mark.render]
 
-STEPS = 300
+STEPS = 200
 LANDMARKS = "".join(
     f'\n[[landmarks]]\nname = "{name}"\nsurface = {surface}\npixel = {pixel}\n'
     for name, surface, pixel in [

@@ -156,7 +156,7 @@ def test_a_prior_determines_what_it_says_and_nothing_else(kind, part):
     assert loose.cam_from_model == pytest.approx(alone.cam_from_model, abs=1e-2)
 
 
-@pytest.mark.parametrize(("pairs", "worse"), [(2, 1), (4, 1), (6, 2), (10, 2)])
+@pytest.mark.parametrize(("pairs", "worse"), [(2, 1), (4, 1), (10, 2)])
 def test_the_region_of_both_holds_the_truth_as_often_as_it_says(pairs, worse):
     rng, inside, draws = np.random.default_rng(pairs), [], 150
     for _ in range(draws):

@@ -25,7 +25,7 @@ CHART = (".png", ".svg", "-dark.png", "-dark.svg")
 REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     # what --out is, further arguments, and what is written besides
-    "speed": ("speed.json", ["--only", "start"], []),
+    "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),
     "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], [f"chart{end}" for end in CHART]),
     "landmarks": ("landmarks.json", ["--trials", "4"], [f"landmarks{end}" for end in CHART]),
     "refinement": ("refinement.csv", ["{case}"], [f"refinement{end}" for end in CHART]),

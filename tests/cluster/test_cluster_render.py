@@ -21,7 +21,7 @@ pytestmark = [
     pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc"),
 ]
 
-VIEWS = 240
+VIEWS = 160
 AHEAD = 2
 """Views that a render process has in work."""
 

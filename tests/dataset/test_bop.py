@@ -65,7 +65,7 @@ def test_models_and_their_info(tmp_path):
     off = np.abs(np.nanmean(heights, axis=0) - reduced.vertices[::50, 2])
     assert off.max() < 2 * spacing
     vertices = mesh.vertices.astype(np.float32).astype(float)
-    outer = vertices[np.linalg.norm(vertices, axis=1) > 0.7 * np.linalg.norm(vertices, axis=1).max()]
+    outer = vertices[np.linalg.norm(vertices, axis=1) > 0.9 * np.linalg.norm(vertices, axis=1).max()]
     longest = np.linalg.norm(outer[:, None] - outer[None], axis=2).max()
     for folder in ("models", "models_eval"):
         info = json.loads((tmp_path / folder / "models_info.json").read_text())["1"]

@@ -122,12 +122,12 @@ def measure_workers(folder: Path, report: Callable[[str], None]) -> dict[str, fl
     return figures
 
 
-def measure_start(folder: Path, report: Callable[[str], None]) -> dict[str, float]:
-    """Seconds from the command to the first view on disk by engine, median of three runs."""
+def measure_start(folder: Path, report: Callable[[str], None], *, rounds: int) -> dict[str, float]:
+    """Seconds from the command to the first view on disk by engine, median of some runs."""
     case, figures, views = write_benchmark_case(folder / "start"), {}, 2
     for engine in EXACT:
         seconds = []
-        for _ in range(3):
+        for _ in range(rounds):
             out = folder / "start-out"
             before = time.time()
             _run(case, out, f"--count={views}", f"--engine={engine}")

@@ -67,7 +67,7 @@ def scenario(user):
         space.overlay.show_overlays = background.show_background_image = shown == "frame"
         surface.hide_viewport = shown == "frame"
         off = {}
-        for middle in itertools.product((120, 360, 600, 840), (60, 210, 360, 510, 660)):
+        for middle in itertools.product((120, 360, 600, 840), (60, 180, 300, 420, 540, 660)):
             user.view.view_camera_offset = (region_middle - middle * scale - at_zero) / per_offset
             yield from user.redraw()
             view = FrameView.of(scene, user.region(), user.view)

@@ -1,4 +1,4 @@
-"""Ten frames of a film and of files through the queue: each starts at the pose before, keys go on, none is lost."""
+"""Seven frames of a film and of files through the queue: each starts at the pose before, keys go on, none is lost."""
 
 from importlib import import_module
 
@@ -14,7 +14,7 @@ from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
 from bl_ext.user_default.oneframe.video import session
 
 KINDS = ("clear", "hand", "clear", "blur", "clear", "glare", "clear", "tool", "clear")
-FRAMES = 10
+FRAMES = 7
 SHIFT_PX = 12
 """How far the user drags the pin in each frame."""
 MOST_ACTIONS = 6

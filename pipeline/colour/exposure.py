@@ -54,8 +54,9 @@ def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
             terms = np.hstack([-pair.terms_a, pair.terms_b])
             weighted = terms * (weights / weights.sum())[:, None]
             at = np.concatenate([len(PRIOR) * each + np.arange(len(PRIOR)) for each in (pair.a, pair.b)])
-            normal[np.ix_(at, at)] += weighted.T @ terms
-            right[at] += weighted.T @ pair.log_ratios
+            # not by BLAS, whose sums depend on the number of threads: views of any machine are the same
+            normal[np.ix_(at, at)] += np.einsum("ni,nj->ij", weighted, terms)
+            right[at] += np.einsum("ni,nj->ij", weighted, pair.log_ratios)
         first = len(PRIOR)
         log_gains[1:] = np.linalg.solve(normal[first:, first:], right[first:]).reshape(-1, first, 3)
     return views[0], *(_brighter(view, each) for view, each in zip(views[1:], log_gains[1:], strict=True))

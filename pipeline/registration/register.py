@@ -27,20 +27,18 @@ class RegisteredFrame:
     ----------
     verdict
         State, probability and reason.
-    fit
-        The pose, and what it was found from.
+    cam_from_model
+        ``(4, 4)`` the pose, mm.
     uncertainty
         Of the pose, as far as the frame tells: for the error of the aligned frame's see :mod:`.source_uncertainty`.
+    fit
+        What the pose was found from.
     """
 
     verdict: Verdict
-    fit: FlowFit | None = None
+    cam_from_model: np.ndarray | None = None
     uncertainty: PoseUncertainty | None = None
-
-    @property
-    def cam_from_model(self) -> np.ndarray | None:
-        """``(4, 4)`` the pose, mm."""
-        return None if self.fit is None else self.fit.cam_from_model
+    fit: FlowFit | None = None
 
 
 class Registrar:
@@ -90,4 +88,6 @@ class Registrar:
 
     def _judged(self, fit: FlowFit | None, found: Localised | None) -> RegisteredFrame:
         verdict, uncertainty = judge(fit, found, self._pivot_model)
-        return RegisteredFrame(verdict) if verdict.state == REFUSED else RegisteredFrame(verdict, fit, uncertainty)
+        if fit is None or verdict.state == REFUSED:
+            return RegisteredFrame(verdict)
+        return RegisteredFrame(verdict, fit.cam_from_model, uncertainty, fit)

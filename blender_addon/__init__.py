@@ -115,6 +115,7 @@ _MODULES = tuple(
         "refine.panel",
         "frames.found",
         "frames.operators",
+        "frames.take",
         "frames.correct",
         "frames.colour_sources",
         "frames.band",

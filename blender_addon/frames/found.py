@@ -1,16 +1,16 @@
 """What registration has found of the film's frames: in memory, for the pose of the case's frame that it began with."""
 
+import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
 
 import bpy
-import numpy as np
 
 from ..class_registration import class_registration, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
 from ..pipeline.registration.colour_sources import Candidate, candidate_of
+from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..state import another_frame
 from ..state.another_frame import SeenFrame
@@ -19,14 +19,6 @@ from ..video import session, shown_frame
 from ..video.session import FilmSession
 
 WORDS = {ACCEPTED: "found", DOUBTFUL: "doubtful", REFUSED: "lost"}
-
-
-class FoundFrame(NamedTuple):
-    """A frame's pose ``(4, 4)``, mm, if it has one, what to think of it, and what colouring needs if it is accepted."""
-
-    verdict: Verdict
-    cam_from_model: np.ndarray | None
-    candidate: Candidate | None
 
 
 @dataclass
@@ -38,12 +30,15 @@ class FoundFrames:
     film, inputs
         The film, and the case at its pose as :func:`.inputs_of` says it.
     frames
-        Position in the film's list of scores -> what was found.
+        Position in the film's list of scores -> what was found, without the fit.
+    candidates
+        The accepted frames.
     """
 
     film: FilmSession
     inputs: tuple[object, ...]
-    frames: dict[int, FoundFrame] = field(default_factory=dict)
+    frames: dict[int, RegisteredFrame] = field(default_factory=dict)
+    candidates: list[Candidate] = field(default_factory=list)
 
     def register(self, registrar: CaseRegistrar, progress: Callable[[float], None]) -> None:
         """Register all scored frames of the film; in any thread.
@@ -59,13 +54,10 @@ class FoundFrames:
                 if frame.number not in positions:
                     continue
                 found = registrar.register(frame)
-                candidate = candidate_of(frame.number, frame.image, found)
-                self.frames[positions[frame.number]] = FoundFrame(found.verdict, found.cam_from_model, candidate)
+                if (candidate := candidate_of(frame.number, frame.image, found)) is not None:
+                    self.candidates.append(candidate)
+                self.frames[positions[frame.number]] = replace(found, fit=None)
                 progress(len(self.frames) / len(positions))
-
-    def candidates(self) -> list[Candidate]:
-        """The accepted frames."""
-        return [each.candidate for each in self.frames.values() if each.candidate is not None]
 
     def summary(self) -> str:
         """How many frames are found, doubtful and lost."""
@@ -86,6 +78,12 @@ def of(scene: bpy.types.Scene) -> FoundFrames | None:
         return None
 
 
+def frame_at(scene: bpy.types.Scene, at: int) -> RegisteredFrame | None:
+    """What is found in the frame at a position in the film's list of scores; ``None`` if it is not registered."""
+    registered = of(scene)
+    return None if registered is None else registered.frames.get(at)
+
+
 def text_of(verdict: Verdict) -> str:
     """A state in words, with the probability that the pose is right."""
     # 0.997 is not 100 %
@@ -94,14 +92,16 @@ def text_of(verdict: Verdict) -> str:
 
 
 def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
-    found, film = of(scene), session.of(scene)
-    if found is None or film is None or not shown_frame.is_shown(scene):
+    film, own = session.of(scene), scene.oneframe.video_text
+    # until the case has a frame, it is the film's
+    if film is None or not shown_frame.is_shown(scene) or not scene.oneframe.frame_path:
         return None
-    name = f"frame {film.score.index} of {film.path.name}"
-    if film.shown not in found.frames:
+    if own and json.loads(own) == [film.path.name, film.score.index]:
+        return None
+    name, frame = f"frame {film.score.index} of {film.path.name}", frame_at(scene, film.shown)
+    if frame is None:
         return SeenFrame(name, "not registered", None)
-    verdict, pose, _ = found.frames[film.shown]
-    return SeenFrame(name, text_of(verdict), pose)
+    return SeenFrame(name, text_of(frame.verdict), frame.cam_from_model)
 
 
 register, unregister = class_registration(__name__, listening(another_frame.finders, _seen))

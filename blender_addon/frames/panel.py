@@ -5,11 +5,11 @@ import bpy
 from ..class_registration import class_registration
 from ..pipeline.case.alignment_record import FURTHER_FRAMES
 from ..setup.alignment_record import pose_record
-from ..state import from_scene
+from ..state import another_frame, from_scene
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import StepPanel
-from ..video import session, shown_frame
+from ..video import session
 from ..video.session import FilmSession
 from . import found
 from .correct import record_text
@@ -55,19 +55,18 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
 
 
 def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
-    registered = found.of(scene)
-    if registered is None:
-        draw_text(layout, "No frame is registered from the present pose.", icon="INFO")
-        return
-    total = len(film.scores.frames)
-    part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "
-    draw_text(layout, f"{part}{registered.summary()}", lines=2)
-    layout.operator("oneframe.play_frames", icon="PLAY")
-    frame = registered.frames.get(film.shown)
-    if not shown_frame.is_shown(scene):
+    registered, frame = found.of(scene), found.frame_at(scene, film.shown)
+    if registered is not None:
+        total = len(film.scores.frames)
+        part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "
+        draw_text(layout, f"{part}{registered.summary()}", lines=2)
+        layout.operator("oneframe.play_frames", icon="PLAY")
+    if another_frame.seen(scene) is None:
         text = "Click the strip below the view to see a frame with the surface at its pose."
+        if registered is None:
+            text = "No frame is registered from the present pose."
     elif frame is None:
-        text = f"Frame {film.score.index} is not registered."
+        text = f"Frame {film.score.index}: not registered, so it is shown without the surface."
     else:
         reason = frame.verdict.reason
         text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."

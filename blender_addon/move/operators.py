@@ -208,6 +208,7 @@ class ONEFRAME_OT_paste_pose(Reporting):
     bl_label = "Paste Pose"
 
     def run(self, context: bpy.types.Context) -> Messages:
+        another_frame.check_own(context.scene)
         pose, message = pose_from_text(context.window_manager.clipboard)
         set_cam_from_mesh(context.scene, pose)
         return (message,) if message else ()

@@ -16,7 +16,7 @@ from ..pipeline.case.posed_frame import PosedFrame
 from ..pipeline.errors import InputError
 from ..pipeline.projection.z_buffer import rasterise_depth
 from ..pipeline.surface.mesh import TriangleMesh
-from ..state import from_scene, pose_evidence
+from ..state import another_frame, from_scene, pose_evidence
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Messages, NeedsAlignment, Reporting
@@ -88,6 +88,7 @@ class ONEFRAME_OT_take_proposal(NeedsAlignment, Reporting):
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
+        another_frame.check_own(scene)
         proposals = found(scene)
         if proposals is None or self.index >= len(proposals.poses):
             raise InputError("expected a proposed pose of this frame, found none; press Propose Poses")

@@ -127,7 +127,8 @@ def record_lines(record: Mapping[str, object]) -> list[str]:
         lines.append(f"{number['explained']:.0%} of the image explained")
     if "start_method" in record:
         start = KINDS.get(str(record["start_method"]), (str(record["start_method"]), ""))[0]
-        figures = [_counted(number["start_pairs"], "pair")] if "start_pairs" in number else []
+        figures = [str(record["start_frame"])] if "start_frame" in record else []
+        figures += [_counted(number["start_pairs"], "pair")] if "start_pairs" in number else []
         figures += [f"off by {format_two_digits(number['start_error_px'])} px"] if "start_error_px" in number else []
         lines.append(f"Started: {start[0].lower()}{start[1:]}" + "".join(f", {figure}" for figure in figures))
     for key, unit in (("standard_deviation_deg", "°"), ("standard_deviation_mm", " mm")):

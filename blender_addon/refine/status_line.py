@@ -16,7 +16,7 @@ from ..class_registration import at_end, class_registration, drawing
 from ..dataset import background_job
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
-from ..pipeline.case.alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, PROPOSED
+from ..pipeline.case.alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, PROPOSED, REGISTERED
 from ..pipeline.case.case_file import Case
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
@@ -42,6 +42,7 @@ KINDS = {
     "pins": ("Pulled by pins", "PINNED"),
     "refined": ("Refined against the image", "SNAP_ON"),
     FURTHER_FRAMES: ("From further frames", "CAMERA_DATA"),
+    REGISTERED: ("Registered to another frame", "CON_CAMERASOLVER"),
     "manual": ("By hand", "VIEW_PAN"),
     INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
     PROPOSED: ("Proposed by a search, not verified", "QUESTION"),
@@ -125,7 +126,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return "Next: drag pins, pick landmarks, or press Propose Poses"
     if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"
-    if record.get("method") not in ("refined", FURTHER_FRAMES):
+    if not pose_evidence.is_refined(scene):
         return f"Next: {binding('oneframe.refine') or 'Refine Pose'} refines it against the image"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 

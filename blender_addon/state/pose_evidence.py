@@ -14,7 +14,7 @@ import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
-from ..pipeline.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, scaled_record
+from ..pipeline.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene
 from .image_evidence import uncertainty_from, uncertainty_table
@@ -95,7 +95,7 @@ def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
 
 
 def is_refined(scene: bpy.types.Scene) -> bool:
-    """Whether the pose was refined against the image, or by further frames: landmarks do not replace it unasked.
+    """Whether the image or other frames found the pose: landmarks do not replace it unasked.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def is_refined(scene: bpy.types.Scene) -> bool:
         There is no pose.
     """
     record = remembered(scene)
-    return record is not None and record.get("method") in ("refined", FURTHER_FRAMES)
+    return record is not None and record.get("method") in ("refined", FURTHER_FRAMES, REGISTERED)
 
 
 def _is_left(scene: bpy.types.Scene) -> bool:

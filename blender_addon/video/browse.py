@@ -22,7 +22,7 @@ class OverStrip(NeedsFilm):
     """Mixin: a key counts only where the pointer is over the strip."""
 
     counts_for_seen = False
-    """Whether it also counts elsewhere in the view while that shows a registered frame of the film."""
+    """Whether it also counts elsewhere in the view while that shows a frame of the film that is not the case's."""
 
     key: bool = prop(BoolProperty, description="Called by a key", options={"SKIP_SAVE", "HIDDEN"})
 

@@ -1,18 +1,14 @@
-"""Operators that open a video, score it again, and take the frame in view as that of the case."""
+"""Operators that open a video, score it again, and show its strip."""
 
-import os
 from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import FloatProperty, IntProperty, StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.errors import InputError
-from ..pipeline.video.frame_folder import write_frame
-from ..state import camera_view, from_scene, to_scene, workbench
-from ..state.scene_files import session_folder
+from ..state import camera_view, from_scene, workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Messages, Reporting, available
 from ..view.zoom import fit_soon
@@ -121,38 +117,6 @@ class ONEFRAME_OT_video_strip(Reporting):
             shown_frame.restore(scene)
         for area in camera_view.views(context):
             fit_soon(area)
-
-
-class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
-    """Use the video's frame in view as the frame of the case, pixel by pixel as decoded; Save Case puts it beside"""
-
-    bl_label = "Take Frame"
-    bl_options = {"UNDO"}
-    doing = "Taking the frame"
-
-    masked: bool = prop(
-        BoolProperty,
-        "Masked",
-        "Leave out what is not tissue, with alpha 0: instruments, hands, glare, the black around a "
-        "circle. A first draft",
-        options={"SKIP_SAVE"},
-    )
-
-    def work(self, context: bpy.types.Context) -> Work:
-        film, masked = session.scored(context.scene), self.masked
-        self._film, score = film, film.score
-        self._taken = film.path.name, score.index
-        folder = film.path.parent if os.access(film.path.parent, os.W_OK) else session_folder()
-        return lambda _progress: write_frame(film.path, folder, film.scores, score, masked=masked)
-
-    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
-        path: Path = result
-        if session.of(context.scene) is not self._film:
-            raise InputError("the video has changed meanwhile, nothing was taken")
-        messages = to_scene.set_frame(context, path, read_image(path, path.name), self._taken)
-        scene = context.scene
-        scene.oneframe_video.taken_path = scene.oneframe.frame_path
-        return f"the frame of the case is {path}", *messages
 
 
 register, unregister = class_registration(__name__)

@@ -3,7 +3,7 @@
 import bpy
 
 from ..class_registration import class_registration
-from ..state import from_scene
+from ..state import another_frame, from_scene
 from ..ui.panel import draw_text
 from ..ui.step_panel import PartPanel
 from . import session, shown_frame
@@ -57,7 +57,9 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
     row.operator("oneframe.take_frame", icon="CHECKMARK")
     row.operator("oneframe.take_frame", text="Masked", icon="MOD_MASK").masked = True
     if shown_frame.is_shown(scene):
-        draw_text(layout, "The view shows the video. Strip brings back the frame of the case.", icon="INFO")
+        other = another_frame.seen(scene)
+        alone = "" if other is None or other.cam_from_model is not None else f" without the surface: {other.text}"
+        draw_text(layout, f"The view shows the video{alone}. Strip brings back the frame of the case.", icon="INFO")
     elif from_scene.present_camera(scene) is None and from_scene.present_surface(scene) is not None:
         draw_text(layout, "The video covers the view until K is loaded. Strip hides it.", icon="INFO")
 

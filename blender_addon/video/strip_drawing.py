@@ -17,7 +17,7 @@ from ..state import another_frame, from_scene, workbench
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import free_rectangle, reserved
-from . import shown_frame, strip_gizmo, strip_pictures
+from . import strip_gizmo, strip_pictures
 from .session import FilmSession
 from .strip_layout import StripLayout, film_in, reserved_height
 
@@ -209,8 +209,8 @@ def _state(scene: bpy.types.Scene, film: FilmSession, *, over: bool) -> str:
     if failure:
         return "cannot be decoded"
     if (other := another_frame.seen(scene)) is not None:
-        return other.text
-    if from_scene.present_camera(scene) is not None and not shown_frame.is_shown(scene):
+        return f"{other.text}   Enter: Take" if over else other.text
+    if from_scene.present_camera(scene) is not None and scene.oneframe.frame_path:
         return "the case's frame is in view"
     if not film.is_full:
         return "decoding ..."

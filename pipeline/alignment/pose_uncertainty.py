@@ -53,6 +53,14 @@ class PoseUncertainty:
     pivot_cam: np.ndarray
 
     @classmethod
+    def about_points(
+        cls, pivot_model: np.ndarray, covariance: np.ndarray, points_model: np.ndarray, cam_from_model: np.ndarray
+    ) -> "PoseUncertainty":
+        """That of a pose ``(4, 4)`` that does not come from clicks; ``(N, 3)`` points stand for the surface."""
+        radius = float(np.sqrt(((points_model - pivot_model) ** 2).sum(axis=1).mean()))
+        return cls(pivot_model, covariance, np.inf, np.nan, radius, transform_points(cam_from_model, pivot_model))
+
+    @classmethod
     def stated(
         cls, record: Mapping[str, Any], points_model: np.ndarray, cam_from_model: np.ndarray
     ) -> "PoseUncertainty | None":
@@ -63,9 +71,7 @@ class PoseUncertainty:
         if "standard_deviation_mm" not in record or "standard_deviation_deg" not in record:
             return None
         deviations = np.array([*record["standard_deviation_mm"], *np.radians(record["standard_deviation_deg"])])
-        pivot = points_model.mean(axis=0)
-        radius = float(np.sqrt(((points_model - pivot) ** 2).sum(axis=1).mean()))
-        return cls(pivot, np.diag(deviations**2), np.inf, np.nan, radius, transform_points(cam_from_model, pivot))
+        return cls.about_points(points_model.mean(axis=0), np.diag(deviations**2), points_model, cam_from_model)
 
     @property
     def translation_mm(self) -> np.ndarray:

@@ -23,6 +23,7 @@ KEYS = (
     "evidence",
     "doubt",
     "refused",
+    "start_frame",
     "start_method",
     "start_pairs",
     "start_rms_px",
@@ -45,8 +46,8 @@ KEYS = (
 """In the order in which they are written.
 
 ``method``
-    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`FURTHER_FRAMES`,
-    :data:`PROPOSED`, :data:`INITIAL_GUESS`, :data:`OTHER_FRAME`.
+    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`REGISTERED`,
+    :data:`FURTHER_FRAMES`, :data:`PROPOSED`, :data:`INITIAL_GUESS`, :data:`OTHER_FRAME`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
 ``checked``
@@ -54,9 +55,12 @@ KEYS = (
 ``evidence``
     The kinds of evidence that a refined pose comes from: "image", or "landmarks, image".
 ``doubt``
-    Why the pose may be wrong altogether: several fit the landmarks, none does, or it was found in another frame.
+    Why the pose may be wrong altogether: several fit the landmarks, none does, it was found in another frame, or little
+    of the frame agrees with it.
 ``refused``
     Why the refinement was refused, whose result the user took all the same.
+``start_frame``
+    File of the aligned frame to which this one was registered; ``start_method`` is that frame's.
 ``start_method``, ``start_pairs``, ``start_rms_px``
     Of the initial pose of a refinement: its ``method``, ``pairs`` and ``rms_px``.
 ``pairs``, ``rms_px``
@@ -101,12 +105,15 @@ PROPOSED = "proposed"
 FURTHER_FRAMES = "further frames"
 """Method of a pose that was corrected by further frames of the surface."""
 
+REGISTERED = "registered"
+"""Method of a pose that was found by what an aligned frame of the surface shows."""
+
 OTHER_FRAME = "another frame"
 """Method of a pose that was found in another frame: a start for this one."""
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
-_TEXTS = ("method", "tool", "date", "checked", "evidence", "doubt", "refused", "start_method", "weakest")
+_TEXTS = ("method", "tool", "date", "checked", "evidence", "doubt", "refused", "start_frame", "start_method", "weakest")
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:

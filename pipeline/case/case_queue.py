@@ -11,13 +11,13 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..images.image_check import check_image_file, image_size
-from .alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME
+from .alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, REGISTERED
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
 
 NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
-"""No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks or the image; looked at
-by a person; with a doubt that nobody has checked."""
+"""No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks, the image or other
+frames; looked at by a person; with a doubt that nobody has checked."""
 
 
 def queued_cases(folder: Path) -> tuple[Path, ...]:
@@ -35,7 +35,7 @@ def state_of(case: Case) -> str:
     method = record.get("method")
     if ("doubt" in record and method != OTHER_FRAME) or "refused" in record:
         return DOUBTFUL
-    return ALIGNED if method in ("landmarks", "refined", FURTHER_FRAMES) else ROUGH
+    return ALIGNED if method in ("landmarks", "refined", FURTHER_FRAMES, REGISTERED) else ROUGH
 
 
 def add_frames(folder: Path, like: Case, frames: Sequence[tuple[Path, tuple[str, int] | None]]) -> list[Path]:

@@ -1,15 +1,18 @@
 """Matches the exposures of several frames: without it, seams show where their colours meet.
 
 A gain of each frame and channel, in code values, makes the frames agree where they show the same surface (as in
-Brown & Lowe 2007): the median of the ratios, so that highlights, which move with the lens, do not count.
+Brown & Lowe 2007). It changes linearly across the image, as light that moves with the lens does, and least absolute
+differences determine it, so that highlights, which move too, do not count.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
+from ..camera.pinhole import PinholeCamera
 from .source_view import SourceView
 
 STEP_PX = 4
@@ -18,8 +21,20 @@ DARK, BRIGHT = 0.05, 0.95
 """Code values beyond which a pixel says nothing of the exposure."""
 LEAST_PIXELS = 100
 """Two frames are compared where they share so many."""
-PRIOR = 1e-3
-"""Weight of a gain of 1 relative to the pixels: decides only for frames that share no surface with others."""
+PRIOR = (1e-3, 1e-2, 1e-2)
+"""Weights of a gain of 1 that is the same everywhere, relative to the pixels: for frames that share little."""
+ROUNDS, LEAST_DIFFERENCE = 12, 0.02
+"""Of reweighting; logarithms of gains that differ by less count as in least squares."""
+
+
+class _Shared(NamedTuple):
+    """What two frames show well exposed: its :func:`_terms` in each, ``(N, 3)``, and log of a's colours over b's."""
+
+    a: int
+    b: int
+    terms_a: np.ndarray
+    terms_b: np.ndarray
+    log_ratios: np.ndarray
 
 
 def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
@@ -27,27 +42,41 @@ def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
     if len(views) == 1:
         return tuple(views)
     points = [view.shown_points(STEP_PX) for view in views]
-    size = len(views)
-    normal, right = PRIOR * np.eye(size), np.zeros((size, 3))
-    for a, b in combinations(range(size), 2):
-        ratios = np.concatenate([_log_ratios(views[a], views[b], points[each]) for each in (a, b)])
-        if len(ratios) < LEAST_PIXELS:
-            continue
-        # log gain b - log gain a is the ratio of a's colour to b's
-        signs = np.zeros(size)
-        signs[a], signs[b] = -1.0, 1.0
-        normal += np.outer(signs, signs)
-        right += signs[:, None] * np.median(ratios, axis=0)
-    gains = np.exp(np.linalg.solve(normal[1:, 1:], right[1:]))
-    return views[0], *(
-        replace(view, image=np.clip(view.image * gain, 0, 1).astype(np.float32))
-        for view, gain in zip(views[1:], gains, strict=True)
-    )
+    pairs = [
+        _shared(views, a, b, np.concatenate([points[a], points[b]])) for a, b in combinations(range(len(views)), 2)
+    ]
+    log_gains = np.zeros((len(views), len(PRIOR), 3))
+    for _ in range(ROUNDS):
+        normal, right = np.diag(np.tile(PRIOR, len(views))), np.zeros((len(views) * len(PRIOR), 3))
+        for pair in (pair for pair in pairs if len(pair.log_ratios) >= LEAST_PIXELS):
+            left = pair.terms_b @ log_gains[pair.b] - pair.terms_a @ log_gains[pair.a] - pair.log_ratios
+            weights = 1 / np.maximum(np.linalg.norm(left, axis=1), LEAST_DIFFERENCE)
+            terms = np.hstack([-pair.terms_a, pair.terms_b])
+            weighted = terms * (weights / weights.sum())[:, None]
+            at = np.concatenate([len(PRIOR) * each + np.arange(len(PRIOR)) for each in (pair.a, pair.b)])
+            # not by BLAS, whose sums depend on the number of threads: views of any machine are the same
+            normal[np.ix_(at, at)] += np.einsum("ni,nj->ij", weighted, terms)
+            right[at] += np.einsum("ni,nj->ij", weighted, pair.log_ratios)
+        first = len(PRIOR)
+        log_gains[1:] = np.linalg.solve(normal[first:, first:], right[first:]).reshape(-1, first, 3)
+    return views[0], *(_brighter(view, each) for view, each in zip(views[1:], log_gains[1:], strict=True))
 
 
-def _log_ratios(a: SourceView, b: SourceView, points_model: np.ndarray) -> np.ndarray:
-    """``(N, 3)`` log of a's colours over b's, of the points that both show well exposed."""
-    points = points_model[a.unoccluded(points_model) & b.unoccluded(points_model)]
-    colours = np.stack([view.colours(view.project(points)[0]) for view in (a, b)])
-    known = ((colours > DARK) & (colours < BRIGHT)).all(axis=(0, 2))
-    return np.log(colours[0, known] / colours[1, known])
+def _brighter(view: SourceView, log_gain: np.ndarray) -> SourceView:
+    gain = np.exp(_terms(view.camera.pixel_grid(), view.camera) @ log_gain)
+    return replace(view, image=np.clip(view.image * gain, 0, 1).astype(np.float32))
+
+
+def _terms(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+    """``(..., 2)`` pixels -> ``(..., 3)``: 1, and how far they are from the image's middle, in halves of its width."""
+    across = (pixels - (np.array(camera.size_wh) - 1) / 2) / (camera.width / 2)
+    return np.concatenate([np.ones_like(across[..., :1]), across], axis=-1)
+
+
+def _shared(views: Sequence[SourceView], a: int, b: int, points_model: np.ndarray) -> _Shared:
+    points = points_model[views[a].unoccluded(points_model) & views[b].unoccluded(points_model)]
+    pixels_a, pixels_b = (views[each].project(points)[0] for each in (a, b))
+    colours_a, colours_b = views[a].colours(pixels_a), views[b].colours(pixels_b)
+    known = np.all([(each > DARK) & (each < BRIGHT) for each in (colours_a, colours_b)], axis=(0, 2))
+    terms_a, terms_b = _terms(pixels_a[known], views[a].camera), _terms(pixels_b[known], views[b].camera)
+    return _Shared(a, b, terms_a, terms_b, np.log(colours_a[known] / colours_b[known]))

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..surface.mesh import TriangleMesh
-from ..transforms import transform_points
 from .register import RegisteredFrame
 from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, Verdict
 
@@ -118,17 +116,16 @@ def frame_evidence(
     picture: bytes | None = None,
 ) -> FrameEvidence:
     """What is known of a frame of a camera; ``points_model`` ``(N, 3)`` stand for what is drawn over it."""
-    if found.cam_from_model is None or found.covariance is None:
+    pose, uncertainty = found.cam_from_model, found.uncertainty
+    if pose is None or uncertainty is None:
         return FrameEvidence(name, number, found.verdict, None, picture=picture)
-    pose, pivot = found.cam_from_model, found.pivot_model
-    uncertainty = PoseUncertainty(pivot, found.covariance, np.inf, np.nan, np.nan, transform_points(pose, pivot))
     return FrameEvidence(
         name,
         number,
         found.verdict,
         pose,
         uncertainty.largest_rotation_deg,
-        float(np.sqrt(np.linalg.eigvalsh(found.covariance[:3, :3])[-1])),
+        float(np.sqrt(np.linalg.eigvalsh(uncertainty.covariance[:3, :3])[-1])),
         uncertainty.root_mean_square_px(points_model, camera, pose),
         picture,
     )

@@ -24,14 +24,14 @@ def pose_entry(
     entry: dict[str, object] = {"image": name} if name else {}
     entry |= {"frame": number, "state": found.verdict.state, "probability": round(found.verdict.probability, 4)}
     entry |= {"reason": found.verdict.reason, "cam_from_mesh": None}
-    if found.cam_from_model is None or found.covariance is None:
+    if found.cam_from_model is None or found.uncertainty is None:
         return entry
     pose = found.cam_from_model @ inverse_rigid(mesh_from_model)
     pose[:3, 3] /= mm_per_unit
-    pivot = transform_points(mesh_from_model, found.pivot_model[None])[0]
+    pivot = transform_points(mesh_from_model, found.uncertainty.pivot_model)
     return entry | {
         "cam_from_mesh": pose.tolist(),
-        "covariance_mm_rad": found.covariance.tolist(),
+        "covariance_mm_rad": found.uncertainty.covariance.tolist(),
         "pivot_mesh_mm": pivot.tolist(),
     }
 

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..errors import InputError
@@ -20,27 +21,23 @@ LEAST_FEATURES = 200
 
 @dataclass(frozen=True)
 class RegisteredFrame:
-    """A frame with its pose, if it has one.
+    """A frame with its pose, unless it is refused.
 
     Attributes
     ----------
-    cam_from_model
-        ``(4, 4)``, mm; ``None`` if the frame is refused.
     verdict
         State, probability and reason.
-    covariance
-        ``(6, 6)`` of the twist about ``pivot_model``, mm and radians along the camera's axes, as far as the frame
-        tells: for the error of the aligned frame's pose see :mod:`.source_uncertainty`. ``None`` without a pose.
-    pivot_model
-        ``(3,)``, mm.
+    cam_from_model
+        ``(4, 4)`` the pose, mm.
+    uncertainty
+        Of the pose, as far as the frame tells: for the error of the aligned frame's see :mod:`.source_uncertainty`.
     fit
-        What the pose was found from, if it has one.
+        What the pose was found from.
     """
 
-    cam_from_model: np.ndarray | None
     verdict: Verdict
-    covariance: np.ndarray | None
-    pivot_model: np.ndarray
+    cam_from_model: np.ndarray | None = None
+    uncertainty: PoseUncertainty | None = None
     fit: FlowFit | None = None
 
 
@@ -90,7 +87,7 @@ class Registrar:
         return self._judged(fit, found)
 
     def _judged(self, fit: FlowFit | None, found: Localised | None) -> RegisteredFrame:
-        verdict, covariance = judge(fit, found, self._pivot_model)
+        verdict, uncertainty = judge(fit, found, self._pivot_model)
         if fit is None or verdict.state == REFUSED:
-            return RegisteredFrame(None, verdict, None, self._pivot_model)
-        return RegisteredFrame(fit.cam_from_model, verdict, covariance, self._pivot_model, fit)
+            return RegisteredFrame(verdict)
+        return RegisteredFrame(verdict, fit.cam_from_model, uncertainty, fit)

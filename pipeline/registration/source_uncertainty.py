@@ -29,22 +29,21 @@ def with_source(
     camera
         Of the frames.
     """
-    if found.cam_from_model is None or found.covariance is None:
+    pose, own = found.cam_from_model, found.uncertainty
+    if pose is None or own is None:
         return found
-    turn = np.kron(np.eye(2), found.cam_from_model[:3, :3] @ source_from_model[:3, :3].T)
-    covariance = found.covariance + turn @ source.covariance @ turn.T
-    alone, both = (
-        within(found.cam_from_model, camera, each, found.pivot_model) for each in (found.covariance, covariance)
-    )
+    turn = np.kron(np.eye(2), pose[:3, :3] @ source_from_model[:3, :3].T)
+    uncertainty = replace(own, covariance=own.covariance + turn @ source.covariance @ turn.T)
+    alone, both = within(own, camera), within(uncertainty, camera)
     verdict = replace(found.verdict, probability=found.verdict.probability * min(both / max(alone, 1e-9), 1.0))
     if verdict.state == ACCEPTED and verdict.probability < LEAST_ACCEPTED:
-        verdict = replace(verdict, state=DOUBTFUL, reason=f"{verdict.reason}, but the case's own pose is not sure")
-    return replace(found, verdict=verdict, covariance=covariance)
+        verdict = replace(verdict, state=DOUBTFUL, reason=f"{verdict.reason}, but the aligned frame's pose is not sure")
+    return replace(found, verdict=verdict, uncertainty=uncertainty)
 
 
-def doubt_of_source(source: PoseUncertainty, source_from_model: np.ndarray, camera: PinholeCamera) -> str:
+def doubt_of_source(source: PoseUncertainty, camera: PinholeCamera) -> str:
     """A sentence if no frame can be accepted, so unsure is the aligned frame's pose; empty otherwise."""
-    probability = within(source_from_model, camera, source.covariance, source.pivot_model)
+    probability = within(source, camera)
     if probability >= LEAST_ACCEPTED:
         return ""
     return (

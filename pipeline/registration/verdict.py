@@ -11,6 +11,7 @@ from math import erf, exp, log, sqrt
 
 import numpy as np
 
+from ..alignment.pose_uncertainty import PoseUncertainty
 from ..alignment.reprojection import twist_jacobians
 from ..camera.pinhole import PinholeCamera
 from ..transforms import transform_points
@@ -51,8 +52,10 @@ class Verdict:
     reason: str
 
 
-def judge(fit: FlowFit | None, found: Localised | None, pivot_model: np.ndarray) -> tuple[Verdict, np.ndarray | None]:
-    """The verdict on a fit, and its ``(6, 6)`` covariance about a ``(3,)`` pivot, mm and radians in camera axes.
+def judge(
+    fit: FlowFit | None, found: Localised | None, pivot_model: np.ndarray
+) -> tuple[Verdict, PoseUncertainty | None]:
+    """The verdict on a fit, and the uncertainty of its pose, about a ``(3,)`` pivot.
 
     ``found`` is how the frame was localised, if it was.
     """
@@ -62,14 +65,13 @@ def judge(fit: FlowFit | None, found: Localised | None, pivot_model: np.ndarray)
     pixels, agreeing = np.bincount(block), np.bincount(block, weights=fit.residuals_px < AGREEING_PX)
     agrees = (pixels >= LEAST_PIXELS) & (agreeing >= LEAST_SHARE * pixels) & (_likeness(fit.codes, block) > LEAST_LIKE)
     count = int(np.count_nonzero(agrees))
-    covariance = _covariance(fit, pivot_model)
-    probability = within(fit.cam_from_model, fit.camera, covariance, pivot_model)
-    probability /= 1 + exp(-OFFSET - SLOPE * log(1 + count))
+    uncertainty = _uncertainty(fit, pivot_model)
+    probability = within(uncertainty, fit.camera) / (1 + exp(-OFFSET - SLOPE * log(1 + count)))
     reason = f"{count} of {blocks} places of the image agree with it"
     if probability >= LEAST_ACCEPTED:
-        return Verdict(ACCEPTED, probability, reason), covariance
+        return Verdict(ACCEPTED, probability, reason), uncertainty
     state = DOUBTFUL if probability >= LEAST_DOUBTFUL else REFUSED
-    return Verdict(state, probability, f"only {reason}"), covariance
+    return Verdict(state, probability, f"only {reason}"), uncertainty
 
 
 def _nothing(found: Localised | None) -> str:
@@ -88,21 +90,20 @@ def _likeness(codes: np.ndarray, block: np.ndarray) -> np.ndarray:
     return together / np.sqrt(np.maximum(alone * apart, 1e-9))
 
 
-def within(cam_from_model: np.ndarray, camera: PinholeCamera, covariance: np.ndarray, pivot_model: np.ndarray) -> float:
-    """Probability that a pose ``(4, 4)`` of this ``(6, 6)`` covariance about a ``(3,)`` pivot is within the limits."""
-    depth_mm = float(transform_points(cam_from_model, pivot_model[None])[0, 2])
-    rotation_deg = np.degrees(sqrt(max(float(np.linalg.eigvalsh(covariance[3:, 3:])[-1]), 0.0)))
+def within(uncertainty: PoseUncertainty, camera: PinholeCamera) -> float:
+    """Probability that a pose is within the limits."""
+    depth_mm, covariance = float(uncertainty.pivot_cam[2]), uncertainty.covariance
     across_px = camera.fx / depth_mm * sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
     share = sqrt(max(float(covariance[2, 2]), 0.0)) / depth_mm
-    limits = (WITHIN_DEG, rotation_deg), (WITHIN_SHARE, share), (WITHIN_PX, across_px)
+    limits = (WITHIN_DEG, uncertainty.largest_rotation_deg), (WITHIN_SHARE, share), (WITHIN_PX, across_px)
     return float(np.prod([erf(limit / max(sigma * sqrt(2), 1e-9)) for limit, sigma in limits]))
 
 
-def _covariance(fit: FlowFit, pivot_model: np.ndarray) -> np.ndarray:
-    """``(6, 6)`` covariance of a fit's twist."""
+def _uncertainty(fit: FlowFit, pivot_model: np.ndarray) -> PoseUncertainty:
     used = fit.returning(FITTED)
     position = transform_points(fit.cam_from_model, pivot_model[None])
     offsets_cam = (fit.points_model[used] - pivot_model) @ fit.cam_from_model[:3, :3].T
     jacobian = twist_jacobians(fit.camera, offsets_cam[None], position)[0]
     residuals = fit.moved[used] - fit.camera.project(offsets_cam + position)
-    return robust_step(jacobian, residuals, fit.pixels[used])[1]
+    _, covariance = robust_step(jacobian, residuals, fit.pixels[used])
+    return PoseUncertainty.about_points(pivot_model, covariance, fit.points_model, fit.cam_from_model)

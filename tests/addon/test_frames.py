@@ -7,14 +7,16 @@ import pytest
 
 from blender_addon.colour.operators import is_outdated
 from blender_addon.frames import found
+from blender_addon.setup.alignment_record import recorded_case
 from blender_addon.setup.open_case import unsaved_parts
 from blender_addon.state import another_frame, from_scene
 from blender_addon.video import shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.colour.surface_colour import colour_record
-from oneframe.case.alignment_record import FURTHER_FRAMES
+from oneframe.case import case_queue
+from oneframe.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, checked_alignment_record
 from oneframe.case.case_file import read_case
-from oneframe.registration.verdict import ACCEPTED, REFUSED
+from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, PIVOT, SOURCE, photograph, seen_from, write_case
@@ -41,9 +43,9 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def opened(addon, folder, tmp_path):
-    def opened(name):
+    def opened(name, alignment=""):
         case = tmp_path / name
-        text = (folder / name).read_text()
+        text = (folder / name).read_text() + alignment
         for file in ("frame.png", "surface.ply"):
             text = text.replace(f'= "{file}"', f'= "{folder}/{file}"')
         case.write_text(text)
@@ -62,12 +64,24 @@ def is_at(pose, true):
     return off_by_deg(pose, true) < 0.5 and np.linalg.norm((pose - true)[:3, 3]) < 1.0
 
 
+def plain(value):
+    """A custom property's value, not its address."""
+    for unpack in ("to_dict", "to_list"):
+        if hasattr(value, unpack):
+            return getattr(value, unpack)()
+    return [plain(each) for each in value] if isinstance(value, list) else value
+
+
+def properties(owner):
+    return str({key: plain(value) for key, value in owner.items()})
+
+
 def state_of(scene, path):
     """All that looking might change: the saved case, the scene's own properties, and the picture behind the camera."""
     bpy.ops.oneframe.save_case(filepath=str(path))
-    objects = [(each.name, np.array(each.matrix_world).tobytes(), str(dict(each.items()))) for each in scene.objects]
+    objects = [(each.name, np.array(each.matrix_world).tobytes(), properties(each)) for each in scene.objects]
     shown = scene.oneframe.camera_object.data.background_images[0].image.name
-    return path.read_bytes(), objects, str(scene.oneframe.items()), shown, scene.oneframe_view.opacity
+    return path.read_bytes(), objects, properties(scene.oneframe), shown, scene.oneframe_view.opacity
 
 
 def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opened, tmp_path):
@@ -77,10 +91,12 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     bpy.ops.oneframe.project_colour()
     before = state_of(scene, tmp_path / "case.toml")
     assert not bpy.ops.oneframe.play_frames.poll()
+    shown_frame.show(scene, 1)
+    assert another_frame.seen(scene) == ("frame 1 of film.avi", "not registered", None)
     bpy.ops.oneframe.register_frames()
     frames, mesh_from_model = found.of(scene).frames, from_scene.mesh_from_model_of(scene.oneframe.surface)
     for at in range(MIRRORED + 1):
-        verdict, pose, _ = frames[at]
+        verdict, pose = frames[at].verdict, frames[at].cam_from_model
         shown_frame.show(scene, at)
         assert another_frame.seen(scene).cam_from_model is pose
         if at == MIRRORED:
@@ -89,9 +105,14 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
         assert verdict.state == ACCEPTED
         assert is_at(pose @ inverse_rigid(mesh_from_model), POSES[at])
         # what is done in the view would go to the case's own frame
-        for refused in (bpy.ops.oneframe.nudge, lambda: bpy.ops.oneframe.landmark_set(point=(0, 0, 0))):
+        for name, given in (
+            ("nudge", {}),
+            ("paste_pose", {}),
+            ("take_proposal", {}),
+            ("landmark_set", {"point": (0, 0, 0)}),
+        ):
             with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Esc"):
-                refused()
+                getattr(bpy.ops.oneframe, name)(**given)
     bpy.ops.oneframe.case_frame()
     assert another_frame.seen(scene) is None
     assert state_of(scene, tmp_path / "case.toml") == before
@@ -114,6 +135,43 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     bpy.ops.oneframe.nudge(step_px=1.0)
     assert found.of(scene) is None
     assert not bpy.ops.oneframe.use_colour_sources.poll()
+
+
+@pytest.mark.parametrize("state", [ACCEPTED, DOUBTFUL, REFUSED])
+def test_a_frame_that_is_taken_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_path, state):
+    unsure = "standard_deviation_deg = [0.8, 0.8, 0.8]\nstandard_deviation_mm = [1.0, 1.0, 8.0]\n"
+    scene = opened("case.toml", f'[alignment]\nmethod = "landmarks"\n{unsure if state == DOUBTFUL else ""}')
+    bpy.ops.oneframe.case_frame()
+    bpy.ops.oneframe.landmark_set(point=(1, 2, 3), pixel=(100, 100))
+    bpy.ops.oneframe.register_frames()
+    at = MIRRORED if state == REFUSED else 1
+    before, taken = state_of(scene, tmp_path / "case.toml"), found.frame_at(scene, at)
+    bpy.ops.ed.undo_push(message="registered")
+    # also while the case's own frame is in view
+    found.of(scene).film.show(at)
+    bpy.ops.oneframe.take_frame()
+    bpy.ops.ed.undo_push(message="taken")
+    scene = bpy.context.scene
+    case = recorded_case(scene, tmp_path / "taken.toml")
+    record = case.alignment
+    assert (taken.verdict.state, case.video, case.landmarks[0].pixel) == (state, ("film.avi", at), None)
+    if state == REFUSED:
+        assert record["method"] == OTHER_FRAME
+        assert is_at(case.cam_from_mesh, SOURCE)
+    else:
+        origin = record["method"], record["start_method"], record["start_frame"]
+        assert origin == (REGISTERED, "landmarks", "frame.png")
+        assert is_at(case.cam_from_mesh, POSES[at])
+        assert np.allclose(record["standard_deviation_mm"], np.sqrt(np.diag(taken.uncertainty.covariance)[:3]))
+        assert case_queue.state_of(case) == (case_queue.DOUBTFUL if state == DOUBTFUL else case_queue.ALIGNED)
+        assert checked_alignment_record(record, "record") == record
+    # the film's picture of the case's own frame has the pose of the case
+    shown_frame.show(scene, at)
+    assert another_frame.seen(scene) is None
+    bpy.ops.ed.undo()
+    scene = bpy.context.scene
+    assert state_of(scene, tmp_path / "case.toml") == before
+    assert found.frame_at(scene, at) is taken
 
 
 def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monkeypatch):

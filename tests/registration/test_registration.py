@@ -97,7 +97,7 @@ def test_a_frame_is_registered_from_nothing(registrar, mesh, tilt, roll, nearer)
     assert found.verdict.probability > 0.97
     assert rotation_angle_deg(found.cam_from_model[:3, :3] @ true[:3, :3].T) < 0.3
     assert np.linalg.norm(found.cam_from_model[:3, 3] - true[:3, 3]) < 1.5
-    assert np.linalg.eigvalsh(found.covariance)[0] > 0
+    assert np.linalg.eigvalsh(found.uncertainty.covariance)[0] > 0
 
 
 def test_the_pose_before_gives_the_same_pose(registrar, mesh):
@@ -121,7 +121,7 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
     valid = everywhere() if kind != "masked" else np.zeros(CAMERA.shape_hw, bool)
     # from a pose that would be right, and from nothing
     found = registrar.register(codes(image), valid, SOURCE)
-    assert (found.verdict.state, found.cam_from_model, found.covariance) == (REFUSED, None, None)
+    assert (found.verdict.state, found.cam_from_model, found.uncertainty) == (REFUSED, None, None)
     assert found.verdict.reason
 
 
@@ -147,8 +147,9 @@ def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):
     frame, twists = found.cam_from_model, np.random.default_rng(0).multivariate_normal(np.zeros(6), covariance, 4000)
     taken_along = [frame @ inverse_rigid(SOURCE) @ apply_twist(each, SOURCE, PIVOT) for each in twists]
     off = np.array([twist_between(each, frame, PIVOT) for each in taken_along])
-    scale = np.sqrt(np.diag(both.covariance))
-    assert np.abs((found.covariance + off.T @ off / len(off) - both.covariance) / np.outer(scale, scale)).max() < 0.1
+    alone, together = found.uncertainty.covariance, both.uncertainty.covariance
+    scale = np.sqrt(np.diag(together))
+    assert np.abs((alone + off.T @ off / len(off) - together) / np.outer(scale, scale)).max() < 0.1
     assert both.verdict.probability < found.verdict.probability
     assert (found.verdict.state, both.verdict.state) == (ACCEPTED, DOUBTFUL)
 
@@ -157,7 +158,7 @@ def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
     found = registrar.register(codes(photograph(mesh, seen_from(15, 10))), everywhere())
     points = np.random.default_rng(0).uniform(-15, 15, (50, 3))
     evidence = frame_evidence("", 7, found, CAMERA, points)
-    twists = np.random.default_rng(1).multivariate_normal(np.zeros(6), found.covariance, 4000)
+    twists = np.random.default_rng(1).multivariate_normal(np.zeros(6), found.uncertainty.covariance, 4000)
     moved = [apply_twist(twist, found.cam_from_model, PIVOT) for twist in twists]
     still = CAMERA.project(transform_points(found.cam_from_model, points))
     off = [((CAMERA.project(transform_points(pose, points)) - still) ** 2).sum(axis=1).mean() for pose in moved]

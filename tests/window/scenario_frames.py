@@ -1,13 +1,16 @@
-"""The other frames of the film by hand: registered, stopped, looked at, played, colour sources, the first pose."""
+"""The other frames of the film by hand: registered, stopped, looked at, taken, played, colour sources, first pose."""
 
 from importlib import import_module
 
 import addon_utils
 import bpy
 import numpy as np
+import x11_capture
 
 PACKAGE = "bl_ext.user_default.oneframe"
 COUNT, LOST = 6, 5
+DRAWN = 0.005
+"""Share of a picture's pixels that clearly differ where surface or structures are drawn over it."""
 
 
 def part(name):
@@ -27,8 +30,11 @@ def scenario(user):
         bpy.ops.oneframe.open_video("EXEC_DEFAULT", True, filepath=str(user.case.with_name("film.avi")))
         bpy.ops.oneframe.case_frame()
     before = pose(user)
+    yield from see(user, 2, "0_not_registered", alone=True)
+    yield from user.key("ESC", user.middle())
     yield from register(user)
     yield from look(user)
+    yield from take(user)
     yield from play(user)
     assert np.array_equal(pose(user), before), "looking moves nothing"
     yield from user.press("use_colour_sources")
@@ -55,22 +61,64 @@ def register(user):
     assert found.of(scene).summary() == "5 found, 0 doubtful, 1 lost"
 
 
-def look(user):
-    """A click on the strip shows a frame, arrows go on, Esc goes back."""
-    scene, region = user.window.scene, user.region()
-    film = part("video.session").of(scene)
+def place(user, at):
+    """Where a frame is in the strip, px of the window."""
+    film, region = part("video.session").of(user.window.scene), user.region()
     with user.context():
         layout = part("video.strip_layout").StripLayout.of(bpy.context)
-    for at, name in ((LOST, "2_lost"), (2, "3_found")):
-        place = region.x + float(layout.x_of(film.times_s[at])), region.y + sum(layout.curve) / 2
-        yield from user.click(place)
-        yield from user.until(lambda: film.is_full, "the full frame")
-        assert (part("state.another_frame").seen(scene).cam_from_model is None) == (at == LOST)
-        yield from user.picture(name)
+    return region.x + float(layout.x_of(film.times_s[at])), region.y + sum(layout.curve) / 2
+
+
+def see(user, at, name, *, alone):
+    """A click on the strip shows a frame: alone if it has no pose."""
+    film = part("video.session").of(user.window.scene)
+    yield from user.click(place(user, at))
+    yield from user.until(lambda: film.is_full, "the full frame")
+    yield from user.picture(name)
+    cv2, region = import_module("cv2"), user.region()
+    view = part("ui.frame_view").FrameView.of(user.window.scene, region, user.view)
+    width, height = view.camera.size_wh
+    (left, right), up = np.rint(view.region_from_px([[-0.5, -0.5], [width - 0.5, height - 0.5]]).T).astype(int)
+    left, right = left + region.x, right + region.x
+    above, below = user.window.height - region.y - up
+    shown = x11_capture.capture()[above:below, left:right].astype(float)
+    expected = cv2.resize(film.picture, (right - left, below - above), interpolation=cv2.INTER_LINEAR)
+    drawn = float((np.abs(shown - expected).max(axis=2) > 60).mean())
+    user.facts[f"{name}_drawn"] = round(drawn, 4)
+    assert (drawn < DRAWN) == alone, drawn
+
+
+def look(user):
+    """A click on the strip shows a frame, arrows go on, Esc goes back."""
+    scene, film = user.window.scene, part("video.session").of(user.window.scene)
+    yield from see(user, LOST, "2_lost", alone=True)
+    yield from see(user, 2, "3_found", alone=False)
     yield from user.key("LEFT_ARROW", user.middle())
     assert film.shown == 1, "arrows go through the film"
     yield from user.key("ESC", user.middle())
     assert not part("video.shown_frame").is_shown(scene)
+
+
+def take(user):
+    """Enter over the strip takes the frame at its pose, in one undo step."""
+
+    def state():
+        return user.window.scene.oneframe.frame_path, pose(user).tolist()
+
+    before, found = state(), part("frames.found").frame_at(user.window.scene, 2)
+    yield from user.click(place(user, 2))
+    yield from user.key("RET", place(user, 2))
+    yield from user.until(lambda: state()[0] != before[0], "another frame", 30)
+    assert np.array_equal(pose(user), found.cam_from_model)
+    yield from user.press("rescale_camera")
+    assert part("setup.alignment_record").pose_record(user.window.scene)["method"] == "registered"
+    yield from user.picture("4_taken")
+    for _ in range(2):
+        yield from user.key("Z", user.middle(), ctrl=True)
+    yield from user.until(lambda: state() == before, "all as before")
+    assert part("frames.found").frame_at(user.window.scene, 2) is found
+    yield from user.key("ESC", user.middle())
+    yield from user.show_step("frames")
 
 
 def play(user):
@@ -96,11 +144,11 @@ def correct(user):
     found = pose(user)
     yield from user.key("SPACE", user.middle())
     yield from user.until(lambda: np.array_equal(pose(user), rough), "the pose before")
-    yield from user.picture("4_before")
+    yield from user.picture("5_before")
     yield from user.key("RET", user.middle())
     yield from ended(user)
     assert np.array_equal(pose(user), found)
     assert np.linalg.norm((found - true)[:3, 3]) < 0.5 * np.linalg.norm((rough - true)[:3, 3])
-    yield from user.picture("5_corrected")
+    yield from user.picture("6_corrected")
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: np.allclose(pose(user), rough), "the rough pose")

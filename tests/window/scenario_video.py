@@ -176,7 +176,7 @@ def zoom(user, film):
 
 
 def keys(user, film):
-    """Over the strip, arrows step through the film; elsewhere they move the surface."""
+    """Arrows step through the film, over the strip and while its frames are in view; then they move the surface."""
     at, pose = place(user, film, 20), placed(user)
     yield from user.key("RIGHT_ARROW", at)
     assert film.shown == 39
@@ -193,8 +193,12 @@ def keys(user, film):
     assert (placed(user) == pose).all()
     shown = film.shown
     yield from user.key("RIGHT_ARROW", user.middle())
+    assert film.shown == shown + 1
+    assert (placed(user) == pose).all()
+    yield from user.key("ESC", user.middle())
+    yield from user.key("RIGHT_ARROW", user.middle())
     yield from user.until(lambda: (placed(user) != pose).any(), "a nudge of the surface")
-    assert film.shown == shown
+    assert film.shown == shown + 1
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: np.allclose(placed(user), pose), "the pose after undo")
 

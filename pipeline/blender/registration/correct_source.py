@@ -125,14 +125,7 @@ def correct_source(
             f"align the frame again; the pose is not corrected"
         )
     camera, pose, covariance = loaded.case.camera, fit.cam_from_model, SPREAD**2 * fit.covariance
-    uncertainty = PoseUncertainty(
-        pivot_model=pivot,
-        covariance=covariance[:6, :6],
-        dof=np.inf,
-        sigma_px=np.nan,
-        radius_mm=float(np.sqrt(((points - pivot) ** 2).sum(axis=1).mean())),
-        pivot_cam=transform_points(pose, pivot[None])[0],
-    )
+    uncertainty = PoseUncertainty.about_points(pivot, covariance[:6, :6], points, pose)
     if uncertainty.largest_rotation_deg > LARGEST_DEG:
         raise InputError(
             f"{source.name}: expected frames that determine the pose of the case's frame, found ±"

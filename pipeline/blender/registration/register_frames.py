@@ -111,7 +111,7 @@ class CaseRegistrar:
                 f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off "
                 f"(--correct-source)"
             )
-            return RegisteredFrame(None, Verdict(REFUSED, 0.0, reason), None, self.pivot_model)
+            return RegisteredFrame(Verdict(REFUSED, 0.0, reason))
         return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
@@ -200,8 +200,7 @@ class CaseRegistrar:
 def doubt_of_case(loaded: LoadedCase) -> str:
     """A sentence if the case's own pose is too unsure for any frame to be accepted; empty otherwise."""
     own = PoseUncertainty.stated(loaded.case.alignment, loaded.surface.mesh.vertices, loaded.frame.cam_from_model)
-    camera = _small(loaded.frame.camera)
-    return "" if own is None else doubt_of_source(own, loaded.frame.cam_from_model, camera)
+    return "" if own is None else doubt_of_source(own, _small(loaded.frame.camera))
 
 
 def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty | None:

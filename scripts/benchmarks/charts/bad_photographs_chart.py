@@ -1,6 +1,7 @@
 """Chart of spoilt photographs: the share with a right pose, by a network, refined, and registered without training."""
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,30 +27,35 @@ def bad_photographs_chart(rows: Sequence[RegistrationTrial], conditions: Sequenc
     def draw(figure: Any, theme: Theme) -> None:
         from matplotlib.lines import Line2D
 
-        looks: dict[tuple[str, str], dict[str, Any]] = {
-            (scene, method): {
-                "color": theme.series[place], "marker": marker, "markersize": 5,
-                "linestyle": "-" if real else (0, (4, 2)), "markerfacecolor": None if real else theme.background,
-                "label": f"{scene} ({counts[scene]}): {method}",
+        series = dict(zip(MARKERS, theme.series, strict=False))
+        scenes: dict[str, dict[str, Any]] = {
+            row.scene: {
+                "linestyle": "-" if row.real else (0, (4, 2)),
+                "markerfacecolor": None if row.real else theme.background,
             }
-            for scene, real in dict.fromkeys((row.scene, row.real) for row in rows)
-            for place, (method, marker) in enumerate(MARKERS.items())
-        }  # fmt: skip
+            for row in rows
+        }
         panels = figure.subplots(2, 5, sharey=True).ravel()
         for axes, (kind, how) in zip(panels, DEGRADATIONS.items(), strict=True):
-            for (scene, method), look in looks.items():
+            for scene, method in product(scenes, MARKERS):
                 own = [row for row in rows if (row.scene, row.part) == (scene, method)]
                 wanted = [(CLEAN, 0.0) if amount == how.clean else (kind, amount) for amount in how.amounts]
                 groups = [[row for row in own if (row.kind, row.amount) == each] for each in wanted]
                 drawn = [(x, sum(row.found for row in some) / len(some)) for x, some in enumerate(groups) if some]
-                axes.plot(*zip(*drawn, strict=True), linewidth=1.6, clip_on=False, **look)
+                look = {"color": series[method], "marker": MARKERS[method], **scenes[scene]}
+                axes.plot(*zip(*drawn, strict=True), linewidth=1.6, markersize=5, clip_on=False, **look)
             axes.set_title(kind.capitalize() if kind.islower() else kind)
             axes.set_xticks(range(len(how.amounts)), [short_number(amount) for amount in how.amounts], fontsize=9)
             axes.set_xlabel(how.label, fontsize=9.5)
             axes.set(ylim=(-0.04, 1.06))
             axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
             axes.grid(axis="y", linewidth=0.8)
-        bottom_legend(figure, [Line2D([], [], **look) for look in looks.values()])
+        methods = [Line2D([], [], color=series[each], marker=MARKERS[each], label=each) for each in MARKERS]
+        kinds = [
+            Line2D([], [], color=theme.text, label=f"{scene} ({counts[scene]})", **look)
+            for scene, look in scenes.items()
+        ]
+        bottom_legend(figure, [*methods, *kinds])
         small_print(figure, theme, SMALL, conditions)
 
     return write_chart(data, draw, (12.6, 6.6), title="Bad photographs: a network, and registration without training")

@@ -403,7 +403,14 @@ DAMAGED: dict[str, Callable[[Path], object]] = {
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_whatever_a_file_holds_is_a_finding(copied, damage):
     names = ("camera.json", "transforms.json", "checksums.json", f"{S0}/scene_gt.json", f"{S0}/frame/000001.json")
-    for name in (*names, "poses.csv", "video/poses.csv", "video/trajectory.mp4", "models/obj_000001.ply", OF_VIEWS[0][0]):
+    for name in (
+        *names,
+        "poses.csv",
+        "video/poses.csv",
+        "video/trajectory.mp4",
+        "models/obj_000001.ply",
+        OF_VIEWS[0][0],
+    ):
         DAMAGED[damage](copied / name)
     report = check_dataset(copied, stream=io.StringIO())
     assert report.findings

@@ -128,11 +128,11 @@ OF_VIEWS = [
      f"{S1}/source_frame/000000.png"],
 ]  # fmt: skip
 """Of each view one file."""
-DAMAGED = [["dataset.json"], ["checksums.json"], BESIDE[::2], BESIDE[1::2], TABLES, *OF_VIEWS]
-"""Files at a time: the check shows a limited number of findings."""
+TOGETHER = [["dataset.json"], ["checksums.json"], BESIDE[::2], BESIDE[1::2], TABLES, *OF_VIEWS]
+"""Files that are damaged at a time: the check shows a limited number of findings."""
 
 
-@pytest.mark.parametrize("names", DAMAGED)
+@pytest.mark.parametrize("names", TOGETHER)
 @pytest.mark.parametrize("damage", [Path.unlink, cut, flip_byte, zero], ids=["deleted", "cut off", "flipped", "zeros"])
 def test_files_that_are_damaged_or_missing_are_named(copied, run, capsys, names, damage):
     for name in names:
@@ -402,15 +402,9 @@ DAMAGED: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_whatever_a_file_holds_is_a_finding(copied, damage):
-    names = ("camera.json", "transforms.json", "checksums.json", f"{S0}/scene_gt.json", f"{S0}/frame/000001.json")
-    for name in (
-        *names,
-        "poses.csv",
-        "video/poses.csv",
-        "video/trajectory.mp4",
-        "models/obj_000001.ply",
-        OF_VIEWS[0][0],
-    ):
+    names = ["camera.json", "transforms.json", "checksums.json", f"{S0}/scene_gt.json", f"{S0}/frame/000001.json"]
+    names += ["poses.csv", "video/poses.csv", "video/trajectory.mp4", "models/obj_000001.ply", f"{S0}/rgb/000001.png"]
+    for name in names:
         DAMAGED[damage](copied / name)
     report = check_dataset(copied, stream=io.StringIO())
     assert report.findings

@@ -59,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
         from ..blender.registration.register_frames import doubt_of_case
         from ..case.case_file import read_case
+        from ..case.case_update import other_inputs
         from ..case.case_writer import write_case
         from ..files.content import write_bytes_atomically
         from ..files.outputs import check_outputs, check_own_folder, writing
@@ -77,6 +78,11 @@ def run(arguments: argparse.Namespace) -> int:
         inputs["video"] = arguments.frames
     check_own_folder(out, NAMES)
     check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
+    if other := other_inputs(out / CASE, case):
+        raise InputError(
+            f"{out}: expected an empty folder or one of this frame and surface, found a case of {' and '.join(other)}; "
+            f"choose another folder"
+        )
     loaded = load_case(case).with_shown_structures()
     for message in loaded.messages:
         output.write(f"note: {message}\n")
@@ -120,6 +126,8 @@ def run(arguments: argparse.Namespace) -> int:
             write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
+    elif (out / CASE).exists():
+        output.write(f"note: {out / CASE} is of an earlier run: its pose may be another than these frames go by\n")
     reasons, counts = found.evidence.reasons, found.evidence.counts
     if not counts[ACCEPTED]:
         output.write(

@@ -16,6 +16,8 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import read_case
 from oneframe.colour.source_view import SourceView
+from oneframe.commands.__main__ import dispatch
+from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
@@ -281,3 +283,8 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
     assert all(each.image.exists() for each in case.frames)
     assert len(case.frames) == 2
     assert case.alignment["moved_deg"] == pytest.approx(np.linalg.norm([1.5, -2.0, 1.0]), abs=0.2)
+    # a folder with the case of another frame is left as it is
+    (tmp_path / "other.png").write_bytes((tmp_path / "frame.png").read_bytes())
+    (tmp_path / "other.toml").write_text((tmp_path / "case.toml").read_text().replace("frame.png", "other.png"))
+    with pytest.raises(InputError, match=r"found a case of another frame \(frame.png\)"):
+        dispatch(["register", *map(str, (tmp_path / "other.toml", tmp_path / "frames", "--out", tmp_path / "out"))])

@@ -1,7 +1,7 @@
-"""``oneframe pack`` that is killed at a chosen change of the file system; see :mod:`interrupted_render`.
+"""``oneframe pack`` that gets a signal at a chosen change of the file system; see :mod:`interrupted_render`.
 
-Call it with the number of the change, or -1, and a command line of ``oneframe pack``; it ends by printing the number of
-changes.
+Call it with the signal's name, the number of the change, or -1, and a command line of ``oneframe pack``; it ends by
+printing the number of changes.
 """
 
 import sys
@@ -17,8 +17,8 @@ from oneframe.process.arguments import run_command
 from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
-    place, *arguments = sys.argv[1:]
-    changes = arm("SIGKILL" if int(place) >= 0 else "none", int(place), arguments[arguments.index("--out") + 1])
+    name, place, *arguments = sys.argv[1:]
+    changes = arm(name, int(place), arguments[arguments.index("--out") + 1])
     sys.argv[1:] = arguments
 
     def run(argv: list[str]) -> int:

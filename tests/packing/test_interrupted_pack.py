@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from tests.tree import tree
@@ -16,7 +17,8 @@ PROGRAM = Path(__file__).with_name("interrupted_pack.py")
 
 
 def run(dataset: Path, out: Path, place: int, workers: int = 1) -> subprocess.CompletedProcess:
-    command = [sys.executable, PROGRAM, place, dataset, "--out", out, "--views-per-shard", 2, "--workers", workers]
+    command = [sys.executable, PROGRAM, "SIGKILL", place, dataset, "--out", out, "--views-per-shard", 2]
+    command += ["--workers", workers]
     return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
 
 
@@ -44,11 +46,24 @@ def test_a_killed_pack_is_finished_by_the_same_command(dataset, whole, tmp_path,
 
 
 def test_ctrl_c_is_one_line(dataset, tmp_path):
-    command = [sys.executable, PROGRAM, -1, dataset, "--out", tmp_path, "--views-per-shard", 1, "--workers", 2]
+    command = [
+        sys.executable,
+        PROGRAM,
+        "SIGSTOP",
+        8,
+        dataset,
+        "--out",
+        tmp_path,
+        "--views-per-shard",
+        1,
+        "--workers",
+        2,
+    ]
     process = subprocess.Popen(
         [*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    wait_until(lambda: (tmp_path / ".work" / "plan.json").exists(), process)
+    wait_until(lambda: psutil.Process(process.pid).status() == psutil.STATUS_STOPPED, process)
     os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, signal.SIGCONT)
     _, told = process.communicate()
     assert (process.returncode, told) == (130, "error: stopped; run the same command again to continue\n")

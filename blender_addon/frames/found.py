@@ -1,6 +1,5 @@
 """What registration has found of the film's frames: in memory, for the pose of the case's frame that it began with."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -12,7 +11,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.registration.colour_sources import Candidate, candidate_of
 from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
-from ..state import another_frame
+from ..state import another_frame, from_scene
 from ..state.another_frame import SeenFrame
 from ..ui.background_operator import inputs_of
 from ..video import session, shown_frame
@@ -92,11 +91,11 @@ def text_of(verdict: Verdict) -> str:
 
 
 def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
-    film, own = session.of(scene), scene.oneframe.video_text
+    film = session.of(scene)
     # until the case has a frame, it is the film's
     if film is None or not shown_frame.is_shown(scene) or not scene.oneframe.frame_path:
         return None
-    if own and json.loads(own) == [film.path.name, film.score.index]:
+    if from_scene.video(scene) == (film.path.name, film.score.index):
         return None
     name, frame = f"frame {film.score.index} of {film.path.name}", frame_at(scene, film.shown)
     if frame is None:

@@ -232,9 +232,15 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         structures=structures,
         dataset=dataset_table(scene),
         landmarks=landmarks,
-        video=tuple(json.loads(settings.video_text)) if settings.video_text else None,
+        video=video(scene),
         **(json.loads(settings.case_kept_text) if settings.case_kept_text else {}),
     )
+
+
+def video(scene: bpy.types.Scene) -> tuple[str, int] | None:
+    """Name of the video that the frame is from, and its number in it; ``None`` if it is from none."""
+    text = scene.oneframe.video_text
+    return tuple(json.loads(text)) if text else None
 
 
 def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:

@@ -28,12 +28,13 @@ ROUNDS, LEAST_DIFFERENCE = 12, 0.02
 
 
 class _Shared(NamedTuple):
-    """What two frames show well exposed: its :func:`_terms` in each, ``(N, 3)``, and log of a's colours over b's."""
+    """What two frames show well exposed: log of one's colours over the other's, ``(N, 3)``.
 
-    a: int
-    b: int
-    terms_a: np.ndarray
-    terms_b: np.ndarray
+    It is ``terms`` ``(N, 6)`` times the coefficients of both gains, which stand at the places ``at`` ``(6,)``.
+    """
+
+    at: np.ndarray
+    terms: np.ndarray
     log_ratios: np.ndarray
 
 
@@ -45,21 +46,20 @@ def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
     pairs = [
         _shared(views, a, b, np.concatenate([points[a], points[b]])) for a, b in combinations(range(len(views)), 2)
     ]
-    log_gains = np.zeros((len(views), len(PRIOR), 3))
+    pairs = [pair for pair in pairs if len(pair.log_ratios) >= LEAST_PIXELS]
+    first, log_gains = len(PRIOR), np.zeros((len(views) * len(PRIOR), 3))
     for _ in range(ROUNDS):
-        normal, right = np.diag(np.tile(PRIOR, len(views))), np.zeros((len(views) * len(PRIOR), 3))
-        for pair in (pair for pair in pairs if len(pair.log_ratios) >= LEAST_PIXELS):
-            left = pair.terms_b @ log_gains[pair.b] - pair.terms_a @ log_gains[pair.a] - pair.log_ratios
+        normal, right = np.diag(np.tile(PRIOR, len(views))), np.zeros_like(log_gains)
+        for at, terms, log_ratios in pairs:
+            left = terms @ log_gains[at] - log_ratios
             weights = 1 / np.maximum(np.linalg.norm(left, axis=1), LEAST_DIFFERENCE)
-            terms = np.hstack([-pair.terms_a, pair.terms_b])
             weighted = terms * (weights / weights.sum())[:, None]
-            at = np.concatenate([len(PRIOR) * each + np.arange(len(PRIOR)) for each in (pair.a, pair.b)])
             # not by BLAS, whose sums depend on the number of threads: views of any machine are the same
             normal[np.ix_(at, at)] += np.einsum("ni,nj->ij", weighted, terms)
-            right[at] += np.einsum("ni,nj->ij", weighted, pair.log_ratios)
-        first = len(PRIOR)
-        log_gains[1:] = np.linalg.solve(normal[first:, first:], right[first:]).reshape(-1, first, 3)
-    return views[0], *(_brighter(view, each) for view, each in zip(views[1:], log_gains[1:], strict=True))
+            right[at] += np.einsum("ni,nj->ij", weighted, log_ratios)
+        log_gains[first:] = np.linalg.solve(normal[first:, first:], right[first:])
+    gains = log_gains.reshape(len(views), first, 3)
+    return views[0], *(_brighter(view, each) for view, each in zip(views[1:], gains[1:], strict=True))
 
 
 def _brighter(view: SourceView, log_gain: np.ndarray) -> SourceView:
@@ -78,5 +78,6 @@ def _shared(views: Sequence[SourceView], a: int, b: int, points_model: np.ndarra
     pixels_a, pixels_b = (views[each].project(points)[0] for each in (a, b))
     colours_a, colours_b = views[a].colours(pixels_a), views[b].colours(pixels_b)
     known = np.all([(each > DARK) & (each < BRIGHT) for each in (colours_a, colours_b)], axis=(0, 2))
-    terms_a, terms_b = _terms(pixels_a[known], views[a].camera), _terms(pixels_b[known], views[b].camera)
-    return _Shared(a, b, terms_a, terms_b, np.log(colours_a[known] / colours_b[known]))
+    terms = np.hstack([-_terms(pixels_a[known], views[a].camera), _terms(pixels_b[known], views[b].camera)])
+    at = np.add.outer(len(PRIOR) * np.array([a, b]), np.arange(len(PRIOR))).ravel()
+    return _Shared(at, terms, np.log(colours_a[known] / colours_b[known]))

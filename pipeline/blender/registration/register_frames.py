@@ -23,7 +23,7 @@ from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
 from ...registration.source_uncertainty import doubt_of_source, with_source
 from ...registration.verdict import ACCEPTED, REFUSED, Verdict
-from ...registration.zoom import Zoom, has_zoomed, zoom_of
+from ...registration.zoom import LASTING, Zoom, has_zoomed, zoom_of
 from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
@@ -105,7 +105,7 @@ class CaseRegistrar:
             return found
         zoom = zoom_of(found.fit, self.pivot_model)
         before = [] if frame.name else self._zooms
-        self._zooms = [*before, zoom]
+        self._zooms = [*before, zoom][-LASTING:]
         if has_zoomed(zoom, before):
             reason = (
                 f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off "

@@ -34,6 +34,8 @@ class ONEFRAME_PT_queue(AlignmentPanel):
         row.operator("oneframe.queue_frames", icon="ADD")
         row.operator("oneframe.queue_video_frames", text="", icon="FILE_MOVIE")
         row.operator("oneframe.queue_video_frames", text="Best", icon="FILE_MOVIE").best = True
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("oneframe.queue_found", icon="CON_CAMERASOLVER")
         if not entries:
             return
         here = queued.position(context.scene)
@@ -55,9 +57,10 @@ class ONEFRAME_PT_queue(AlignmentPanel):
             row = layout.row(align=True)
             row.operator("oneframe.queue_step", text=name, icon=icon).step = step
             draw_key(row, "oneframe.queue_step", step=step)
-        row = layout.row(align=True)
-        row.operator("oneframe.queue_check", icon="CHECKMARK")
-        draw_key(row, "oneframe.queue_check")
+        for name, icon in (("queue_check", "CHECKMARK"), ("queue_unfinished", "FRAME_NEXT")):
+            row = layout.row(align=True)
+            row.operator(f"oneframe.{name}", icon=icon)
+            draw_key(row, f"oneframe.{name}")
 
 
 def _picture(name: str) -> int:

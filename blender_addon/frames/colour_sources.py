@@ -15,6 +15,7 @@ from ..pipeline.registration.colour_sources import chosen_sources
 from ..state import from_scene, to_scene
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, Reporting, available
+from ..video import session
 from . import found
 from .operators import NeedsFound
 
@@ -33,10 +34,10 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         scene = context.scene
         registered, path = found.of(scene), scene.oneframe.case_path
         if registered is None or not registered.candidates:
-            raise InputError("expected frames that are found, there are none; press Register Frames")
+            raise InputError("expected frames that were found in this session, there are none; press Register Frames")
         if not path:
             raise InputError("expected a case with a file, beside which the frames go; press Save Case first")
-        film, case = registered.film.path, from_scene.absolute_path(path)
+        film, case = session.scored(scene).path, from_scene.absolute_path(path)
         folder = self._folder = case.with_name(f"{case.stem}_{film.stem}_frames")
         check_own_folder(folder, r"frame_\d+\.png")
         loaded, count = from_scene.loaded_case(scene), self.count
@@ -44,7 +45,7 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         self._inputs = inputs_of(scene)
 
         def choose(progress: Any) -> tuple[UnreadFrame, ...]:
-            candidates, first = registered.candidates, registrar.cam_from_model
+            candidates, first = [*registered.candidates.values()], registrar.cam_from_model
             numbers = chosen_sources(registrar.mesh, registrar.camera, first, candidates, count)
             progress(0.5)
             made_folder(folder / FRAME)

@@ -281,12 +281,12 @@ def test_an_image_that_cannot_be_used_is_a_refused_frame(mesh, tmp_path):
     found = registered(tmp_path, "frames", tmp_path / "out")
     states = [REFUSED, ACCEPTED, REFUSED, REFUSED, ACCEPTED]
     assert [entry["state"] for entry in found] == states
-    for number, words in ((0, "an empty file"), (2, "cut off"), (3, "expected frames of the proportions")):
+    for number, words in ((0, "an empty file"), (2, "cut off"), (3, "expected the proportions")):
         assert words in found[number]["reason"]
         assert ".png" not in found[number]["reason"]
     for number in (1, 4):
         (folder / f"{number}.png").unlink()
-    with pytest.raises(InputError, match="0 empty.png: .* empty.*; nor can any other frame be used"):
+    with pytest.raises(InputError, match=r"0 empty\.png: .* empty.*; nor can any other frame be used"):
         dispatch(["register", *map(str, (tmp_path / "case.toml", folder, "--out", tmp_path / "none"))])
     assert not (tmp_path / "none").exists()
 

@@ -219,8 +219,8 @@ def _found(place: _Place, mesh_from_model: np.ndarray, source: Callable[[], Sour
 def _other_cases(scene: bpy.types.Scene) -> list[Path]:
     """The cases of other frames in the queue: a file of the scene's own frame may have another pose than the scene."""
     path, image = present(scene), os.path.realpath(from_scene.absolute_path(scene.oneframe.frame_path))
-    others = [entry for entry in queue_of(scene) if entry.image is not None and entry.path != path]
-    return [entry.path for entry in others if os.path.realpath(entry.image) != image]
+    others = [(entry.path, entry.image) for entry in queue_of(scene) if entry.path != path]
+    return [other for other, shown in others if shown is not None and os.path.realpath(shown) != image]
 
 
 def _found_by(

@@ -41,7 +41,7 @@ def task_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     return (
         "The sample: lay the bone over the frame, where the frame shows it",
         "1  Drag three points of the bone, far apart, each to its place in the frame",
-        f"2  {binding('oneframe.refine')} refines the pose against the frame, Enter keeps it; then Save Case",
+        f"2  {binding('oneframe.refine') or 'Refine Against Image'} refines the pose against the frame, Enter keeps it; then Save Case",
         f"3  Below 1 px it is done: {error}",
     )
 

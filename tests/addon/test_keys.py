@@ -56,7 +56,7 @@ def why_allowed(keymap: str, key: bpy.types.KeyMapItem, operator: str, other_key
         return "over the strip alone"
     if other_keymap in WHOLE_PROGRAM:
         return "acts in other editors alone" if operator in OF_OTHER_EDITORS else ""
-    if keymap == "3D View" or key.ctrl and key.type not in MOUSE:
+    if keymap == "3D View" or (key.ctrl and key.type not in MOUSE):
         return ""
     if key.type in MOUSE:
         return "a tool's drag and wheel take the place of selecting and zooming, as those of Blender's own tools do"

@@ -1,4 +1,4 @@
-"""From nothing, in the unit of another program; then keys that belong to Blender, the brush's, and the contact sheet."""
+"""From nothing, in the unit of another program; then keys that are Blender's, the brush's, and the contact sheet."""
 
 import bpy
 import numpy as np
@@ -37,10 +37,11 @@ def scenario(user):
     yield 0.5
     close_second_window()
     assert np.array_equal(from_scene.cam_from_model(scene), start)
-    for key, held in (("COMMA", {"alt": True}), ("U", {})):
-        yield from user.key(key, user.middle(), **held)
-        yield from user.until(lambda: not np.array_equal(from_scene.cam_from_model(scene), start), key, 20)
-        start = from_scene.cam_from_model(scene)
+    yield from user.key("COMMA", user.middle(), alt=True)
+    yield from user.until(lambda: not np.array_equal(from_scene.cam_from_model(scene), start), "10 px of roll", 20)
+    start = from_scene.cam_from_model(scene)[2, 3]
+    yield from user.key("U", user.middle())
+    yield from user.until(lambda: from_scene.cam_from_model(scene)[2, 3] > start, "a step away", 20)
 
     # ring and number follow the key, though the pointer rests
     yield from choose(user, MASK_TOOL)

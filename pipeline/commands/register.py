@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.case.load_case import load_case
         from ..blender.registration.correct_source import correct_source
         from ..blender.registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
-        from ..blender.registration.register_frames import doubt_of_case
+        from ..blender.registration.register_frames import doubt_of_case, frame_files
         from ..case.case_file import read_case
         from ..case.case_update import other_inputs
         from ..case.case_writer import write_case
@@ -73,10 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: --estimate-focal: expected --correct-source with it, which finds both")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
-    inputs = case.input_files()
-    if not arguments.frames.is_dir():
-        inputs["video"] = arguments.frames
-    check_own_folder(out, NAMES)
+    inputs = case.input_files() | frame_files(arguments.frames)
+    check_own_folder(out, NAMES, inputs)
     check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
     if other := other_inputs(out / CASE, case):
         raise InputError(

@@ -42,7 +42,7 @@ def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_
     """
     case, text = folder / "case.toml", case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
     if not case.exists():
-        check_own_folder(folder, _NAMES)
+        check_own_folder(folder, _NAMES, {})
     elif read_content(case, "a case file") != text.encode():
         raise InputError(f"{case}: expected no such file or the sample's, found another case; choose another folder")
     images = ("frame.png", *(_held_out_views() if held_out else ()))

@@ -87,7 +87,7 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
     inputs = {
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
-    check_own_folder(out, "|".join(map(re.escape, (SURFACE, SLICES, RECORD, STRUCTURES))))
+    check_own_folder(out, "|".join(map(re.escape, (SURFACE, SLICES, RECORD, STRUCTURES))), inputs)
     check_outputs(_outputs(out, ()), inputs)
     try:
         _make(arguments, work, out, inputs)

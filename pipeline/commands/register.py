@@ -59,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
         from ..blender.registration.register_frames import doubt_of_case, frame_files
         from ..case.case_file import read_case
+        from ..case.case_folder import remove_unnamed
         from ..case.case_update import other_inputs
         from ..case.case_writer import write_case
         from ..files.content import write_bytes_atomically
@@ -122,6 +123,7 @@ def run(arguments: argparse.Namespace) -> int:
         further = (*loaded.case.frames, *found.sources)
         with writing(out / CASE):
             write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
+        remove_unnamed(out)
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
     elif (out / CASE).exists():

@@ -122,6 +122,10 @@ def register_case(
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
     made_folder(out / POSES)
+    for name in (ESTIMATES, SHEET, FILM, PAGE):
+        # what shows other poses
+        with writing(out / name):
+            (out / name).unlink(missing_ok=True)
     write_poses(out, entries, units)
     sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):

@@ -81,6 +81,8 @@ def write_sample_case(
         As :func:`check_sample_case`.
     """
     check_sample_case(folder, camera=camera, held_out=held_out)
+    with writing(folder / "case.toml"):
+        (folder / "case.toml").unlink(missing_ok=True)
     meshes = {"surface.ply": surface.bone}
     meshes |= {_structure_file(name): mesh for name, mesh in surface.structures.items()}
     for name, mesh in meshes.items():

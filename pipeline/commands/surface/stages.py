@@ -192,6 +192,9 @@ def _write_meshes(work: _Work, out: Path, made: MadeSurface) -> None:
     }  # fmt: skip
     if finish.focus is not None:
         work.record["focus"] = focus_table(finish.focus)
+    # without its report, the folder is none until all of it is new
+    with writing(out / RECORD):
+        (out / RECORD).unlink(missing_ok=True)
     write_meshes(out, mesh, made.structures)
     work.say(f"{len(mesh.faces):,} faces: {out / SURFACE}")
     work.record["structures"] = {

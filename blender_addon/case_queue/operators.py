@@ -131,6 +131,6 @@ register, unregister = class_registration(
         Key("oneframe.queue_step", "PAGE_DOWN", properties=(("step", 1),)),
         Key("oneframe.queue_step", "PAGE_UP", properties=(("step", -1),)),
         Key("oneframe.queue_unfinished", "PAGE_DOWN", shift=True),
-        Key("oneframe.queue_check", "PAGE_DOWN", ctrl=True),
+        Key("oneframe.queue_check", "PAGE_DOWN", alt=True),
     ),
 )

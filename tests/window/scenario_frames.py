@@ -1,4 +1,4 @@
-"""The film's other frames by hand: registered, stopped, looked at, taken, played, queued, colour sources, first pose."""
+"""The other frames of the film: registered, stopped, looked at, taken, played, queued, colour sources, first pose."""
 
 from importlib import import_module
 
@@ -145,7 +145,7 @@ def to_queue(user):
     assert [entry.state for entry in queued.queue_of(scene)].count("aligned") == COUNT - 1
     yield from user.key("PAGE_UP", user.middle())
     yield from user.until(lambda: part("state.from_scene").video(scene) is not None, "a frame of the film")
-    name, number = part("state.from_scene").video(scene)
+    _, number = part("state.from_scene").video(scene)
     assert np.allclose(pose(user), poses[number], atol=1e-6)
     assert part("setup.alignment_record").pose_record(scene)["method"] == "registered"
     yield from user.picture("6_in_queue")

@@ -165,8 +165,7 @@ def begun(scene: bpy.types.Scene, film: FilmSession) -> FoundFrames:
     if found is None:
         found = FoundFrames(_own_source(scene, mesh_from_model), None)
         _known[place.digest, mesh_from_model.tobytes()] = found
-    if found.file is None:
-        found.file = place.file
+    found.file = _writable(found.file or place.file)
     return found
 
 
@@ -251,9 +250,12 @@ def _own_place(scene: bpy.types.Scene, film: FilmSession) -> _Place:
     return _Place(digest, _file_of(from_scene.absolute_path(scene.oneframe.case_path), film, digest))
 
 
-def _file_of(case: Path, film: FilmSession, digest: str) -> Path | None:
-    file = case.with_name(f"{film.path.stem}_poses-{digest}.json")
-    return file if os.access(file.parent, os.W_OK) or file.exists() else None
+def _file_of(case: Path, film: FilmSession, digest: str) -> Path:
+    return case.with_name(f"{film.path.stem}_poses-{digest}.json")
+
+
+def _writable(file: Path | None) -> Path | None:
+    return file if file is not None and os.access(file.parent, os.W_OK) else None
 
 
 def _own_source(scene: bpy.types.Scene, mesh_from_model: np.ndarray) -> Source:
@@ -276,12 +278,12 @@ def _keep(scene: bpy.types.Scene) -> None:
     if film is None:
         return
     place, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
-    found = _known.get((place.digest, mesh_from_model.tobytes()))
-    if found is None or place.file is None:
+    found, file = _known.get((place.digest, mesh_from_model.tobytes())), _writable(place.file)
+    if found is None or file is None:
         return
     # cases of a queue share them
-    if found.file is None or found.file.parent.parent != place.file.parent.parent:
-        found.file = place.file
+    if found.file is None or found.file.parent.parent != file.parent.parent:
+        found.file = file
         found.write()
         forget_stamps()
 

@@ -1,5 +1,6 @@
 """The preview of a pose that was found: before and after in the view, until the user keeps one of them."""
 
+from contextlib import suppress
 from typing import Literal
 
 import bpy
@@ -83,7 +84,10 @@ class Preview(bpy.types.Operator):
             raise
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
+        """Called by Blender when it ends the operator: a file was opened, or the window closed. Nobody took the pose."""
+        if self.is_shown:
+            with suppress(InputError):
+                self._show_pose(context, is_result=False)
         self._close(context, "CANCELLED")
 
     def _close(

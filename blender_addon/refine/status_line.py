@@ -101,7 +101,9 @@ def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, 
     """How a pose with this record was found, in words, and the icon for it."""
     method = str(record.get("method", ""))
     title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
-    if str(record.get("evidence", "")).startswith("landmarks"):
+    if "refused" in record:
+        title, icon = "Taken although refused", "ERROR"
+    elif str(record.get("evidence", "")).startswith("landmarks"):
         title = "From landmarks and image"
     is_given = pose_evidence.remembered(scene) == {} and method == "manual"
     return "Given by the case, origin unknown" if is_given else title, icon
@@ -150,12 +152,15 @@ def _draw() -> None:
         return
     try:
         (line, in_doubt), task = status(scene), task_lines(scene)
+        is_refused = "refused" in pose_record(scene)
     except InputError:
         return  # the sidebar says what is wrong with the pose
     strokes = Strokes()
     low, high = uncovered_rectangle(context.area)
     at = np.array([low[0] + 10 * strokes.unit, high[1] - 16 * strokes.unit])
-    for text, colour in (*((text, PLAIN) for text in (line, *task)), *((text, DOUBT) for text in in_doubt)):
+    first = DOUBT if is_refused else PLAIN
+    lines = (line, first), *((text, PLAIN) for text in task), *((text, DOUBT) for text in in_doubt)
+    for text, colour in lines:
         room = (high[0] - at[0] - 10 * strokes.unit) / max(strokes.width_of(text), 1.0)
         for each in textwrap.wrap(text, max(20, int(len(text) * room)), drop_whitespace=True):
             strokes.text(at, each, colour)

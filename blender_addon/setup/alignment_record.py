@@ -65,6 +65,8 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
         found.append(f"The pose was {origin}: nobody has aligned it with this one.")
     elif "doubt" in record:
         found.append(f"The pose is in doubt: {record['doubt']}.")
+    if "refused" in record:
+        found.append(f"The refinement was refused, and its pose taken all the same: {record['refused']}.")
     return tuple(found)
 
 

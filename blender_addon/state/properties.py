@@ -153,6 +153,9 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     mask_brush_px: float = prop(
         FloatProperty, "Brush", "Radius of the brush of the tool Mask, pixels of the frame", min=1, max=2000, default=20
     )
+    queue_saves: int = prop(
+        IntProperty, description="Saves by steps through a queue in this session: undo counts back", options={"HIDDEN"}
+    )
     case_files_text: str = prop(
         StringProperty, description="Frame and surface that the case file names (JSON)", options={"HIDDEN"}
     )

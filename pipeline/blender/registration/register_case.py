@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...case.case_history import history_path
 from ...case.case_writer import relative_name
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
@@ -32,7 +33,8 @@ from ..render.lettering import text_mask
 from .register_frames import CaseRegistrar, FurtherFrame
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
-NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).replace(".", r"\.")
+HISTORY = history_path(Path(CASE)).name
+NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, HISTORY, r"frame_\d+.png")).replace(".", r"\.")
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75

@@ -1,7 +1,7 @@
 """What a case has and its file lacks is kept aside, whatever ends Blender, and offered when the case is opened again.
 
-It lies beside the file as ``.case.unsaved.toml``; that of a case without a file in the extension's folder for the user's
-files. There a line of text says which was the last one, for the next start.
+It lies beside the file as ``.case.unsaved.toml``; that of a case without a file in the extension's folder for the
+user's files. There a line of text says which was the last one, for the next start.
 """
 
 import datetime

@@ -67,9 +67,8 @@ def test_undo_of_a_step_brings_the_frames_files_back(session):
 
 
 def test_hands_replace_a_checked_pose_after_a_question_only(session):
-    queue, _ = session
     question = importlib.import_module("blender_addon.setup.save_case").replaced_pose
-    scene, path = bpy.context.scene, queue / "frame" / "case.toml"
+    scene, path = bpy.context.scene, session[0] / "frame" / "case.toml"
     assert question(scene, path) == ""
     move([1.0, 0.0, 0.0])
     assert "was checked" in question(scene, path)

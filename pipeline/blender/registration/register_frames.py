@@ -28,7 +28,6 @@ from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
-from ..alignment.overlay_film import camera_of_film
 from ..bridge.image import read_image
 from ..colour.reference_view import ReferenceView, colouring_view_of
 
@@ -52,12 +51,15 @@ class FurtherFrame:
         Counted from 0, in the video or among the images.
     image, valid
         ``(H, W, 3)`` uint8 undistorted, at the size of registration; ``(H, W)`` bool.
+    problem
+        Why it cannot be used, in a short sentence without a name; empty if it can.
     """
 
     name: str
     number: int
     image: np.ndarray
     valid: np.ndarray
+    problem: str = ""
 
 
 class CaseRegistrar:
@@ -116,6 +118,9 @@ class CaseRegistrar:
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """The same as if the case's pose and the focal length were certain."""
+        if frame.problem:
+            self._before = ()
+            return RegisteredFrame(Verdict(REFUSED, 0.0, frame.problem))
         if near is None and not frame.name and self._before:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
@@ -128,10 +133,12 @@ class CaseRegistrar:
     def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:
         """Open a folder of images or a video: how many frames there are, and the frames.
 
+        An image that cannot be read, or has other proportions than K's, comes with its problem.
+
         Raises
         ------
         InputError
-            No images, not a video, or frames of other proportions than K's; while iterating also an unreadable image.
+            No images, not a video, or one of other proportions than K's.
         """
         if source.is_dir():
             paths = image_paths(source)
@@ -141,7 +148,7 @@ class CaseRegistrar:
             yield len(chosen), (self._of_image(number, path) for number, path in chosen)
             return
         with Film(source, every=every, width=self.camera.width) as film:
-            camera_of_film(self._case.camera, film.info.size_wh, source.name)
+            self._case.camera.for_images(film.info.size_wh, source.name)
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
     def full_frames(
@@ -168,7 +175,7 @@ class CaseRegistrar:
             path = out / FRAME.format(number)
             with writing(path):
                 write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))
-            own = camera_of_film(self._case.camera, size_wh, source.name)
+            own = self._case.camera.for_images(size_wh, source.name)
             pose = candidate.cam_from_model @ inverse_rigid(mesh_from_model)
             yield UnreadFrame(path, own, self._case.distortion, pose)
 
@@ -182,12 +189,19 @@ class CaseRegistrar:
             yield from ((each.index, each.image) for each in film if each.index in numbers)
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
-        image, valid = read_image(path, path.name)
-        camera_of_film(self._case.camera, (image.shape[1], image.shape[0]), path.name)
+        try:
+            image, valid = read_image(path, path.name)
+            self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
+        except InputError as error:
+            return self._unusable(path.name, number, str(error).removeprefix(f"{path.name}: "))
         small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
         frame = self._undistorted(path.name, number, to_uint8(small))
         shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
         return replace(frame, valid=frame.valid & shown)
+
+    def _unusable(self, name: str, number: int, problem: str) -> FurtherFrame:
+        grey = np.full((*self.camera.shape_hw, 3), 128, np.uint8)
+        return FurtherFrame(name, number, grey, np.zeros(self.camera.shape_hw, bool), problem)
 
     def _undistorted(self, name: str, number: int, image: np.ndarray) -> FurtherFrame:
         if image.shape[1::-1] != self.camera.size_wh:

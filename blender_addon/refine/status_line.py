@@ -13,6 +13,7 @@ import numpy as np
 from ..case_queue.queued import position, queue_of
 from ..class_registration import class_registration, drawing
 from ..dataset import background_job
+from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, PROPOSED, REGISTERED
@@ -111,7 +112,9 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     job = background_job.current()
     if job is not None and job.running:
         # Blender's own question before it quits cannot say so
-        return "A dataset renders: quitting stops it, Render Dataset continues it next time"
+        again = "" if job.out == usual_output(scene) else f" to {job.out.name}"
+        when = "next time" if is_saved else "next time once the case is saved"
+        return f"A dataset renders: quitting stops it, Render Dataset{again} continues it {when}"
     if missing := workbench.next_step(scene):
         return missing
     found, record = operator.outcome(scene), pose_record(scene)

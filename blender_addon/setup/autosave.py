@@ -24,7 +24,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.content import write_bytes_atomically, write_files_atomically
 from ..state import from_scene, pose, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
-from ..ui.operator import Messages, Reporting, call
+from ..ui.operator import Messages, OperatorResult, Reporting, call
 from ..ui.panel import CHARACTER_PX
 from ..ui.question import DIALOG_PX
 from .alignment_record import is_start, recorded_case
@@ -143,7 +143,7 @@ class ONEFRAME_OT_ask_unsaved(_OfUnsaved):
     bl_label = "Not Saved When Blender Ended"
     bl_options = {"INTERNAL"}
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         return context.window_manager.invoke_popup(self, width=DIALOG_PX)
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -31,7 +31,7 @@ def scenario(user):
         yield from user.drag((x, y), (x + SHIFT_PX, y))
         poses[str(entry.path)] = from_scene.cam_from_mesh(scene).tolist()
         if number == 0:
-            yield from user.key("PAGE_DOWN", user.middle(), ctrl=True)
+            yield from user.key("PAGE_DOWN", user.middle(), alt=True)
             yield from user.until(lambda: queued.position(scene) == 1, "the next frame")
     (user.folder / "poses.json").write_text(json.dumps(poses))
     if os.environ["ONEFRAME_END"] == "killed":

@@ -57,10 +57,10 @@ class ONEFRAME_PT_queue(AlignmentPanel):
             row = layout.row(align=True)
             row.operator("oneframe.queue_step", text=name, icon=icon).step = step
             draw_key(row, "oneframe.queue_step", step=step)
-        for name, icon in (("queue_check", "CHECKMARK"), ("queue_unfinished", "FRAME_NEXT")):
+        for operator, icon in (("oneframe.queue_check", "CHECKMARK"), ("oneframe.queue_unfinished", "FRAME_NEXT")):
             row = layout.row(align=True)
-            row.operator(f"oneframe.{name}", icon=icon)
-            draw_key(row, f"oneframe.{name}")
+            row.operator(operator, icon=icon)
+            draw_key(row, operator)
 
 
 def _picture(name: str) -> int:

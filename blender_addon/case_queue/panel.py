@@ -57,10 +57,12 @@ class ONEFRAME_PT_queue(AlignmentPanel):
             row = layout.row(align=True)
             row.operator("oneframe.queue_step", text=name, icon=icon).step = step
             draw_key(row, "oneframe.queue_step", step=step)
-        for operator, icon in (("oneframe.queue_check", "CHECKMARK"), ("oneframe.queue_unfinished", "FRAME_NEXT")):
-            row = layout.row(align=True)
-            row.operator(operator, icon=icon)
-            draw_key(row, operator)
+        row = layout.row(align=True)
+        row.operator("oneframe.queue_check", icon="CHECKMARK")
+        draw_key(row, "oneframe.queue_check")
+        row = layout.row(align=True)
+        row.operator("oneframe.queue_unfinished", icon="FRAME_NEXT")
+        draw_key(row, "oneframe.queue_unfinished")
 
 
 def _picture(name: str) -> int:

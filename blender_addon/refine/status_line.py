@@ -155,7 +155,11 @@ def _draw() -> None:
     at = np.array([low[0] + margin, high[1] - 16 * strokes.unit])
     room = high[0] - at[0] - margin - (NAVIGATION_PX * strokes.unit if _has_navigation(context) else 0.0)
     most = max(2, int(LARGEST_SHARE * (high[1] - low[1]) / row))
-    texts = (line, DOUBT if is_refused else PLAIN), *((text, DOUBT) for text in in_doubt), *((text, PLAIN) for text in task)
+    texts = (
+        (line, DOUBT if is_refused else PLAIN),
+        *((text, DOUBT) for text in in_doubt),
+        *((text, PLAIN) for text in task),
+    )
     for number, (text, colour) in enumerate(texts):
         lines = strokes.wrapped(text, room)
         if len(lines) > most:

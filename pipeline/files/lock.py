@@ -1,4 +1,4 @@
-"""Locks of a dataset's folder, by the system, which releases them when the process ends in any way.
+"""Locks of files, by the system, which releases them when the process ends in any way.
 
 Where the file system has no locks, as some Lustre and NFS mounts, everybody gets them. Nothing is lost then, as runs of
 one dataset write the same bytes, and each file whole; only the work is done twice.

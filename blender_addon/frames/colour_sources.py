@@ -63,7 +63,7 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         case = from_scene.case(scene, self._folder)
         to_scene.set_further_frames(scene, replace(case, frames=(*others, *result)))
         names = ", ".join(each.image.name for each in result)
-        return (f"{names} colour the surface too; press Project Colour to see it, and Save Case to keep it",)
+        return (f"{names} colour the surface too; press Vertex Colours to see it, and Save Case to keep it",)
 
 
 class ONEFRAME_OT_clear_colour_sources(Reporting):

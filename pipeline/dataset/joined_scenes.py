@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from ..files.content import create_folder
-from ..files.lock import Busy, FileLock
 from ..files.tables import write_csv, write_json
 from .dataset_file import read_description
 from .layout import (
@@ -28,6 +27,7 @@ from .layout import (
     scene_folder,
     view_kinds,
 )
+from .run.lock import Busy, FileLock
 
 
 def join_scenes(datasets: Mapping[str, Path], out: Path) -> None:

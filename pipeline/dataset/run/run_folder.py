@@ -15,7 +15,6 @@ import numpy as np
 
 from ...errors import InputError, RunError
 from ...files.content import LARGEST_TEXT, partial_name, read_file, write_bytes_atomically
-from ...files.lock import Busy, wait_for
 from .. import layout
 from ..checksums import keep_checksums
 from ..identity import COUNT, description_bytes, identity_of
@@ -31,6 +30,7 @@ from ..layout import (
     scene_count,
     scene_folder,
 )
+from .lock import Busy, wait_for
 from .same_run import check_count, check_description, holds_views_of, is_cut_off
 from .work_folder import WorkFolder
 

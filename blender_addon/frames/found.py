@@ -27,7 +27,7 @@ from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_ato
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, candidate_of
-from ..pipeline.registration.pose_list import found_of, list_text, pose_entry
+from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
@@ -117,7 +117,7 @@ class FoundFrames:
         source, frames = self.source, sorted(self.frames.items())
         entries = [pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit) for number, each in frames]
         with writing(self.file):
-            write_bytes_atomically(self.file, list_text(entries).encode())
+            write_bytes_atomically(self.file, encoded_list(entries))
 
     def summary(self) -> str:
         """How many frames are found, doubtful and lost."""

@@ -54,9 +54,11 @@ def found_of(entries: Sequence[Any], mesh_from_model: np.ndarray, mm_per_unit: f
     return found
 
 
-def list_text(entries: Sequence[Mapping[str, object]]) -> str:
-    """The text of a list."""
-    return json.dumps(list(entries), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+def encoded_list(entries: Sequence[Mapping[str, object]]) -> bytes:
+    """The JSON of a list."""
+    text = json.dumps(list(entries), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    # names of files that are no Unicode as JSON's escapes, with which Python finds them again
+    return text.encode(errors="backslashreplace")
 
 
 def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit: float) -> None:
@@ -68,7 +70,7 @@ def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit:
         They cannot be written.
     """
     with writing(folder / POSES):
-        write_bytes_atomically(folder / POSES, list_text(entries).encode())
+        write_bytes_atomically(folder / POSES, encoded_list(entries))
     with writing(folder / ESTIMATES):
         write_bytes_atomically(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
 

@@ -11,7 +11,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import checked_alignment_record, scaled_record
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
-from oneframe.registration.pose_list import found_of, list_text, pose_entry
+from oneframe.registration.pose_list import encoded_list, found_of, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.report import registration_record
 from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
@@ -50,7 +50,7 @@ def test_a_list_gives_back_what_was_found(mm_per_unit):
     mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
     frames = {7: found_in(rng), 2: found_in(rng, REFUSED), 30: found_in(rng)}
     entries = [pose_entry("", number, found, mesh_from_model, mm_per_unit) for number, found in frames.items()]
-    back = found_of(json.loads(list_text(entries)), mesh_from_model, mm_per_unit)
+    back = found_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
     assert back.keys() == frames.keys()
     for number, found in frames.items():
         assert_same(found, back[number])

@@ -23,7 +23,7 @@ from av.video.stream import VideoStream
 from ..errors import InputError
 from .container import frames_of, opened, packets_of
 from .decoding_process import FRAME_HEAD
-from .picture import Converter, comb_ratio, upright
+from .picture import Converter, comb_ratio
 
 _LEADS_S = (2.0, 10.0, 60.0)
 """How long before a frame a seek aims, tried in turn; then decoding starts at the beginning."""
@@ -72,7 +72,7 @@ def film(
                 yield b""
             continue
         coded = converter.rgb(frame, exact=max(frame.width, frame.height) <= width)
-        image = upright(coded, frame)
+        image = converter.upright(coded, frame)
         height_px, width_px = image.shape[:2]
         if size_wh == (0, 0):
             size_wh, small_wh = (width_px, height_px), _small_size(width_px, height_px, width)

@@ -20,10 +20,11 @@ _COMB_COLUMNS = 4
 
 
 class Converter:
-    """From frames of FFmpeg to RGB; keeps its tables from frame to frame."""
+    """From frames of one film to RGB; keeps its tables from frame to frame."""
 
     def __init__(self) -> None:
         self._reformatter = VideoReformatter()
+        self._matrix: list[list[float]] | None = None
 
     def rgb(self, frame: VideoFrame, *, exact: bool) -> np.ndarray:
         """``(H, W, 3)`` uint8 RGB, as coded: not yet upright; within two codes if it need not be exact."""
@@ -35,17 +36,18 @@ class Converter:
         found = self._reformatter.reformat(frame, format="rgb24", src_colorspace=matrix, interpolation=how)
         return found.to_ndarray()
 
-
-def upright(image: np.ndarray, frame: VideoFrame) -> np.ndarray:
-    """An image turned and mirrored as the frame's display matrix says, in steps of 90 degrees."""
-    found = frame.side_data.get("DISPLAYMATRIX")
-    if found is None:
-        return image
-    (a, b), (c, d) = np.frombuffer(bytes(found), np.int32).reshape(3, 3)[:2, :2].tolist()
-    # a pixel (x, y) is shown at (a x + c y, b x + d y), its sign telling from which side that is counted
-    if max(abs(b), abs(c)) > max(abs(a), abs(d)):
-        image, a, d = image.swapaxes(0, 1), c, b
-    return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
+    def upright(self, image: np.ndarray, frame: VideoFrame) -> np.ndarray:
+        """An image turned and mirrored in steps of 90 degrees, as the display matrix of the film's first frame says."""
+        if self._matrix is None:
+            # a frame that was once asked for its side data is not freed
+            found = frame.side_data.get("DISPLAYMATRIX")
+            matrix = np.eye(3) if found is None else np.frombuffer(bytes(found), np.int32).reshape(3, 3)
+            self._matrix = matrix[:2, :2].tolist()
+        (a, b), (c, d) = self._matrix
+        # a pixel (x, y) is shown at (a x + c y, b x + d y), its sign telling from which side that is counted
+        if max(abs(b), abs(c)) > max(abs(a), abs(d)):
+            image, a, d = image.swapaxes(0, 1), c, b
+        return image[:: -1 if d < 0 else 1, :: -1 if a < 0 else 1]
 
 
 def comb_ratio(plane: np.ndarray) -> float:

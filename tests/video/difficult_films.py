@@ -73,7 +73,7 @@ def write_frames(
 def write_images(path: Path, images: Sequence[np.ndarray], codec: str = "libx264") -> Path:
     """Encode RGB images of one size, nearly without loss."""
     with av.open(str(path), "w") as out:
-        stream = out.add_stream(codec, FPS, options={"qp": "4"})
+        stream = out.add_stream(codec, FPS, options={"qp": "4", "g": "1"})
         stream.height, stream.width = images[0].shape[:2]
         stream.pix_fmt = "yuv420p"
         for image in images:

@@ -22,7 +22,6 @@ from av.video.stream import VideoStream
 
 from ..errors import InputError
 from .container import frames_of, opened, packets_of
-from .decoding_process import FRAME_HEAD
 from .picture import Converter, comb_ratio
 
 _LEADS_S = (2.0, 10.0, 60.0)
@@ -41,7 +40,9 @@ _ALIVE = 100
 def film(
     path: Path, width: int, every: int, from_s: float, to_s: float | None, numbers: Sequence[int] | None
 ) -> Iterator[bytes]:
-    """First what the film is (JSON), then each frame: :data:`FRAME_HEAD`, and a small RGB picture if it has its size.
+    """First what the film is, then each frame: a line of JSON, and a small RGB picture if it has the size of the first.
+
+    The line has number, time in s, comb ratio, and width and height in px.
 
     Parameters
     ----------
@@ -77,7 +78,8 @@ def film(
         if size_wh == (0, 0):
             size_wh, small_wh = (width_px, height_px), _small_size(width_px, height_px, width)
             yield survey.info(first, last, size_wh, small_wh)
-        head = FRAME_HEAD.pack(index, survey.times_s[index], comb_ratio(coded[..., 1]), width_px, height_px)
+        described = index, survey.times_s[index], comb_ratio(coded[..., 1]), width_px, height_px
+        head = json.dumps(described).encode() + b"\n"
         if (width_px, height_px) != size_wh:
             yield head
             continue

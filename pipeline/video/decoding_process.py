@@ -21,9 +21,6 @@ PART_SECONDS = 120.0
 _PACKAGE = Path(__file__).resolve().parents[1]
 """Its name is that of the folder: ``pipeline`` in a checkout and in the add-on, ``oneframe`` where it is installed."""
 
-FRAME_HEAD = struct.Struct("<QddII")
-"""Of a frame of a film: number, time in s, comb ratio, width and height in px; then its small picture."""
-
 _VALUE, _REFUSED, _END = b"v", b"r", b"e"
 _HEAD = struct.Struct("<cI")
 

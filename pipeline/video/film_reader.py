@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from .decoding_process import FRAME_HEAD, DecodingError, decoded_apart, undecodable
+from .decoding_process import DecodingError, decoded_apart, undecodable
 
 SMALL_WIDTH = 480
 """Width in px of the small pictures."""
@@ -169,11 +169,12 @@ class Film:
         width, height = self.info.small_wh
         try:
             for part in self._parts:
-                index, time_s, comb, *size_wh = FRAME_HEAD.unpack_from(part)
+                begin = part.index(b"\n") + 1
+                index, time_s, comb, *size_wh = json.loads(part[:begin])
                 if tuple(size_wh) != self.info.size_wh:
                     self.other_sizes[index] = tuple(size_wh)
                     continue
-                pixels = np.frombuffer(part, np.uint8, 3 * width * height, FRAME_HEAD.size)
+                pixels = np.frombuffer(part, np.uint8, 3 * width * height, begin)
                 yield FilmFrame(index, time_s, comb, pixels.reshape(height, width, 3))
         except DecodingError:
             # what could be decoded is used

@@ -59,8 +59,8 @@ def assign_colour(
     mesh_object, mesh
         The surface as a Blender object and as a mesh (model frame).
     colours
-        Those from each frame, of which the first that saw a point is shown. None makes it plain neutral, for geometry alone; the observed
-        flag is then 1 on front sides.
+        Those from each frame, of which the first that saw a point is shown. None makes it plain neutral, for geometry
+        alone; the observed flag is then 1 on front sides.
     unseen
         ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
     filtered

@@ -95,6 +95,7 @@ _MODULES = tuple(
         "mask.brush",
         "video.panel",
         "case_queue.queued",
+        "case_queue.adding",
         "case_queue.operators",
         "case_queue.panel",
         "view.zoom",

@@ -273,6 +273,13 @@ def test_several_frames_are_a_queue_of_one_surface(given, tmp_path):
         assert np.array_equal(cv2.imread(str(case.image)), cv2.imread(str(path)))
     with pytest.raises(InputError, match="--mask: expected one frame with it, found 3"):
         dispatch(line(given, frame=frames, mask=given / "mask.png", out=tmp_path / "other"))
+    narrow = save(given / "narrow.png", frame_codes(255)[:, ::2])
+    with pytest.raises(InputError, match=r"narrow.png: expected the proportions of .*96x72 px, found 48x72"):
+        dispatch(line(given, frame=[*frames, narrow], out=tmp_path / "other"))
+    assert not (tmp_path / "other").exists()
+    half = save(given / "half.png", frame_codes(255)[::2, ::2])
+    assert dispatch(line(given, frame=[*frames, half], out=tmp_path / "other")) == 0
+    assert read_case(tmp_path / "other" / "half" / "case.toml", posed=False).camera.size_wh == (48, 36)
 
 
 def break_record(given: Path, change) -> None:

@@ -25,6 +25,7 @@ from ...case.case_folder import (
     rounding_message,
     without_kept,
 )
+from ...case.case_queue import NewFrame, cases_of_frames
 from ...case.loaded_case import LoadedCase, check_pose
 from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
 from ...case.surface_size import extents_of, place_doubt, size_doubt, size_text
@@ -71,6 +72,8 @@ class CaseInputs:
         A file with ``cam_from_mesh``; ``None`` for an initial guess.
     denoise
         Whether much noise is removed from the frame.
+    others
+        Further frames of a queue, whose cases will be beside this one.
     """
 
     surface: Path
@@ -84,6 +87,7 @@ class CaseInputs:
     rescale_camera: bool
     pose: Path | None
     denoise: bool = False
+    others: tuple[Path, ...] = ()
 
     def files(self, folder: SurfaceFolder) -> dict[str, Path]:
         """All files that are read, by what they are; ``folder`` is what ``surface`` holds."""
@@ -149,6 +153,7 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     )
     case, lines = _with_pose(case, given.pose, surface, mesh)
     yield from lines
+    cases_of_frames(out.parent, case, [NewFrame(path) for path in given.others])
     files = [
         kept_frame,
         kept_mesh(surface.mesh, out / SURFACE),

@@ -28,7 +28,6 @@ from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
-from ..alignment.overlay_film import camera_of_film
 from ..bridge.image import read_image
 from ..colour.reference_view import ReferenceView, colouring_view_of
 
@@ -141,7 +140,7 @@ class CaseRegistrar:
             yield len(chosen), (self._of_image(number, path) for number, path in chosen)
             return
         with Film(source, every=every, width=self.camera.width) as film:
-            camera_of_film(self._case.camera, film.info.size_wh, source.name)
+            self._case.camera.for_images(film.info.size_wh, source.name)
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
     def full_frames(
@@ -168,7 +167,7 @@ class CaseRegistrar:
             path = out / FRAME.format(number)
             with writing(path):
                 write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))
-            own = camera_of_film(self._case.camera, size_wh, source.name)
+            own = self._case.camera.for_images(size_wh, source.name)
             pose = candidate.cam_from_model @ inverse_rigid(mesh_from_model)
             yield UnreadFrame(path, own, self._case.distortion, pose)
 
@@ -183,7 +182,7 @@ class CaseRegistrar:
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
         image, valid = read_image(path, path.name)
-        camera_of_film(self._case.camera, (image.shape[1], image.shape[0]), path.name)
+        self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
         small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
         frame = self._undistorted(path.name, number, to_uint8(small))
         shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99

@@ -97,11 +97,11 @@ def register_case(
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
     entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), Candidates()
     surface, units = loaded.surface, loaded.case.mm_per_unit
-    steps, spare = 1 if source.is_dir() else 2, PICTURES
+    steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
     with registrar.frames(source, every) as (count, frames):
         shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         for done, frame in enumerate(frames):
-            found = registrar.register(frame)
+            found, usable = registrar.register(frame), usable or not frame.problem
             # as in a list of photographs: from the folder of the list
             image = relative_name(source / frame.name, out) if frame.name else ""
             entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
@@ -120,6 +120,9 @@ def register_case(
             progress(done + 1, steps * count)
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
+    if not usable:
+        one = evidence[0]
+        raise InputError(f"{one.name or source.name}: {one.verdict.reason}; nor can any other frame be used")
     made_folder(out / POSES)
     write_poses(out, entries, units)
     sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)

@@ -51,12 +51,15 @@ class FurtherFrame:
         Counted from 0, in the video or among the images.
     image, valid
         ``(H, W, 3)`` uint8 undistorted, at the size of registration; ``(H, W)`` bool.
+    problem
+        Why it cannot be used, in a short sentence without a name; empty if it can.
     """
 
     name: str
     number: int
     image: np.ndarray
     valid: np.ndarray
+    problem: str = ""
 
 
 class CaseRegistrar:
@@ -115,6 +118,9 @@ class CaseRegistrar:
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """The same as if the case's pose and the focal length were certain."""
+        if frame.problem:
+            self._before = ()
+            return RegisteredFrame(Verdict(REFUSED, 0.0, frame.problem))
         if near is None and not frame.name and self._before:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
@@ -127,10 +133,12 @@ class CaseRegistrar:
     def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:
         """Open a folder of images or a video: how many frames there are, and the frames.
 
+        An image that cannot be read, or has other proportions than K's, comes with its problem.
+
         Raises
         ------
         InputError
-            No images, not a video, or frames of other proportions than K's; while iterating also an unreadable image.
+            No images, not a video, or one of other proportions than K's.
         """
         if source.is_dir():
             paths = image_paths(source)
@@ -187,12 +195,19 @@ class CaseRegistrar:
                     yield each.index, each.image, np.ones(each.image.shape[:2], bool)
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
-        image, valid = read_image(path, path.name)
-        self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
+        try:
+            image, valid = read_image(path, path.name)
+            self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
+        except InputError as error:
+            return self._unusable(path.name, number, str(error).removeprefix(f"{path.name}: "))
         small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
         frame = self._undistorted(path.name, number, to_uint8(small))
         shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
         return replace(frame, valid=frame.valid & shown)
+
+    def _unusable(self, name: str, number: int, problem: str) -> FurtherFrame:
+        grey = np.full((*self.camera.shape_hw, 3), 128, np.uint8)
+        return FurtherFrame(name, number, grey, np.zeros(self.camera.shape_hw, bool), problem)
 
     def _undistorted(self, name: str, number: int, image: np.ndarray) -> FurtherFrame:
         if image.shape[1::-1] != self.camera.size_wh:

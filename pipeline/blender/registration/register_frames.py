@@ -14,7 +14,7 @@ from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
-from ...files.content import write_bytes_atomically
+from ...files.content import content_named, write_bytes_atomically
 from ...files.outputs import writing
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -35,7 +35,9 @@ LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
 
 FRAME = "frame_{:06d}.png"
-"""Name of a frame that is written."""
+"""Name of a frame that is written; :func:`.content_named` then."""
+FRAME_NAMES = r"frame_\d+-[0-9a-f]{8}\.png"
+"""Regular expression of these."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -172,9 +174,11 @@ class CaseRegistrar:
             size_wh = image.shape[1], image.shape[0]
             clean = denoised(image, shown)[0] if denoise else None
             image = image if clean is None else clean
-            path = out / FRAME.format(number)
+            data = encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)]))
+            # a case may name another film's frame of this number
+            path = content_named(out / FRAME.format(number), data)
             with writing(path):
-                write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))
+                write_bytes_atomically(path, data)
             own = self._case.camera.for_images(size_wh, source.name)
             pose = poses[number] @ inverse_rigid(mesh_from_model)
             written[number] = UnreadFrame(path, own, self._case.distortion, pose)
@@ -228,6 +232,13 @@ def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty
     pose = loaded.frame.cam_from_model
     own = PoseUncertainty.stated(loaded.case.alignment, view.view.shown_points(), pose)
     return None if own is None else own.about(view.pivot_model, pose)
+
+
+def frame_files(source: Path) -> dict[str, Path]:
+    """All that is read of a folder of images or a video, by what it is."""
+    if not source.is_dir():
+        return {"video": source}
+    return {"folder of the frames": source} | {f"image {path.name}": path for path in image_paths(source)}
 
 
 def image_paths(folder: Path) -> list[Path]:

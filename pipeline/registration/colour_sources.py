@@ -176,8 +176,9 @@ def _view(mesh: TriangleMesh, source: SourceView, candidate: Candidate) -> Sourc
     shown = (raster.face >= 0) & candidate.valid
     inverse = np.where(shown, raster.inverse_depth, 0).astype(np.float32)
     image = candidate.image.astype(np.float32) / 255
-    parts = {"image": image, "valid": candidate.valid, "cam_from_model": candidate.cam_from_model}
-    return replace(source, **parts, inverse_depth=inverse)
+    return replace(
+        source, image=image, valid=candidate.valid, cam_from_model=candidate.cam_from_model, inverse_depth=inverse
+    )
 
 
 def _flaw(source: SourceView, view: SourceView) -> str:
@@ -258,8 +259,9 @@ class _Judge:
     def without(self, view: SourceView) -> "_Judge":
         """The same once a view colours the surface."""
         seen, errors = self.coloured_by(view)
-        parts = (each[~seen] for each in (self.points, self.normals, self.codes, self.errors))
-        return _Judge(*parts, self.coloured + float(errors.sum()), self.size)
+        rest = ~seen
+        coloured = self.coloured + float(errors.sum())
+        return _Judge(self.points[rest], self.normals[rest], self.codes[rest], self.errors[rest], coloured, self.size)
 
 
 def _error(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -14,6 +15,9 @@ from .numbers import WrittenFloat
 
 MOST_LEVELS = 32
 """Of lists and tables in one another; real files have up to ten, and recursion over many more overflows the stack."""
+_DEEP_KEY = re.compile(
+    rf"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MOST_LEVELS}}}""", re.ASCII
+)
 
 
 def parsed_json(
@@ -61,7 +65,11 @@ def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
     if len(content) > LARGEST_TEXT:
         raise InputError(f"{where}: expected TOML, found a file of {len(content) >> 20} MB; choose another")
     try:
-        table = tomllib.loads(_text(content), parse_float=WrittenFloat)
+        text = _text(content)
+        # a parser in Python takes minutes and gigabytes for thousands
+        if _DEEP_KEY.search(text):
+            raise ValueError(f"a key of more than {MOST_LEVELS} parts")
+        table = tomllib.loads(text, parse_float=WrittenFloat)
         check_levels(table)
         _check_integers(table)
         return table
@@ -75,12 +83,12 @@ def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table as CSV in UTF-8 with line feeds, whole or not at all."""
+    """Write a table as CSV in UTF-8 with line feeds, whole or not at all; what is no Unicode in a name with escapes."""
     lines = io.StringIO(newline="")
     table = csv.writer(lines, lineterminator="\n")
     table.writerow(header)
     table.writerows(rows)
-    write_bytes_atomically(path, lines.getvalue().encode())
+    write_bytes_atomically(path, lines.getvalue().encode(errors="backslashreplace"))
 
 
 def check_levels(value: object) -> None:

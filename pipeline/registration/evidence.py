@@ -78,6 +78,8 @@ class RegistrationEvidence:
         Whether the frames follow each other.
     colour
         The frames that colour the surface, if any were to be chosen.
+    cut_off
+        A sentence if the film is cut off, else empty.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -87,6 +89,7 @@ class RegistrationEvidence:
     alignment: Mapping[str, object]
     is_film: bool
     colour: ColourChoice | None = None
+    cut_off: str = ""
 
     @property
     def counts(self) -> dict[str, int]:

@@ -224,12 +224,11 @@ def film_notes(scores: FilmScores) -> list[str]:
     frames, info, lines = scores.frames, scores.info, list[str]()
     if len(frames) < info.frames:
         lines.append(
-            f"note: the file is damaged or cut off: {len(frames)} of {info.frames} frames can be decoded; they are used"
+            f"note: {len(frames)} of {info.frames} frames are used: the file is damaged or cut off, or the others have "
+            f"another size"
         )
-    elif info.missing_s > 0:
-        lines.append(
-            f"note: the file is cut off: it ends {info.missing_s:.1f} s before its header says; what is there is used"
-        )
+    elif info.cut_off:
+        lines.append(f"note: {info.cut_off}")
     elif scores.broken:
         lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
     if not all(each.clear_view.still for each in scores.compared):

@@ -33,6 +33,17 @@ def image_evidence(rng, pose, *, true_dof=np.inf, deviations=DEVIATIONS):
     return PoseEvidence("image", apply_twist(root @ rng.normal(size=6), pose, np.zeros(3)), stated)
 
 
+def height_field(height):
+    """A square sheet, its vertices 1 mm apart, with its middle in the origin."""
+    rows, columns = height.shape
+    y, x = np.mgrid[:rows, :columns]
+    vertices = np.stack([x - columns // 2, y - rows // 2, height], axis=-1).reshape(-1, 3).astype(float)
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    a, b, c, d = corner, corner + 1, corner + columns + 1, corner + columns
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return TriangleMesh(vertices, faces.astype(np.int32))
+
+
 def as_landmarks(trial, chosen=slice(None)):
     both = zip(trial.points_model[chosen], trial.pixels[chosen], strict=True)
     return [
@@ -213,3 +224,12 @@ def test_the_marked_corners_of_a_box_are_its_own():
         distance_px = np.linalg.norm(seen[:, None] - wanted, axis=2)
         assert distance_px.min(axis=1).max() < CORNER_PX * MICROSCOPE.width / WIDTH_PX
         assert len(set(distance_px.argmin(axis=1))) == len(seen) >= 4
+
+
+def test_where_a_surface_is_cut_off_no_corner_is_marked():
+    height = 6 * np.exp(-(np.mgrid[-20:21, -20:21] ** 2).max(axis=0) / 30.0)
+    sheet = height_field(height)
+    pose = rigid(rotation_from_vector(np.array([0.3, 0.2, 0.1])), np.array([0.0, 0.0, 900.0]))
+    found = corners_in_view(sheet, MICROSCOPE, pose)
+    assert len(found) > 0
+    assert np.abs(found[:, :2]).max() < 18

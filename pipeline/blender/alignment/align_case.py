@@ -15,8 +15,8 @@ from ...alignment.landmarks.degeneracy import FEWEST_CORRESPONDENCES, Undetermin
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
 from ...alignment.pose_uncertainty import PoseMode
-from ...alignment.posterior.evidence import PoseEvidence
 from ...alignment.posterior.corners import corners_in_view
+from ...alignment.posterior.evidence import PoseEvidence
 from ...alignment.posterior.next_click import next_click, rough_mode, visible_points
 from ...alignment.posterior.report import image_table, joined_record
 from ...alignment.posterior.solve import pose_posterior
@@ -171,7 +171,7 @@ def propose_case(case: Case, take: int, *, tool: str, date: str) -> tuple[Aligne
 
 
 def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:
-    """The corner at which the next landmark gains most, in a sentence; empty where the frame shows nothing of the surface."""
+    """The corner at which the next landmark gains most, in a sentence; empty where the frame shows no surface."""
     case, mesh_from_model = loaded.case, loaded.surface.mesh_from_model
     seen = loaded.surface.mesh, case.camera, loaded.frame.cam_from_model
     points = corners_in_view(*seen)

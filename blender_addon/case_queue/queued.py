@@ -20,11 +20,15 @@ FOLDER = "queue"
 
 @dataclass(frozen=True)
 class Queued:
-    """A case of the queue: its file, those of its frame and surface, and its state; without them it is unreadable."""
+    """A case of the queue: its file, those of its frame and surface, where the frame is from, and its state.
+
+    Without files it is unreadable.
+    """
 
     path: Path
     image: Path | None = None
     mesh: Path | None = None
+    video: tuple[str, int] | None = None
     state: str = "unreadable"
 
 
@@ -78,7 +82,7 @@ def _read(path: Path, _stamp: Stamp) -> Queued:
         case = read_case(path, posed=False)
     except InputError:
         return Queued(path)
-    return Queued(path, case.image, case.mesh.resolve(), state_of(case))
+    return Queued(path, case.image, case.mesh.resolve(), case.video, state_of(case))
 
 
 register, unregister = class_registration(__name__, at_end(_cases.cache_clear, _read.cache_clear))

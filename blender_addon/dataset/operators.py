@@ -18,7 +18,7 @@ from ..ui.frame_view import shows_frame
 from ..ui.operator import Messages, NeedsAlignment, Reporting, available
 from . import background_job, pose_preview
 from .existing_dataset import check_folder, existing_views
-from .snapshot import write_snapshot
+from .snapshot import save_settings, usual_output, write_snapshot
 from .wording import in_window_words
 
 SCRIPT = "render_dataset.py"
@@ -97,6 +97,29 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
         return *messages, summary
 
 
+class ONEFRAME_OT_show_contact_sheet(Reporting):
+    """Show the sheet of the dataset's views in an Image Editor"""
+
+    bl_label = "Contact Sheet"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        folder = result_folder(context.scene)
+        is_there = folder is not None and (folder / CONTACT_SHEET).is_file()
+        return available(cls, is_there, "A run makes it after the last view")
+
+    def run(self, context: bpy.types.Context) -> None:
+        path = output_folder(context.scene) / CONTACT_SHEET
+        image = bpy.data.images.load(str(path), check_existing=True)
+        # a later run has written over it
+        image.reload()
+        shown = (area for _window, area in areas("IMAGE_EDITOR") if area.spaces.active.image == image)
+        area = next(shown, None) or _new_image_editor(context)
+        area.spaces.active.image = image
+        area.tag_redraw()
+
+
 class ONEFRAME_OT_render_dataset(_AboutOptions):
     """Render the dataset in the background; continues a stopped run, and extends a dataset if Views has grown"""
 
@@ -120,6 +143,7 @@ class ONEFRAME_OT_render_dataset(_AboutOptions):
         check_folder(out, loaded, options, listed)
         had = existing_views(out)
         case_path = write_snapshot(scene, out)
+        save_settings(scene)
         scene.oneframe.dataset_out = str(out)
         arguments = [str(case_path), "--out", str(out), "--progress-seconds", "1", "--end-with-input"]
         background_job.start(SCRIPT, arguments, out)
@@ -154,11 +178,9 @@ def result_folder(scene: bpy.types.Scene) -> Path | None:
 
 
 def output_folder(scene: bpy.types.Scene) -> Path:
-    """The dataset's folder: the chosen one, or ``dataset`` beside the case or else beside the frame."""
-    settings = scene.oneframe
-    if settings.dataset_out:
-        return from_scene.absolute_path(settings.dataset_out)
-    return from_scene.absolute_path(settings.case_path or settings.frame_path).parent / "dataset"
+    """The dataset's folder: the chosen one, or the usual one."""
+    chosen = scene.oneframe.dataset_out
+    return from_scene.absolute_path(chosen) if chosen else usual_output(scene)
 
 
 def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
@@ -198,6 +220,14 @@ def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
     thumbnail.image_pixels_float.foreach_set(small.ravel())
     image[PREVIEW_KEY], image[PREVIEW_SUMMARY] = key, summary
     return image
+
+
+def _new_image_editor(context: bpy.types.Context) -> bpy.types.Area:
+    """An Image Editor in a window of its own: the view of the frame stays as large as it is."""
+    bpy.ops.wm.window_new()
+    area = context.window_manager.windows[-1].screen.areas[0]
+    area.ui_type = "IMAGE_EDITOR"
+    return area
 
 
 def _show_in_image_editors(image: bpy.types.Image) -> None:

@@ -14,6 +14,9 @@ SHORTEST_FOCAL_PX, LONGEST_FOCAL_PX = 1e-3, 1e9
 FARTHEST_PRINCIPAL_POINT = 5.0
 """Distance from the middle of the image, in image sizes: a crop of a larger image has one outside, none this far."""
 
+LARGEST_RATIO_ERROR = 0.01
+"""By which the sides of an image may be longer or shorter, relative to each other, than those that K is for."""
+
 PixelOrigin = Literal["center", "corner"]
 
 
@@ -163,6 +166,22 @@ class PinholeCamera:
             cx=(self.cx + 0.5) * sx - 0.5,
             cy=(self.cy + 0.5) * sy - 0.5,
         )
+
+    def for_images(self, size_wh: tuple[int, int], name: str) -> "PinholeCamera":
+        """The camera for images of the same picture in another size; ``name`` is theirs, for the message.
+
+        Raises
+        ------
+        InputError
+            They have other proportions.
+        """
+        across, down = size_wh[0] / self.width, size_wh[1] / self.height
+        if abs(across / down - 1) > LARGEST_RATIO_ERROR:
+            raise InputError(
+                f"{name}: expected the proportions of the case's camera, {self.width}x{self.height} px, found "
+                f"{size_wh[0]}x{size_wh[1]}; crop, or write a case with their K"
+            )
+        return self if size_wh == self.size_wh else self.resized(*size_wh)
 
 
 def _checked_size(size: object, where: str) -> tuple[int, int]:

@@ -6,18 +6,32 @@ state of a case is what its file says; nothing else keeps a record.
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
 from ..images.image_check import check_image_file, image_size
-from .alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, REGISTERED
+from .alignment_record import FOUND, INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
 
 NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
 """No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks, the image or other
 frames; looked at by a person; with a doubt that nobody has checked."""
+
+
+@dataclass(frozen=True)
+class NewFrame:
+    """A frame for a queue.
+
+    Attributes
+    ----------
+    image, video
+        Its file; film and number as :attr:`.Case.video` has them.
+    """
+
+    image: Path
+    video: tuple[str, int] | None = None
 
 
 def queued_cases(folder: Path) -> tuple[Path, ...]:
@@ -35,20 +49,20 @@ def state_of(case: Case) -> str:
     method = record.get("method")
     if ("doubt" in record and method != OTHER_FRAME) or "refused" in record:
         return DOUBTFUL
-    return ALIGNED if method in ("landmarks", "refined", FURTHER_FRAMES, REGISTERED) else ROUGH
+    return ALIGNED if method in ("landmarks", *FOUND) else ROUGH
 
 
-def add_frames(folder: Path, like: Case, frames: Sequence[tuple[Path, tuple[str, int] | None]]) -> list[Path]:
-    """Put frames into a queue, each as a case without a pose; those that are already in it stay as they are.
+def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Path]:
+    """Put frames into a queue, each as a case of its own; those that have one in it already stay as they are.
 
     Parameters
     ----------
     folder
         The queue, created if it does not exist.
     like
-        Its K, surface, structures and dataset options are those of the new cases.
+        Its surface, structures and dataset options are those of the new cases, and its K, scaled to their images.
     frames
-        The images, each with film and number as :attr:`.Case.video` has them. A case is called after its image.
+        A case is called after its image.
 
     Returns
     -------
@@ -57,34 +71,43 @@ def add_frames(folder: Path, like: Case, frames: Sequence[tuple[Path, tuple[str,
     Raises
     ------
     InputError
-        Two frames would have one case, a file of that name is in the way, or an image does not have the size of K;
-        nothing is written then.
+        See :func:`cases_of_frames`; nothing is written then.
     RunError
         A file cannot be written.
     """
-    cases = [
-        replace(
-            like, path=folder / image.stem / CASE, image=image, video=video, posed=False, frames=(), landmarks=(),
-            alignment={},
-        )
-        for image, video in frames
-    ]  # fmt: skip
-    paths = [case.path for case in cases]
+    cases = cases_of_frames(folder, like, frames)
+    fresh = [case for case in cases if not case.path.exists()]
+    keep_files([kept_case(case) for case in fresh], {"frame": like.image, "surface": like.mesh})
+    return [case.path for case in cases]
+
+
+def cases_of_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Case]:
+    """The cases that :func:`add_frames` writes, as far as they do not exist; frames of one image have one.
+
+    Raises
+    ------
+    InputError
+        Two images would have one case, a case of that name is one of another image, or an image has other proportions
+        than K.
+    """
+    by_image = {os.path.realpath(frame.image): frame for frame in frames}
+    cases = [_case_of(frame, folder, like) for frame in by_image.values()]
+    paths = {case.path for case in cases} | ({like.path} if like.path.parent.parent == folder else set())
     if doubled := _first_doubled(path.parent.name.casefold() for path in paths):
         raise InputError(f"{folder}: expected frames with names of their own, found two called {doubled}")
-    fresh = []
-    for case in cases:
-        if (size := image_size(check_image_file(case.image, str(case.image)))) != like.camera.size_wh:
-            raise InputError(
-                f"{case.image}: expected {like.camera.width}x{like.camera.height} px, the size that K is for, found "
-                f"{size[0]}x{size[1]}; put it into another queue, with its own K"
-            )
-        if not case.path.exists():
-            fresh.append(case)
-        elif os.path.realpath(read_case(case.path, posed=False).image) != os.path.realpath(case.image):
-            raise InputError(f"{case.path}: expected the case of {case.image.name}, found one of another frame")
-    keep_files([kept_case(case) for case in fresh], {"frame": like.image, "surface": like.mesh})
-    return paths
+    return cases
+
+
+def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
+    image, path = frame.image, folder / frame.image.stem / CASE
+    present = like if path == like.path else read_case(path, posed=False) if path.exists() else None
+    if present is not None and os.path.realpath(present.image) != os.path.realpath(image):
+        raise InputError(f"{path}: expected the case of {image.name}, found one of another frame")
+    camera = like.camera.for_images(image_size(check_image_file(image, str(image))), str(image))
+    return replace(
+        like, path=path, image=image, camera=camera, video=frame.video, posed=False, frames=(), landmarks=(),
+        alignment={},
+    )  # fmt: skip
 
 
 def _first_doubled(names: Iterable[str]) -> str:

@@ -19,7 +19,7 @@ The folder gets case.toml, frame.png (colours unchanged, alpha 0 where the frame
 structures/*.ply and overlay.png: the frame with the surface at the pose of the case. Without --pose this is only an
 initial guess, from where the drilled cavity is open; align it next. Names of files, comments and metadata are not
 copied. Of several frames, each becomes a case in a folder of its own name, a queue: the first as above, the others
-without a pose, with its surface and K; their images stay where they are.
+without a pose, with its surface and K, which is scaled to images of the same proportions; these stay where they are.
 """
 
 
@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..camera.intrinsics_file import read_camera, typed_camera
         from ..case.case_file import Structure, read_case
         from ..case.case_folder import CASE
-        from ..case.case_queue import add_frames
+        from ..case.case_queue import NewFrame, add_frames
         from ..case.surface_folder import RECORD
         from ..surface.structure_colour import structure_colour
         from ..volume.bone.structures import name_of_file
@@ -134,12 +134,13 @@ def run(arguments: argparse.Namespace) -> int:
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
         denoise=bool(arguments.denoise),
+        others=tuple(others),
     )
     for line in make_case(given, out, overwrite=arguments.overwrite):
         output.write(line + "\n")
     case, aligned = out / CASE, out / "aligned.toml"
     if others:
-        added = add_frames(arguments.out, read_case(case), [(path, None) for path in others])
+        added = add_frames(arguments.out, read_case(case), [NewFrame(path) for path in others])
         output.write(f"queue: {len(added) + 1} frames in {arguments.out}\nnext: open {case} in Blender and align it\n")
         return 0
     output.write(

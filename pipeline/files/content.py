@@ -23,6 +23,7 @@ LARGEST_FILE = 32 << 20
 LARGEST_INPUT = 1 << 30
 """Bytes; the largest file of all that is read whole, such as a mesh."""
 
+_CONTROLS = re.compile(r"[\0-\x08\x0e-\x1f]")
 _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 
@@ -153,13 +154,16 @@ def hashed_reading() -> Iterator[dict[Path, str]]:
 
 
 def decoded(data: bytes) -> str | None:
-    """The text of a UTF-8 or UTF-16 file, or ``None`` if the bytes are no such text."""
-    encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError:
-        return None
-    return None if "\0" in text else text
+    """The text of a file in UTF-8, UTF-16 or, as spreadsheets save it, Windows-1252; ``None`` if it is no text."""
+    encodings = ("utf-16",) if data.startswith((b"\xff\xfe", b"\xfe\xff")) else ("utf-8-sig", "cp1252")
+    for encoding in encodings:
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        # of 256 bytes Windows-1252 lacks five: control characters tell data from text
+        return None if "\0" in text or (encoding == "cp1252" and _CONTROLS.search(text)) else text
+    return None
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
@@ -203,6 +207,20 @@ def written_file(path: Path) -> Iterator[BinaryIO]:
     with _partial_file(path) as stream:
         yield stream
         _replace_durably({path: stream})
+
+
+def content_named(path: Path, data: bytes) -> Path:
+    """The path with a name of its content: a file of it never takes the place of another one."""
+    return path.with_stem(f"{path.stem}-{hashlib.sha256(data).hexdigest()[:8]}")
+
+
+def is_content_named(path: Path) -> bool:
+    """Whether a file has the name of its content, as :func:`content_named` gives it and hardly anybody else."""
+    match = re.fullmatch(r"(.+)-[0-9a-f]{8}", path.stem)
+    try:
+        return match is not None and content_named(path.with_stem(match[1]), read_file(path)) == path
+    except OSError:
+        return False
 
 
 def partial_name(name: str) -> str | None:

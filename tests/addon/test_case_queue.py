@@ -1,15 +1,17 @@
 """A queue in the window: every frame begins where the last one ended, is saved to its own case, and none is lost."""
 
-import json
-
 import bpy
+import cv2
 import numpy as np
 import pytest
 
+from blender_addon.case_queue import queued
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
+from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import CHECKED, NEW, ROUGH, queued_cases, state_of
+from oneframe.images.png import encode_png
 from oneframe.transforms import rigid
 
 
@@ -79,12 +81,50 @@ def test_a_checked_pose_is_recorded_in_its_case_until_it_moves(queue):
     assert states(queue)[0] == ROUGH
 
 
-def test_frames_of_a_film_name_it_and_lie_in_the_queue(queue):
-    from blender_addon.case_queue.operators import add_to_queue
+def write_film(path, size_wh):
+    image = np.full((*size_wh[::-1], 3), 128, np.uint8)
+    image[::2, ::3] = 60
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, size_wh)
+    for _ in range(3):
+        writer.write(image)
+    writer.release()
+    return path
 
-    image = queue / "film_frame_000007.png"
-    image.write_bytes((queue.parent / "frame.png").read_bytes())
-    (path,) = add_to_queue(bpy.context.scene, [(image, ("film.mp4", 7))])
-    assert read_case(path, posed=False).video == ("film.mp4", 7)
-    assert len(queued_cases(queue)) == 4
-    assert json.loads(bpy.context.scene.oneframe.case_files_text)[0].endswith("frame.png")
+
+def test_frames_of_a_film_name_it_scale_k_and_lie_in_the_queue(queue):
+    scene, film = bpy.context.scene, write_film(queue.parent / "film.avi", (128, 96))
+    bpy.ops.oneframe.open_video(filepath=str(film))
+    shown_frame.show(scene, 1)
+    bpy.ops.oneframe.queue_video_frames()
+    (path,) = set(queued_cases(queue)) - {queue / name / "case.toml" for name in ("frame", "last", "later")}
+    case = read_case(path, posed=False)
+    assert case.video == ("film.avi", 1)
+    assert case.image.resolve().parent == queue.resolve()
+    assert case.camera == from_scene.camera(scene).resized(128, 96)
+    with pytest.raises(RuntimeError, match="no case yet"):
+        bpy.ops.oneframe.queue_video_frames()
+
+
+def files_of(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}, sorted(folder.rglob("*"))
+
+
+def test_frames_that_are_refused_change_nothing(addon, write_tiny_case, tmp_path):
+    case = write_tiny_case(tmp_path / "case")
+    bpy.ops.oneframe.open_case(filepath=str(case))
+    scene = bpy.context.scene
+    narrow = write_film(tmp_path / "case" / "narrow.avi", (32, 96))
+    (case.parent / "Frame.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
+    (case.parent / "narrow.png").write_bytes(encode_png(np.zeros((48, 32, 3), np.uint8)))
+    bpy.ops.oneframe.open_video(filepath=str(narrow))
+    before = files_of(tmp_path)
+    for add in (
+        bpy.ops.oneframe.queue_video_frames,
+        lambda: bpy.ops.oneframe.queue_frames(directory=str(case.parent), files=[{"name": "narrow.png"}]),
+        lambda: bpy.ops.oneframe.queue_frames(directory=str(case.parent), files=[{"name": "Frame.png"}]),
+    ):
+        with pytest.raises(RuntimeError, match=r"expected"):
+            add()
+        assert files_of(tmp_path) == before
+        assert scene.oneframe.case_path == str(case)
+        assert queued.queue_of(scene) == ()

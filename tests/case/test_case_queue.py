@@ -12,6 +12,7 @@ from oneframe.case.case_queue import (
     DOUBTFUL,
     NEW,
     ROUGH,
+    NewFrame,
     add_frames,
     queued_cases,
     state_of,
@@ -27,10 +28,12 @@ def like(write_tiny_case, tmp_path):
 
 
 def frames(like, *names):
-    paths = [like.image.with_name(name) for name in names]
+    """Frames of these images; those with a name alone are made."""
+    paths = [like.image.parent / name for name in names]
     for path in paths:
-        path.write_bytes(like.image.read_bytes())
-    return [(path, None) for path in paths]
+        if not path.exists():
+            path.write_bytes(like.image.read_bytes())
+    return [NewFrame(path) for path in paths]
 
 
 def test_a_frame_is_added_once_and_never_over_anothers_work(like, tmp_path):
@@ -45,12 +48,38 @@ def test_a_frame_is_added_once_and_never_over_anothers_work(like, tmp_path):
     worked = first.read_bytes()
     add_frames(queue, like, given)
     assert first.read_bytes() == worked
-    (tmp_path / "small.png").write_bytes(encode_png(np.zeros((4, 5, 3), np.uint8)))
-    small = [(tmp_path / "small.png", None)]
-    for wrong in (frames(like, "c.png", "C.bmp"), [(like.image, None), (tmp_path / "b.png", None)], small):
+    other = image_of(tmp_path / "b.png", like.camera.size_wh)
+    for wrong in ("c.png", "C.bmp"), (other,), (image_of(tmp_path / "small.png", (5, 4)),):
         with pytest.raises(InputError):
-            add_frames(queue, like, wrong)
+            add_frames(queue, like, frames(like, "d.png", *wrong))
     assert len(queued_cases(queue)) == 2
+
+
+def test_a_frame_of_the_name_of_the_first_is_refused_and_the_first_itself_is_not(like, tmp_path):
+    first = replace(like, path=tmp_path / "queue" / "frame" / "case.toml")
+    assert add_frames(tmp_path / "queue", first, [NewFrame(like.image)]) == [first.path]
+    other = image_of(tmp_path / "Frame.png", like.camera.size_wh)
+    for folder in (tmp_path / "queue", tmp_path / "new"):
+        again = replace(first, path=folder / "frame" / "case.toml")
+        with pytest.raises(InputError):
+            add_frames(folder, again, [NewFrame(other)])
+    assert not (tmp_path / "new").exists()
+
+
+def test_images_of_the_same_proportions_scale_k(like, tmp_path):
+    width, height = like.camera.size_wh
+    (path,) = add_frames(
+        tmp_path / "queue", like, [NewFrame(image_of(tmp_path / "half.png", (width // 2, height // 2)))]
+    )
+    scaled = read_case(path, posed=False).camera
+    points = np.array([[0.0, 0.0, 100.0], [7.0, -5.0, 120.0]])
+    corners = [camera.project(points) + 0.5 for camera in (like.camera, scaled)]
+    np.testing.assert_allclose(corners[1], corners[0] / 2)
+
+
+def image_of(path, size_wh):
+    path.write_bytes(encode_png(np.zeros((*size_wh[::-1], 3), np.uint8)))
+    return path
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from oneframe.case.case_file import read_case
-from oneframe.case.case_queue import add_frames
+from oneframe.case.case_queue import NewFrame, add_frames
 from oneframe.case.case_writer import write_case
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.joined_scenes import join_scenes
@@ -26,8 +26,8 @@ def queue(write_tiny_case, tmp_path):
     like = read_case(write_tiny_case(tmp_path / "case"))
     frames = []
     for name in ("a", "b", "c"):
-        frames.append((tmp_path / "case" / f"{name}.png", None))
-        frames[-1][0].write_bytes(like.image.read_bytes())
+        frames.append(NewFrame(tmp_path / "case" / f"{name}.png"))
+        frames[-1].image.write_bytes(like.image.read_bytes())
     for number, path in enumerate(add_frames(tmp_path / "queue", like, frames)[:2]):
         pose = rigid(np.eye(3), [2.0 * number, 0.0, 0.0]) @ like.cam_from_mesh
         aligned = replace(read_case(path, posed=False), posed=True, cam_from_mesh=pose, alignment={"method": "refined"})

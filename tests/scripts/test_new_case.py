@@ -138,16 +138,22 @@ def test_a_second_run_replaces_the_first_until_somebody_changes_it(given, tmp_pa
         dispatch(line(given, mask=given / "mask.png"))
     assert hashes(out) == first
     assert dispatch(line(given, mask=given / "mask.png", overwrite=True)) == 0
-    assert {Path(name).name for name, digest in hashes(out).items() if first[name] != digest} == {
-        "frame.png",
-        "overlay.png",
-    }
+    masked = hashes(out)
+    (frame,) = out.glob("frame-*.png")
+    assert first.keys() - masked.keys() == {str(out / "frame.png")}
+    assert masked.keys() - first.keys() == {str(frame)}
+    changed = {Path(name).name for name in masked.keys() & first.keys() if first[name] != masked[name]}
+    assert changed == {"case.toml", "overlay.png"}
+    assert dispatch(line(given, mask=given / "mask.png")) == 0
+    assert hashes(out) == masked
+    assert dispatch(line(given, overwrite=True)) == 0
+    assert hashes(out) == first
     for name in ("case.toml", "frame.png", "surface.ply"):
         text = (out / name).read_bytes()
         (out / name).write_bytes(text.replace(b"guess", b"align") if name == "case.toml" else text[:-1])
         kept = hashes(out)
         with pytest.raises(InputError, match=f"{name}: expected no such file or that of this case"):
-            dispatch(line(given, mask=given / "mask.png"))
+            dispatch(line(given))
         assert hashes(out) == kept
         (out / name).write_bytes(text)
 
@@ -273,6 +279,13 @@ def test_several_frames_are_a_queue_of_one_surface(given, tmp_path):
         assert np.array_equal(cv2.imread(str(case.image)), cv2.imread(str(path)))
     with pytest.raises(InputError, match="--mask: expected one frame with it, found 3"):
         dispatch(line(given, frame=frames, mask=given / "mask.png", out=tmp_path / "other"))
+    narrow = save(given / "narrow.png", frame_codes(255)[:, ::2])
+    with pytest.raises(InputError, match=r"narrow.png: expected the proportions of .*96x72 px, found 48x72"):
+        dispatch(line(given, frame=[*frames, narrow], out=tmp_path / "other"))
+    assert not (tmp_path / "other").exists()
+    half = save(given / "half.png", frame_codes(255)[::2, ::2])
+    assert dispatch(line(given, frame=[*frames, half], out=tmp_path / "other")) == 0
+    assert read_case(tmp_path / "other" / "half" / "case.toml", posed=False).camera.size_wh == (48, 36)
 
 
 def break_record(given: Path, change) -> None:

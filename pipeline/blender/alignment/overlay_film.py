@@ -23,8 +23,6 @@ WIDEST = 1 << 16
 """Frames are decoded at their own size."""
 PLAUSIBLE_FPS = 1.0, 240.0
 DEFAULT_FPS = 25.0
-LARGEST_RATIO_ERROR = 0.01
-"""By which the sides of the video may be longer or shorter, relative to each other, than those of the case's camera."""
 
 
 @dataclass(frozen=True)
@@ -71,23 +69,6 @@ class FrameMark:
     words: str = ""
 
 
-def camera_of_film(camera: PinholeCamera, size_wh: tuple[int, int], video: str) -> PinholeCamera:
-    """The camera of a case for a video of another size.
-
-    Raises
-    ------
-    InputError
-        The video has other proportions.
-    """
-    across, down = size_wh[0] / camera.width, size_wh[1] / camera.height
-    if abs(across / down - 1) > LARGEST_RATIO_ERROR:
-        raise InputError(
-            f"{video}: expected frames of the proportions of the case's camera, {camera.width}x{camera.height} px, "
-            f"found {size_wh[0]}x{size_wh[1]}; crop, or write a case with their K"
-        )
-    return camera if size_wh == camera.size_wh else camera.resized(*size_wh)
-
-
 def output_rate(info: FilmInfo) -> tuple[float, int]:
     """Frames per second and number of the frames that are written: those of the film if they come at a steady rate."""
     fps = info.fps if PLAUSIBLE_FPS[0] <= info.fps <= PLAUSIBLE_FPS[1] else DEFAULT_FPS
@@ -118,7 +99,7 @@ def opened_film(
             mesh_from_model=loaded.surface.mesh_from_model,
             mm_per_unit=loaded.case.mm_per_unit,
         )
-        size_wh, camera = film.info.size_wh, camera_of_film(loaded.frame.camera, film.info.size_wh, video.name)
+        size_wh, camera = film.info.size_wh, loaded.frame.camera.for_images(film.info.size_wh, video.name)
         if camera.size_wh != loaded.frame.camera.size_wh:
             width, height = loaded.frame.camera.size_wh
             messages.append(f"{video.name}: {size_wh[0]}x{size_wh[1]} px, the K of {width}x{height} is scaled to it")
@@ -144,7 +125,7 @@ class OverlayFilm:
         ``marks`` has those of the frames that are marked, by their numbers.
         """
         self._film, self._poses, self._marks = film, poses, marks or {}
-        camera = camera_of_film(loaded.frame.camera, film.info.size_wh, film.path.name)
+        camera = loaded.frame.camera.for_images(film.info.size_wh, film.path.name)
         self._painter = OverlayPainter(loaded, camera, explained=explained)
         self._straight = _resampler(camera, loaded.case.distortion)
         self._counts = dict.fromkeys(("drawn", "without_pose", "out_of_view", "repeated", "left_out"), 0)

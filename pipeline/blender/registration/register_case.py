@@ -1,5 +1,6 @@
 """Register further frames to a case, and write their poses, a sheet of the frames, and of a video a film."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import count as counted
@@ -8,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...case.case_history import history_path
 from ...case.case_writer import relative_name
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
@@ -29,10 +31,11 @@ from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
 from ..render.lettering import text_mask
-from .register_frames import CaseRegistrar, FurtherFrame
+from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
-NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).replace(".", r"\.")
+HISTORY = history_path(Path(CASE)).name
+NAMES = "|".join([*map(re.escape, (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, HISTORY)), FRAME_NAMES])
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75
@@ -92,16 +95,16 @@ def register_case(
     RunError
         A file cannot be written.
     """
-    check_own_folder(out, NAMES)
+    check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(source))
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
     entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), list[Candidate]()
     surface, units = loaded.surface, loaded.case.mm_per_unit
-    steps, spare = 1 if source.is_dir() else 2, PICTURES
+    steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
     with registrar.frames(source, every) as (count, frames):
         shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         for done, frame in enumerate(frames):
-            found = registrar.register(frame)
+            found, usable = registrar.register(frame), usable or not frame.problem
             # as in a list of photographs: from the folder of the list
             image = relative_name(source / frame.name, out) if frame.name else ""
             entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
@@ -120,7 +123,14 @@ def register_case(
             progress(done + 1, steps * count)
     if not entries:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
+    if not usable:
+        one = evidence[0]
+        raise InputError(f"{one.name or source.name}: {one.verdict.reason}; nor can any other frame be used")
     made_folder(out / POSES)
+    for name in (ESTIMATES, SHEET, FILM, PAGE):
+        # what shows other poses
+        with writing(out / name):
+            (out / name).unlink(missing_ok=True)
     write_poses(out, entries, units)
     sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):

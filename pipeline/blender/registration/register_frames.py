@@ -14,7 +14,7 @@ from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
-from ...files.content import write_bytes_atomically
+from ...files.content import content_named, write_bytes_atomically
 from ...files.outputs import writing
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -28,7 +28,6 @@ from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
-from ..alignment.overlay_film import camera_of_film
 from ..bridge.image import read_image
 from ..colour.reference_view import ReferenceView, colouring_view_of
 
@@ -36,7 +35,9 @@ LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
 
 FRAME = "frame_{:06d}.png"
-"""Name of a frame that is written."""
+"""Name of a frame that is written; :func:`.content_named` then."""
+FRAME_NAMES = r"frame_\d+-[0-9a-f]{8}\.png"
+"""Regular expression of these."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -52,12 +53,15 @@ class FurtherFrame:
         Counted from 0, in the video or among the images.
     image, valid
         ``(H, W, 3)`` uint8 undistorted, at the size of registration; ``(H, W)`` bool.
+    problem
+        Why it cannot be used, in a short sentence without a name; empty if it can.
     """
 
     name: str
     number: int
     image: np.ndarray
     valid: np.ndarray
+    problem: str = ""
 
 
 class CaseRegistrar:
@@ -116,6 +120,9 @@ class CaseRegistrar:
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """The same as if the case's pose and the focal length were certain."""
+        if frame.problem:
+            self._before = ()
+            return RegisteredFrame(Verdict(REFUSED, 0.0, frame.problem))
         if near is None and not frame.name and self._before:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
@@ -128,10 +135,12 @@ class CaseRegistrar:
     def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:
         """Open a folder of images or a video: how many frames there are, and the frames.
 
+        An image that cannot be read, or has other proportions than K's, comes with its problem.
+
         Raises
         ------
         InputError
-            No images, not a video, or frames of other proportions than K's; while iterating also an unreadable image.
+            No images, not a video, or one of other proportions than K's.
         """
         if source.is_dir():
             paths = image_paths(source)
@@ -141,7 +150,7 @@ class CaseRegistrar:
             yield len(chosen), (self._of_image(number, path) for number, path in chosen)
             return
         with Film(source, every=every, width=self.camera.width) as film:
-            camera_of_film(self._case.camera, film.info.size_wh, source.name)
+            self._case.camera.for_images(film.info.size_wh, source.name)
             yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
 
     def full_frames(
@@ -165,10 +174,12 @@ class CaseRegistrar:
             shown = shown_pixels(candidate.hidden, self.camera, size_wh)
             clean = denoised(image, shown)[0] if denoise else None
             image = image if clean is None else clean
-            path = out / FRAME.format(number)
+            data = encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)]))
+            # a case may name another film's frame of this number
+            path = content_named(out / FRAME.format(number), data)
             with writing(path):
-                write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))
-            own = camera_of_film(self._case.camera, size_wh, source.name)
+                write_bytes_atomically(path, data)
+            own = self._case.camera.for_images(size_wh, source.name)
             pose = candidate.cam_from_model @ inverse_rigid(mesh_from_model)
             yield UnreadFrame(path, own, self._case.distortion, pose)
 
@@ -182,12 +193,19 @@ class CaseRegistrar:
             yield from ((each.index, each.image) for each in film if each.index in numbers)
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
-        image, valid = read_image(path, path.name)
-        camera_of_film(self._case.camera, (image.shape[1], image.shape[0]), path.name)
+        try:
+            image, valid = read_image(path, path.name)
+            self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
+        except InputError as error:
+            return self._unusable(path.name, number, str(error).removeprefix(f"{path.name}: "))
         small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
         frame = self._undistorted(path.name, number, to_uint8(small))
         shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
         return replace(frame, valid=frame.valid & shown)
+
+    def _unusable(self, name: str, number: int, problem: str) -> FurtherFrame:
+        grey = np.full((*self.camera.shape_hw, 3), 128, np.uint8)
+        return FurtherFrame(name, number, grey, np.zeros(self.camera.shape_hw, bool), problem)
 
     def _undistorted(self, name: str, number: int, image: np.ndarray) -> FurtherFrame:
         if image.shape[1::-1] != self.camera.size_wh:
@@ -208,6 +226,13 @@ def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty
     pose = loaded.frame.cam_from_model
     own = PoseUncertainty.stated(loaded.case.alignment, view.view.shown_points(), pose)
     return None if own is None else own.about(view.pivot_model, pose)
+
+
+def frame_files(source: Path) -> dict[str, Path]:
+    """All that is read of a folder of images or a video, by what it is."""
+    if not source.is_dir():
+        return {"video": source}
+    return {"folder of the frames": source} | {f"image {path.name}": path for path in image_paths(source)}
 
 
 def image_paths(folder: Path) -> list[Path]:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.alignment.overlay_film import FrameMark, OverlayFilm, camera_of_film, opened_film, report_lines
+from oneframe.blender.alignment.overlay_film import FrameMark, OverlayFilm, opened_film, report_lines
 from oneframe.blender.alignment.overlay_picture import OverlayPainter
 from oneframe.blender.render.video import stream_video
 from oneframe.camera.distortion import Distortion, undistort
@@ -134,8 +134,8 @@ def test_a_film_of_another_size_scales_k_and_other_proportions_are_refused(loade
     painter = OverlayPainter(loaded, CAMERA.resized(160, 120), explained=True)
     assert error_of(found[1], painter.paint(small[1], frontal_pose).image) < 4
     for size in ((160, 90), (240, 320)):
-        with pytest.raises(InputError, match=r"film.mp4: expected frames of the proportions .* 320x240 px, found \d+x"):
-            camera_of_film(CAMERA, size, "film.mp4")
+        with pytest.raises(InputError, match=r"film.mp4: expected the proportions .* 320x240 px, found \d+x"):
+            CAMERA.for_images(size, "film.mp4")
 
 
 def test_uneven_times_keep_their_pace(loaded, frontal_pose, tmp_path):

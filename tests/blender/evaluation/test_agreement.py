@@ -9,7 +9,7 @@ from oneframe.blender.alignment.overlay_picture import frame_overlay
 from oneframe.blender.case.load_case import load_case
 from oneframe.blender.evaluation.agreement import agreement, pair_picture, paired_cases
 from oneframe.case.case_file import read_case
-from oneframe.case.case_queue import add_frames, queued_cases
+from oneframe.case.case_queue import NewFrame, add_frames, queued_cases
 from oneframe.case.case_update import update_case
 from oneframe.images.contact_sheet import GAP_PX
 from oneframe.images.pixel_values import to_uint8
@@ -69,8 +69,8 @@ def test_errors_as_stated_are_what_is_expected(case):
 def test_queues_are_paired_by_name_where_both_have_a_pose(case, tmp_path, run_oneframe):
     images = []
     for name in ("a.png", "b.png", "c.png"):
-        images.append((case.image.with_name(name), None))
-        images[-1][0].write_bytes(case.image.read_bytes())
+        images.append(NewFrame(case.image.with_name(name)))
+        images[-1].image.write_bytes(case.image.read_bytes())
     queues = tmp_path / "anna", tmp_path / "ben"
     for queue, shift in zip(queues, (0.0, 0.5), strict=True):
         posed = moved(case, np.zeros(3), np.array([shift, 0.0, 0.0]))

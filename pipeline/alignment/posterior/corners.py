@@ -18,8 +18,8 @@ MOST, WEAKEST, APART_PX = 60, 0.1, 8
 def corners_in_view(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
     """``(N, 3)`` points of a surface, mm, at the corners of its picture at a pose, the strongest first.
 
-    They are tips and notches of the outline, and where folds meet (Shi & Tomasi, "Good features to track", 1994). Those of
-    open borders, where a scan ends, are left out.
+    They are tips and notches of the outline, and where folds meet (Shi & Tomasi, "Good features to track", 1994). Those
+    of open borders, where a scan ends, are left out.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def corners_in_view(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
     _, nearest = cv2.distanceTransformWithLabels(
         (~seen).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    pixel_of = np.zeros(int(nearest.max()) + 1, np.int64)
+    pixel_of = np.zeros(int(np.max(nearest)) + 1, np.int64)
     pixel_of[nearest[seen]] = np.flatnonzero(seen)
     x, y = np.rint(corners.reshape(-1, 2)).astype(int).T
     found = pixel_of[nearest[y, x]]

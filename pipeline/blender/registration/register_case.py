@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from itertools import count as counted
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from ...registration.verdict import ACCEPTED
 from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
+from ..case.load_case import DISTORTION
 from ..render.lettering import text_mask
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
 
@@ -108,6 +109,8 @@ def register_case(
             # as in a list of photographs: from the folder of the list
             image = relative_name(source / frame.name, out) if frame.name else ""
             entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
+            if image and loaded.case.distortion is not None:
+                entries[-1][DISTORTION] = astuple(loaded.case.distortion)
             candidate = candidate_of(frame.number, frame.image, found) if colour_frames else None
             candidates += [] if candidate is None else [candidate]
             picture = None
@@ -174,7 +177,7 @@ def _write_film(
 ) -> None:
     """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
     with Film(source, every=every, width=WIDEST) as film:
-        poses: list[np.ndarray | None] = [None] * (film.info.frames * every)
+        poses: list[np.ndarray | None] = [None] * (max(each.number for each in evidence) + 1)
         marks = dict[int, FrameMark]()
         for each in evidence:
             poses[each.number] = each.cam_from_model

@@ -75,6 +75,8 @@ class RegistrationEvidence:
         The record of the case's pose.
     is_film
         Whether the frames follow each other.
+    cut_off
+        A sentence if the film is cut off, else empty.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -83,6 +85,7 @@ class RegistrationEvidence:
     pivot_model: np.ndarray
     alignment: Mapping[str, object]
     is_film: bool
+    cut_off: str = ""
 
     @property
     def counts(self) -> dict[str, int]:

@@ -26,7 +26,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_atomically
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
-from ..pipeline.registration.colour_sources import Candidate, candidate_of
+from ..pipeline.registration.colour_sources import Candidates
 from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.report import registration_record
@@ -65,13 +65,13 @@ class FoundFrames:
     frames
         Number in the film -> what was found, without the fit.
     candidates
-        Number -> the frame for colours: of those that were accepted in this session.
+        Accepted frames of this session that may colour the surface.
     """
 
     source: Source
     file: Path | None
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
-    candidates: dict[int, Candidate] = field(default_factory=dict)
+    candidates: Candidates = field(default_factory=Candidates)
 
     def register(self, registrar: CaseRegistrar, film: FilmSession, progress: Callable[[float], None]) -> None:
         """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
@@ -84,7 +84,9 @@ class FoundFrames:
             The file cannot be written.
         """
         numbers = {score.index for score in film.scores.frames}
-        left = numbers - self.frames.keys() or numbers
+        left = numbers - self.frames.keys()
+        if not left:
+            left, self.candidates = numbers, Candidates()
         done, written_s = 0, time.monotonic()
         try:
             with registrar.frames(film.path) as (_, frames):
@@ -92,8 +94,7 @@ class FoundFrames:
                     if frame.number not in left:
                         continue
                     found = registrar.register(frame)
-                    if (candidate := candidate_of(frame.number, frame.image, found)) is not None:
-                        self.candidates[frame.number] = candidate
+                    self.candidates.add(frame.number, frame.image, frame.valid, found)
                     self.frames[frame.number] = replace(found, fit=None)
                     done += 1
                     progress(done / len(left))

@@ -22,7 +22,7 @@ from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
-from ...registration.colour_sources import Candidate, candidate_of, chosen_sources
+from ...registration.colour_sources import Candidates, chosen_sources
 from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
@@ -99,7 +99,7 @@ def register_case(
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(source))
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
-    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), list[Candidate]()
+    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), Candidates()
     surface, units = loaded.surface, loaded.case.mm_per_unit
     steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
     with registrar.frames(source, every) as (count, frames):
@@ -111,8 +111,8 @@ def register_case(
             entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
             if image and loaded.case.distortion is not None:
                 entries[-1][DISTORTION] = astuple(loaded.case.distortion)
-            candidate = candidate_of(frame.number, frame.image, found) if colour_frames else None
-            candidates += [] if candidate is None else [candidate]
+            if colour_frames:
+                candidates.add(frame.number, frame.image, frame.valid, found)
             picture = None
             in_sheet = done % shown_every == 0
             changed = spare > 0 and (not evidence or evidence[-1].verdict.state != found.verdict.state)
@@ -145,12 +145,11 @@ def register_case(
             progress(int((1 + share) * count), 2 * count)
 
         cut_off = _write_film(loaded, source, out / FILM, evidence, every, shown)
-    sources: tuple[UnreadFrame, ...] = ()
-    if candidates:
-        mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
-        chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
-        listed = {each.number: each for each in candidates if each.number in chosen}
-        sources = tuple(registrar.full_frames(source, out, listed, surface.mesh_from_model, denoise=denoise))
+    choice = (
+        chosen_sources(registrar.mesh, registrar.source, candidates.frames, colour_frames) if colour_frames else None
+    )
+    chosen = [] if choice is None else [each.candidate for each in choice.frames]
+    sources = registrar.full_frames(source, out, chosen, surface.mesh_from_model, denoise=denoise)
     known = RegistrationEvidence(
         tuple(evidence),
         registrar.mesh,
@@ -158,6 +157,7 @@ def register_case(
         registrar.pivot_model,
         loaded.case.alignment or {},
         is_film=not source.is_dir(),
+        colour=choice,
         cut_off=cut_off,
     )
     return Registration(known, sources)

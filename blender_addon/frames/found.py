@@ -8,7 +8,7 @@ import bpy
 from ..class_registration import class_registration, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
-from ..pipeline.registration.colour_sources import Candidate, candidate_of
+from ..pipeline.registration.colour_sources import Candidates
 from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..state import another_frame, from_scene
@@ -31,13 +31,13 @@ class FoundFrames:
     frames
         Position in the film's list of scores -> what was found, without the fit.
     candidates
-        The accepted frames.
+        Accepted frames that may colour the surface.
     """
 
     film: FilmSession
     inputs: tuple[object, ...]
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
-    candidates: list[Candidate] = field(default_factory=list)
+    candidates: Candidates = field(default_factory=Candidates)
 
     def register(self, registrar: CaseRegistrar, progress: Callable[[float], None]) -> None:
         """Register all scored frames of the film; in any thread.
@@ -53,8 +53,7 @@ class FoundFrames:
                 if frame.number not in positions:
                     continue
                 found = registrar.register(frame)
-                if (candidate := candidate_of(frame.number, frame.image, found)) is not None:
-                    self.candidates.append(candidate)
+                self.candidates.add(frame.number, frame.image, frame.valid, found)
                 self.frames[positions[frame.number]] = replace(found, fit=None)
                 progress(len(self.frames) / len(positions))
 

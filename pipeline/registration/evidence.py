@@ -8,6 +8,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..surface.mesh import TriangleMesh
+from .colour_sources import ColourChoice
 from .register import RegisteredFrame
 from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, Verdict
 
@@ -75,6 +76,10 @@ class RegistrationEvidence:
         The record of the case's pose.
     is_film
         Whether the frames follow each other.
+    colour
+        The frames that colour the surface, if any were to be chosen.
+    cut_off
+        A sentence if the film is cut off, else empty.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -83,6 +88,8 @@ class RegistrationEvidence:
     pivot_model: np.ndarray
     alignment: Mapping[str, object]
     is_film: bool
+    colour: ColourChoice | None = None
+    cut_off: str = ""
 
     @property
     def counts(self) -> dict[str, int]:

@@ -22,7 +22,7 @@ from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
-from ...registration.colour_sources import Candidate, candidate_of, chosen_sources
+from ...registration.colour_sources import Candidates, chosen_sources
 from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame
@@ -99,7 +99,7 @@ def register_case(
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(source))
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
-    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), list[Candidate]()
+    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), Candidates()
     surface, units = loaded.surface, loaded.case.mm_per_unit
     steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
     with registrar.frames(source, every) as (count, frames):
@@ -111,8 +111,8 @@ def register_case(
             entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
             if image and loaded.case.distortion is not None:
                 entries[-1][DISTORTION] = astuple(loaded.case.distortion)
-            candidate = candidate_of(frame.number, frame.image, found) if colour_frames else None
-            candidates += [] if candidate is None else [candidate]
+            if colour_frames:
+                candidates.add(frame.number, frame.image, frame.valid, found)
             picture = None
             in_sheet = done % shown_every == 0
             changed = spare > 0 and (not evidence or evidence[-1].verdict.state != found.verdict.state)
@@ -138,18 +138,18 @@ def register_case(
     sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
+    cut_off = ""
     if not source.is_dir():
 
         def shown(share: float) -> None:
             progress(int((1 + share) * count), 2 * count)
 
-        _write_film(loaded, source, out / FILM, evidence, every, shown)
-    sources: tuple[UnreadFrame, ...] = ()
-    if candidates:
-        mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
-        chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
-        listed = {each.number: each for each in candidates if each.number in chosen}
-        sources = tuple(registrar.full_frames(source, out, listed, surface.mesh_from_model, denoise=denoise))
+        cut_off = _write_film(loaded, source, out / FILM, evidence, every, shown)
+    choice = (
+        chosen_sources(registrar.mesh, registrar.source, candidates.frames, colour_frames) if colour_frames else None
+    )
+    chosen = [] if choice is None else [each.candidate for each in choice.frames]
+    sources = registrar.full_frames(source, out, chosen, surface.mesh_from_model, denoise=denoise)
     known = RegistrationEvidence(
         tuple(evidence),
         registrar.mesh,
@@ -157,6 +157,8 @@ def register_case(
         registrar.pivot_model,
         loaded.case.alignment or {},
         is_film=not source.is_dir(),
+        colour=choice,
+        cut_off=cut_off,
     )
     return Registration(known, sources)
 
@@ -174,8 +176,11 @@ def _write_film(
     evidence: Sequence[FrameEvidence],
     every: int,
     progress: Callable[[float], None],
-) -> None:
-    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
+) -> str:
+    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked.
+
+    Returns a sentence if the film is cut off, else an empty one.
+    """
     with Film(source, every=every, width=WIDEST) as film:
         poses: list[np.ndarray | None] = [None] * (max(each.number for each in evidence) + 1)
         marks = dict[int, FrameMark]()
@@ -186,6 +191,7 @@ def _write_film(
             marks[each.number] = FrameMark(each.opacity, codes, words)
         drawing, written = OverlayFilm(loaded, film, poses, explained=True, marks=marks), counted(1)
         drawing.write(out, lambda: progress(next(written) / drawing.count))
+        return film.info.cut_off
 
 
 def _webp(tile: np.ndarray) -> bytes:

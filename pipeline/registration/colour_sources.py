@@ -31,10 +31,13 @@ BLOCK_PX, LEAST_PIXELS = 16, 8
 DETAIL_PX, AROUND_PX, COARSE_PX = 1.5, 4.0, 3.0
 """Standard deviations: finer than the first is detail, its strength is a mean over the second, and colours are compared
 without what is finer than the third."""
-LEAST_SHARPNESS = 0.6
+LEAST_SHARPNESS = 0.75
 """Median strength of a frame's detail, relative to that of the case's frame at the same points: less is blurred."""
-OTHER_COLOUR, MOST_OTHER = 0.25, 0.012
-"""Difference of code values (0..1) of a block that shows something else, and the share of such blocks that covers."""
+OTHER_COLOUR, SOME_COLOUR, ALIKE, FLAT = 0.25, 0.08, 0.5, 0.015
+"""A block shows something else if its code values (0..1) differ by the first; by the second if the shading in it does not
+correlate by the third either, unless its standard deviation is below the last in both frames."""
+MOST_OTHER, LEAST_BLOCKS = 0.0075, 3
+"""Share of the blocks, and number, that cover a frame if they lie side by side: light changes here and there."""
 LEAST_GAIN = 0.05
 """Code values, of 255, by which a frame must lower the mean error of the frames left out."""
 BLURRED, COVERED = "blurred", "covered"
@@ -188,17 +191,29 @@ def _flaw(source: SourceView, view: SourceView) -> str:
     pixels = [each.project(points)[0] for each in (source, view)]
     details, colours = ([_sampled(of(each.image), at) for each, at in zip((source, view), pixels, strict=True)]
                         for of in (_detail, _coarse))  # fmt: skip
-    across, down = (pixels[1] // BLOCK_PX).astype(int).T
-    _, block, size = np.unique(across + down * view.camera.width, return_inverse=True, return_counts=True)
+    rows, columns = (-(-side // BLOCK_PX) for side in view.camera.shape_hw)
+    across, down = np.maximum(pixels[1] // BLOCK_PX, 0).astype(int).T
+    block = across + down * columns
+    size = np.bincount(block, minlength=rows * columns)
     known = size >= LEAST_PIXELS
     if not known.any():
         return COVERED
-    fine, other = (np.bincount(block, weights=each[:, 0])[known] for each in details), np.abs(colours[1] - colours[0])
-    before, after = fine
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.bincount(block, values, len(size)) / np.maximum(size, 1)
+
+    before, after = (mean(each[:, 0])[known] for each in details)
     if np.median(after / np.maximum(before, 1e-9)) < LEAST_SHARPNESS:
         return BLURRED
-    differs = (np.bincount(block, weights=other.max(axis=1)) / size)[known] > OTHER_COLOUR
-    return COVERED if differs.mean() > MOST_OTHER else ""
+    difference = mean(np.abs(colours[1] - colours[0]).max(axis=1))
+    one, other = (grey - mean(grey)[block] for grey in (each.mean(axis=1) for each in colours))
+    variances = mean(one * one), mean(other * other)
+    unlike = mean(one * other) < ALIKE * np.sqrt(variances[0] * variances[1])
+    unlike &= np.maximum(*variances) > FLAT**2
+    differs = known & ((difference > OTHER_COLOUR) | (difference > SOME_COLOUR) & unlike)
+    _, _, stats, _ = cv2.connectedComponentsWithStats(differs.reshape(rows, columns).astype(np.uint8), connectivity=8)
+    largest = int(stats[1:, cv2.CC_STAT_AREA].max(initial=0))
+    return COVERED if largest >= LEAST_BLOCKS and largest > MOST_OTHER * known.sum() else ""
 
 
 def _sampled(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:

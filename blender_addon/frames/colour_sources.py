@@ -32,7 +32,10 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
     def work(self, context: bpy.types.Context) -> Work:
         scene = context.scene
         registered, path = found.of(scene), scene.oneframe.case_path
-        if registered is None or not registered.candidates:
+        candidates = (
+            [each for each in registered.candidates if registered.is_accepted(each.number)] if registered else []
+        )
+        if not candidates:
             raise InputError("expected frames that are found, there are none; press Register Frames")
         if not path:
             raise InputError("expected a case with a file, beside which the frames go; press Save Case first")
@@ -44,7 +47,7 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         self._inputs = inputs_of(scene)
 
         def choose(progress: Any) -> tuple[UnreadFrame, ...]:
-            candidates, first = registered.candidates, registrar.cam_from_model
+            first = registrar.cam_from_model
             numbers = chosen_sources(registrar.mesh, registrar.camera, first, candidates, count)
             progress(0.5)
             made_folder(folder / FRAME)

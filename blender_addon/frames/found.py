@@ -9,7 +9,7 @@ from ..class_registration import class_registration, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
 from ..pipeline.registration.colour_sources import Candidate, candidate_of
-from ..pipeline.registration.register import RegisteredFrame
+from ..pipeline.registration.register import RegisteredFrame, judged_together
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..state import another_frame, from_scene
 from ..state.another_frame import SeenFrame
@@ -31,13 +31,16 @@ class FoundFrames:
     frames
         Position in the film's list of scores -> what was found, without the fit.
     candidates
-        The accepted frames.
+        Frames that may colour the surface, of which :meth:`is_accepted` knows.
+    alone
+        The frames as each was found alone; how they are judged together is in ``frames``.
     """
 
     film: FilmSession
     inputs: tuple[object, ...]
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     candidates: list[Candidate] = field(default_factory=list)
+    alone: dict[int, RegisteredFrame] = field(default_factory=dict)
 
     def register(self, registrar: CaseRegistrar, progress: Callable[[float], None]) -> None:
         """Register all scored frames of the film; in any thread.
@@ -55,8 +58,16 @@ class FoundFrames:
                 found = registrar.register(frame)
                 if (candidate := candidate_of(frame.number, frame.image, found)) is not None:
                     self.candidates.append(candidate)
-                self.frames[positions[frame.number]] = replace(found, fit=None)
+                self.alone[positions[frame.number]] = replace(found, fit=None)
+                self.frames = dict(zip(self.alone, judged_together(list(self.alone.values())), strict=True))
                 progress(len(self.frames) / len(positions))
+
+    def is_accepted(self, number: int) -> bool:
+        """Whether a frame of the film is."""
+        numbers = (
+            self.film.scores.frames[at].index for at, found in self.frames.items() if found.verdict.state == ACCEPTED
+        )
+        return number in numbers
 
     def summary(self) -> str:
         """How many frames are found, doubtful and lost."""

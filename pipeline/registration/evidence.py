@@ -1,7 +1,7 @@
 """Registered frames as a film and a page show them: how sure each pose is, and what to look at first."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,10 @@ class FrameEvidence:
         """Of the overlay, 0..1: the less sure the fainter, none without a pose."""
         sure = 0.0 if self.cam_from_model is None else self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX)
         return float(np.clip(sure, *OPACITY[self.verdict.state]))
+
+    def judged(self, found: RegisteredFrame) -> "FrameEvidence":
+        """What is known once all frames are: its verdict, and whether it keeps its pose."""
+        return replace(self, verdict=found.verdict, cam_from_model=found.cam_from_model)
 
     def words(self, until: "FrameEvidence") -> str:
         """State and reason, of the frames from this one until another one."""

@@ -23,11 +23,11 @@ from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
 from oneframe.registration.evidence import frame_evidence
-from oneframe.registration.register import Registrar
+from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
 from oneframe.registration.source_correction import SourceCorrection, Track
 from oneframe.registration.source_uncertainty import with_source
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
-from oneframe.registration.zoom import Zoom, has_zoomed, zoom_of
+from oneframe.registration.zoom import Zoom, at_same_focal_length, zoom_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
@@ -132,13 +132,41 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     enlarged = factor * np.eye(2, 3)
     enlarged[:, 2] = (1 - factor) * np.array([CAMERA.cx, CAMERA.cy])
     image = cv2.warpAffine(codes(photograph(mesh, seen_from(25, 10))), enlarged, CAMERA.size_wh)
-    fit = registrar.register(image, everywhere()).fit
-    zoom = zoom_of(fit, PIVOT)
+    found = registrar.register(image, everywhere())
+    zoom = zoom_of(found.fit, PIVOT)
     assert abs(zoom.factor - factor) < max(0.02, 3 * zoom.sigma)
-    assert has_zoomed(zoom) == (factor == 1.25)
-    # a smaller change must last
-    assert has_zoomed(zoom, [zoom] * 8) == (factor != 1)
-    assert has_zoomed(zoom, [Zoom(1.0, zoom.sigma)] * 5 + [zoom] * 3) == (factor == 1.25)
+    found, clean = replace(found, zoom=zoom), replace(found, zoom=Zoom(1.0, zoom.sigma))
+    (alone,) = judged_together([found])
+    assert (alone.verdict.state == ACCEPTED) == (factor == 1)
+    # the others of its set say how exact the case is
+    *others, judged = judged_together([clean] * 6 + [found])
+    assert judged.verdict.state == (ACCEPTED if factor == 1 else REFUSED)
+    assert (judged.cam_from_model is None) == (factor != 1)
+    assert {each.verdict.state for each in others} == {ACCEPTED}
+    assert judged_together([RegisteredFrame(found.verdict), found])[0].verdict == found.verdict
+
+
+def test_zooms_are_judged_as_a_set():
+    sigma, exact, ramp, soft = 0.008, np.zeros(20), np.log(np.linspace(1.0, 1.12, 26)), []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+
+        def same(logs: np.ndarray, stated: float = sigma, rng: np.random.Generator = rng) -> np.ndarray:
+            # where the surface is exact, estimates err by half of what they state
+            found = logs + rng.normal(0, stated / 2, len(logs))
+            return at_same_focal_length([Zoom(factor, stated) for factor in np.exp(found)])
+
+        assert same(exact).min() > 0.97
+        # all, half and one of them
+        assert same(exact[:5] + 0.1).max() < 0.5
+        half = same(np.repeat([0.1, 0.0], 5))
+        assert half[:5].max() < 0.5 < 0.95 < half[5:].min()
+        one = same(0.1 * (np.arange(9) == 4))
+        assert one[4] < 0.5 < 0.97 < np.delete(one, 4).min()
+        # a slow zoom goes as far as the frames of a soft case scatter, but in small steps
+        assert ramp[same(ramp) > 0.97].max(initial=0) < 0.02
+        soft += list(same(rng.normal(-0.02, 0.04, 20), 0.015))
+    assert np.mean(np.array(soft) > 0.97) > 0.9
 
 
 def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):

@@ -1,7 +1,7 @@
 """Register further frames to a case, and write their poses, a sheet of the frames, and of a video a film."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count as counted
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from ...projection.overlay_scene import OverlayScene
 from ...registration.colour_sources import Candidate, candidate_of, chosen_sources
 from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
-from ...registration.register import RegisteredFrame
+from ...registration.register import RegisteredFrame, judged_together
 from ...registration.verdict import ACCEPTED
 from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
@@ -95,7 +95,8 @@ def register_case(
     check_own_folder(out, NAMES)
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
-    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), list[Candidate]()
+    registered, images, tiles = list[RegisteredFrame](), list[str](), dict[int, np.ndarray]()
+    evidence, candidates = list[FrameEvidence](), list[Candidate]()
     surface, units = loaded.surface, loaded.case.mm_per_unit
     steps, spare = 1 if source.is_dir() else 2, PICTURES
     with registrar.frames(source, every) as (count, frames):
@@ -103,8 +104,8 @@ def register_case(
         for done, frame in enumerate(frames):
             found = registrar.register(frame)
             # as in a list of photographs: from the folder of the list
-            image = relative_name(source / frame.name, out) if frame.name else ""
-            entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
+            images.append(relative_name(source / frame.name, out) if frame.name else "")
+            registered.append(replace(found, fit=None))
             candidate = candidate_of(frame.number, frame.image, found) if colour_frames else None
             candidates += [] if candidate is None else [candidate]
             picture = None
@@ -113,24 +114,35 @@ def register_case(
             if in_sheet or changed or done % kept_every == 0:
                 tile = _tile(frame, found, scene, registrar)
                 picture = _webp(tile)
-                tiles += [tile.astype(np.float32) / 255] * in_sheet
+                tiles |= {done: tile} if in_sheet else {}
                 spare -= changed
             points = drawn if len(drawn) or found.fit is None else found.fit.points_model
             evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
             progress(done + 1, steps * count)
-    if not entries:
+    if not registered:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
+    registered = judged_together(registered)
+    evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
+    accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED}
+    candidates = [each for each in candidates if each.number in accepted]
+    entries = [
+        pose_entry(image, each.number, found, surface.mesh_from_model, units)
+        for image, each, found in zip(images, evidence, registered, strict=True)
+    ]
     made_folder(out / POSES)
     write_poses(out, entries, units)
-    sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
+    for done, tile in tiles.items():
+        put_border(tile, COLOURS[evidence[done].verdict.state], "", text_mask)
+    shown = [tile.astype(np.float32) / 255 for tile in tiles.values()]
+    sheet = contact_sheet(shown, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
     if not source.is_dir():
 
-        def shown(share: float) -> None:
+        def drawn_film(share: float) -> None:
             progress(int((1 + share) * count), 2 * count)
 
-        _write_film(loaded, source, out / FILM, evidence, every, shown)
+        _write_film(loaded, source, out / FILM, evidence, every, drawn_film)
     sources: tuple[UnreadFrame, ...] = ()
     if candidates:
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
@@ -182,10 +194,9 @@ def _webp(tile: np.ndarray) -> bytes:
 
 
 def _tile(frame: FurtherFrame, found: RegisteredFrame, scene: OverlayScene, registrar: CaseRegistrar) -> np.ndarray:
-    """``(h, w, 3)`` uint8: the frame with the overlay at its pose, in a border of its state's colour."""
+    """``(h, w, 3)`` uint8: the frame with the overlay at its pose."""
     picture = frame.image.copy()
     if found.cam_from_model is not None:
         camera, pose = registrar.camera, found.cam_from_model
         picture = draw_overlay(picture, scene.surface_layer(camera, pose), scene.layers(camera, pose))
-    put_border(picture, COLOURS[found.verdict.state], "", text_mask)
     return picture

@@ -112,6 +112,6 @@ register, unregister = class_registration(
     keys(
         Key("oneframe.queue_step", "PAGE_DOWN", properties=(("step", 1),)),
         Key("oneframe.queue_step", "PAGE_UP", properties=(("step", -1),)),
-        Key("oneframe.queue_check", "PAGE_DOWN", ctrl=True),
+        Key("oneframe.queue_check", "PAGE_DOWN", alt=True),
     ),
 )

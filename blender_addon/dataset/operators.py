@@ -97,6 +97,29 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
         return *messages, summary
 
 
+class ONEFRAME_OT_show_contact_sheet(Reporting):
+    """Show the sheet of the dataset's views in an Image Editor"""
+
+    bl_label = "Contact Sheet"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        folder = result_folder(context.scene)
+        is_there = folder is not None and (folder / CONTACT_SHEET).is_file()
+        return available(cls, is_there, "A run makes it after the last view")
+
+    def run(self, context: bpy.types.Context) -> None:
+        path = output_folder(context.scene) / CONTACT_SHEET
+        image = bpy.data.images.load(str(path), check_existing=True)
+        # a later run has written over it
+        image.reload()
+        shown = (area for _window, area in areas("IMAGE_EDITOR") if area.spaces.active.image == image)
+        area = next(shown, None) or _new_image_editor(context)
+        area.spaces.active.image = image
+        area.tag_redraw()
+
+
 class ONEFRAME_OT_render_dataset(_AboutOptions):
     """Render the dataset in the background; continues a stopped run, and extends a dataset if Views has grown"""
 
@@ -198,6 +221,14 @@ def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
     thumbnail.image_pixels_float.foreach_set(small.ravel())
     image[PREVIEW_KEY], image[PREVIEW_SUMMARY] = key, summary
     return image
+
+
+def _new_image_editor(context: bpy.types.Context) -> bpy.types.Area:
+    """An Image Editor in a window of its own: the view of the frame stays as large as it is."""
+    bpy.ops.wm.window_new()
+    area = context.window_manager.windows[-1].screen.areas[0]
+    area.ui_type = "IMAGE_EDITOR"
+    return area
 
 
 def _show_in_image_editors(image: bpy.types.Image) -> None:

@@ -121,8 +121,7 @@ class ONEFRAME_PT_dataset_run(PartPanel):
         if folder is not None:
             row = layout.row(align=True)
             row.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = str(folder)
-            sheet = str(folder / operators.CONTACT_SHEET)
-            row.operator("wm.path_open", text="Contact Sheet", icon="IMAGE_REFERENCE").filepath = sheet
+            row.operator("oneframe.show_contact_sheet", icon="IMAGE_REFERENCE")
 
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.blender.registration.register_frames import FRAME, CaseRegistrar
+from ..pipeline.blender.registration.register_frames import FRAME, FRAME_NAMES, CaseRegistrar
 from ..pipeline.case.posed_frame import UnreadFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_own_folder, made_folder
@@ -41,7 +41,7 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
             raise InputError("expected a case with a file, beside which the frames go; press Save Case first")
         film, case = registered.film.path, from_scene.absolute_path(path)
         folder = self._folder = case.with_name(f"{case.stem}_{film.stem}_frames")
-        check_own_folder(folder, r"frame_\d+\.png")
+        check_own_folder(folder, FRAME_NAMES, {"film": film, "case": case})
         loaded, count = from_scene.loaded_case(scene), self.count
         registrar, mesh_from_model = CaseRegistrar(loaded), loaded.surface.mesh_from_model
         self._inputs = inputs_of(scene)
@@ -66,7 +66,7 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         case = from_scene.case(scene, self._folder)
         to_scene.set_further_frames(scene, replace(case, frames=(*others, *result)))
         names = ", ".join(each.image.name for each in result)
-        return (f"{names} colour the surface too; press Project Colour to see it, and Save Case to keep it",)
+        return (f"{names} colour the surface too; press Vertex Colours to see it, and Save Case to keep it",)
 
 
 class ONEFRAME_OT_clear_colour_sources(Reporting):

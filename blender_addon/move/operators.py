@@ -30,7 +30,7 @@ STEPS = {"fine": 0.1, "normal": 1.0, "coarse": 10.0}
 _KEY_PAIRS = {
     "x": ("LEFT_ARROW", "RIGHT_ARROW"),
     "y": ("UP_ARROW", "DOWN_ARROW"),
-    "depth": ("PAGE_UP", "PAGE_DOWN"),
+    "depth": ("M", "U"),
     "pitch": ("I", "K"),
     "yaw": ("L", "J"),
     "roll": ("COMMA", "PERIOD"),
@@ -242,16 +242,15 @@ register, unregister = class_registration(
                 "oneframe.nudge",
                 key,
                 shift=step == "fine",
-                ctrl=step == "coarse",
+                alt=step == "coarse",
                 properties=(("axis", axis), ("step_px", sign * size)),
             )
             for axis, pair in _KEY_PAIRS.items()
             for key, sign in zip(pair, (-1, 1), strict=True)
             for step, size in STEPS.items()
         ),
-        # Ctrl is 10 px for every axis
-        Key("oneframe.quarter_turn", "COMMA", alt=True, properties=(("anticlockwise", True),)),
-        Key("oneframe.quarter_turn", "PERIOD", alt=True, properties=(("anticlockwise", False),)),
+        Key("oneframe.quarter_turn", "COMMA", ctrl=True, alt=True, properties=(("anticlockwise", True),)),
+        Key("oneframe.quarter_turn", "PERIOD", ctrl=True, alt=True, properties=(("anticlockwise", False),)),
         Key("oneframe.drag_pose", "LEFTMOUSE", properties=(("mode", "shift"),), tools=(MOVE_TOOL,)),
         Key("oneframe.drag_pose", "LEFTMOUSE", ctrl=True, properties=(("mode", "tilt"),), tools=(MOVE_TOOL,)),
         Key("oneframe.drag_pose", "LEFTMOUSE", alt=True, properties=(("mode", "roll"),), tools=(MOVE_TOOL,)),

@@ -8,6 +8,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
 from ..state import from_scene
 from ..state.pose import cam_from_mesh_of
+from ..ui.frame_view import shows_frame
 from ..ui.keymap import binding
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import PartPanel, StepPanel
@@ -29,8 +30,6 @@ _SHORT_NAMES = {
     "Right Arrow": "\N{RIGHTWARDS ARROW}",
     "Up Arrow": "\N{UPWARDS ARROW}",
     "Down Arrow": "\N{DOWNWARDS ARROW}",
-    "Page Up": "PgUp",
-    "Page Down": "PgDn",
 }
 
 
@@ -48,6 +47,7 @@ class ONEFRAME_PT_pose(AlignmentPanel, StepPanel):
         row = layout.row(align=True)
         row.prop(settings, "step", expand=True)
         step_px = STEPS[settings.step]
+        has_keys = shows_frame(context) and bool(binding("oneframe.nudge"))
         column = layout.column(align=True)
         for axis, first_sign, back, forth, back_icon, forth_icon in _PAIRS:
             row = column.row(align=True)
@@ -57,14 +57,16 @@ class ONEFRAME_PT_pose(AlignmentPanel, StepPanel):
             keys = row.row(align=True)
             keys.enabled = False
             bindings = (binding("oneframe.nudge", axis=axis, step_px=sign * 1.0) for sign in (first_sign, -first_sign))
-            keys.label(text="  ".join(_SHORT_NAMES.get(key, key) for key in bindings))
+            keys.label(text="  ".join(_SHORT_NAMES.get(key, key) for key in bindings) if has_keys else "")
         row = column.row(align=True)
         for text, icon, anticlockwise in (("Roll -90°", "LOOP_BACK", True), ("Roll 90°", "LOOP_FORWARDS", False)):
             row.operator("oneframe.quarter_turn", text=text, icon=icon).anticlockwise = anticlockwise
         keys = row.row(align=True)
         keys.enabled = False
-        keys.label(text="  ".join(binding("oneframe.quarter_turn", anticlockwise=each) for each in (True, False)))
-        layout.label(text="Ctrl: 10 px, Shift: 0.1 px, Hold: Repeat", icon="INFO")
+        turns = (binding("oneframe.quarter_turn", anticlockwise=each) for each in (True, False))
+        keys.label(text="  ".join(turns) if has_keys else "")
+        if has_keys:
+            layout.label(text="Alt: 10 px, Shift: 0.1 px, Hold: Repeat", icon="INFO")
 
 
 def _draw_proposals(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:

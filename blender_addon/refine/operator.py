@@ -31,7 +31,7 @@ from .preview import BackgroundPreview, RefinementPreview, preview_text, take
 class ONEFRAME_OT_refine(NeedsAlignment, BackgroundPreview, RefinementPreview):
     """Refine the rough pose against the image, with a preview: Enter accepts it, Esc discards it"""
 
-    bl_label = "Refine Pose"
+    bl_label = "Refine Against Image"
 
     take_refused: bool = prop(
         BoolProperty,

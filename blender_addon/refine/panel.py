@@ -32,7 +32,7 @@ class ONEFRAME_PT_refine(AlignmentPanel, StepPanel):
         scene = context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.split(factor=0.85, align=True)
-        row.operator("oneframe.refine", text="Refine Against Image", icon="SNAP_ON")
+        row.operator("oneframe.refine", icon="SNAP_ON")
         draw_key(row, "oneframe.refine")
         try:
             found = operator.outcome(scene)

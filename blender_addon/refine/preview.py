@@ -67,7 +67,7 @@ class Preview(bpy.types.Operator):
                 return self._close(context, "CANCELLED", message="the pose found is discarded, the pose is unchanged")
             if (event.type in TAKE and event.ctrl) if self.is_refused else event.type in KEEP:
                 return self._close(context, "FINISHED", message=self.keep(context))
-            if event.type == "SPACE":
+            if event.type == "SPACE" and not (event.shift or event.ctrl or event.alt):
                 self._show_pose(context, is_result=not self._shows_result)
         self._show_figures(context)
         return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}

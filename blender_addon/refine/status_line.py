@@ -127,7 +127,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"
     if not pose_evidence.is_refined(scene):
-        return f"Next: {binding('oneframe.refine') or 'Refine Pose'} refines it against the image"
+        return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 

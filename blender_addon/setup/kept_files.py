@@ -2,13 +2,12 @@
 
 import json
 from collections.abc import Callable
-from itertools import chain, count
 from pathlib import Path
 
 import bpy
 
 from ..pipeline.blender.case.frame_file import read_frame
-from ..pipeline.case.case_folder import FRAME, MADE_BY, KeptFile, check_new, keep_files, kept_mesh
+from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh, made_by_file
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
@@ -32,7 +31,7 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
         Copy all files, and not only those that end with this session and the frame that was taken from a video.
     replace
         The folder is that of the case that is saved: its drill plan is replaced, and files with other content than
-        those of the same names get a number, since these may be the user's own.
+        those of the same names get one of their content, since these may be the user's own.
 
     Returns
     -------
@@ -58,24 +57,26 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     if is_kept(frame):
         target = folder / (frame.name if from_video and not collect else FRAME)
         kept.append((read_frame(frame).kept(target), lambda path: to_scene.relink_frame(scene, Path(path))))
-    surface = from_scene.surface_of(scene)
+    surface, before_surface = from_scene.surface_of(scene), len(kept)
     for made in (surface, *(child for child in surface.children if child.oneframe.role == "STRUCTURE")):
         source = from_scene.absolute_path(made.oneframe.mesh_path)
         if is_kept(source):
             target = folder / (SURFACE if made == surface else structure_file(made.name))
             kept.append((kept_mesh(source, target), _relinked(made)))
     if replace:
-        kept = [(_numbered(file), relink) for file, relink in kept]
+        kept = [(file.beside(), relink) for file, relink in kept]
     files, plan = [file for file, _ in kept], drill_strokes.plan_of(scene)
-    if (record := made_by(scene)) is not None:
-        files.append(KeptFile(folder / MADE_BY, (json.dumps(record, indent=2) + "\n").encode()))
+    record, mesh = made_by(scene), from_scene.absolute_path(surface.oneframe.mesh_path)
+    if is_kept(mesh):
+        mesh = files[before_surface].path
+    if record is not None and mesh.resolve().parent == folder.resolve():
+        files.append(KeptFile(made_by_file(mesh), (json.dumps(record, indent=2) + "\n").encode()))
     # of this surface: the strokes stay when another case is opened
     plans = [KeptFile(folder / DRILL, plan_text(plan).encode())] if plan.strokes and is_from_ct(scene) else []
     check_outputs([each.path for each in plans], inputs)
-    instead = "" if replace else "choose another folder"
-    if instead:
-        check_new(plans, instead)
-    keep_files(files, inputs, instead=instead)
+    if not replace:
+        check_new([*files, *plans], "choose another folder")
+    keep_files(files, inputs)
     for file, relink in kept:
         relink(str(file.path.resolve()))
     if from_video:
@@ -83,11 +84,6 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     for each in plans:
         write_drill_plan(each.path, plan, {})
     return [each.path for each in (*files, *plans)]
-
-
-def _numbered(file: KeptFile) -> KeptFile:
-    numbered = (KeptFile(file.path.with_stem(f"{file.path.stem}_{number}"), file.data) for number in count(2))
-    return next(each for each in chain([file], numbered) if each.is_there or not each.path.exists())
 
 
 def _relinked(made: bpy.types.Object) -> Callable[[str], None]:

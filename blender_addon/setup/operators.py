@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import class_registration, prop, start_timer, timers
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
@@ -18,12 +18,15 @@ from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.structures import name_of_file
-from ..state import another_frame, from_scene, to_scene
+from ..state import another_frame, from_scene, to_scene, workbench
+from ..state.camera_view import WORKSPACE
+from ..state.events import areas
 from ..state.from_scene import surface_bounds, surface_extents
 from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..state.scene_files import input_files
 from ..state.structures import put_structures
+from ..ui.frame_view import window_region
 from ..ui.operator import (
     ChosenFiles,
     Messages,
@@ -33,12 +36,16 @@ from ..ui.operator import (
     Reporting,
     SavesFile,
     available,
+    call,
 )
 
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
 SURFACES = f"{MESHES};{RECORD}"
+
+DRAWN_S = 0.05
+"""Time after which a window has been drawn once."""
 
 
 class ONEFRAME_OT_load_camera(OpensFile):
@@ -127,9 +134,24 @@ class ONEFRAME_OT_load_surface(OpensFile):
         messages += put_structures(from_scene.surface_of(context.scene), files)
         doubt = doubt_of_size(context.scene, extents_of(mesh))
         if doubt is not None and doubt.better_units is not None and not bpy.app.background:
-            bpy.ops.oneframe.change_units("INVOKE_DEFAULT", units=doubt.better_units)  # type: ignore[attr-defined]
+            start_timer(_ask_for_units, DRAWN_S)
         more = () if doubt is None else (doubt.message,)
         return *messages, f"{path.name}: {len(given.faces)} triangles, {size_text(extents_of(mesh))}", *more
+
+
+def _ask_for_units() -> float | None:
+    """Timer: ask in the add-on's workspace, once the window shows it: the change to it would close the question."""
+    for window, area in areas("VIEW_3D"):
+        scene = window.scene
+        if WORKSPACE not in window.workspace or not workbench.is_workbench(scene):
+            continue
+        surface = from_scene.present_surface(scene)
+        doubt = None if surface is None else doubt_of_size(scene, surface_extents(scene))
+        if doubt is not None and doubt.better_units is not None:
+            with bpy.context.temp_override(window=window, area=area, region=window_region(area)):
+                call("change_units", "INVOKE_DEFAULT", units=doubt.better_units)
+        return None
+    return None if workbench.existing() is None else DRAWN_S
 
 
 def doubt_of_size(scene: bpy.types.Scene, extents_mm: np.ndarray) -> SizeDoubt | None:
@@ -250,4 +272,4 @@ class ONEFRAME_OT_save_edited_surface(SavesFile):
         return (f"saved {path}: {len(mesh.faces)} triangles",)
 
 
-register, unregister = class_registration(__name__)
+register, unregister = class_registration(__name__, timers(_ask_for_units))

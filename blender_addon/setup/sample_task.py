@@ -38,10 +38,11 @@ def task_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     if not has_initial_pose(scene):
         off_px = _off_px(scene, true, known_stamp(true))
         error = f"the bone is {format_two_digits(off_px)} px from its true pose, in the median"
+    refine = binding("oneframe.refine") or "Refine Against Image"
     return (
         "The sample: lay the bone over the frame, where the frame shows it",
         "1  Drag three points of the bone, far apart, each to its place in the frame",
-        f"2  {binding('oneframe.refine')} refines the pose against the frame, Enter keeps it; then Save Case",
+        f"2  {refine} refines the pose against the frame, Enter keeps it; then Save Case",
         f"3  Below 1 px it is done: {error}",
     )
 

@@ -38,7 +38,7 @@ def seen(scene: bpy.types.Scene) -> SeenFrame | None:
 def check_own(scene: bpy.types.Scene) -> None:
     """Raise :class:`InputError` while the view shows another frame: what is done there would go to the case's own."""
     if (other := seen(scene)) is not None:
-        raise InputError(f"expected the case's frame in the view, found {other.name}; press Esc to go back to it")
+        raise InputError(f"expected the case's frame in the view, found {other.name}; press Back to Case Frame")
 
 
 def leave_frame(scene: bpy.types.Scene, image: np.ndarray, valid: np.ndarray) -> bool:

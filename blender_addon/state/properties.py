@@ -97,9 +97,9 @@ class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
     )
 
 
-def _typed_number(name: str, description: str, default: str) -> Any:
-    """A number as text: Blender's own have seven digits, a calibration has more."""
-    return prop(StringProperty, name, description, default=default)
+def _typed_number(name: str, description: str) -> Any:
+    """A number as text: Blender's own have seven digits, a calibration has more. Empty until it is known."""
+    return prop(StringProperty, name, description)
 
 
 class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
@@ -107,10 +107,10 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
 
     width: int = prop(IntProperty, "Width", "Width of the frame in pixels", min=1, max=65536, default=1920)
     height: int = prop(IntProperty, "Height", "Height of the frame in pixels", min=1, max=65536, default=1080)
-    fx: str = _typed_number("fx", "Focal length in pixels, along x", "12800")
-    fy: str = _typed_number("fy", "Focal length in pixels, along y", "12800")
-    cx: str = _typed_number("cx", "Principal point in pixels, x", "959.5")
-    cy: str = _typed_number("cy", "Principal point in pixels, y", "539.5")
+    fx: str = _typed_number("fx", "Focal length in pixels, along x")
+    fy: str = _typed_number("fy", "Focal length in pixels, along y")
+    cx: str = _typed_number("cx", "Principal point in pixels, x")
+    cy: str = _typed_number("cy", "Principal point in pixels, y")
     pixel_origin: PixelOrigin = prop(
         EnumProperty, "Pixel Origin", "Where pixel (0, 0) of the principal point is", items=ORIGINS, default="center"
     )
@@ -151,7 +151,13 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
 
     case_path: str = prop(StringProperty, "Case", "The case file that was opened or saved", subtype="FILE_PATH")
     mask_brush_px: float = prop(
-        FloatProperty, "Brush", "Radius of the brush of the tool Mask, pixels of the frame", min=1, max=2000, default=20
+        FloatProperty,
+        "Brush",
+        "Radius of the brush of the tool Mask, pixels of the frame",
+        min=1,
+        max=2000,
+        default=20,
+        update=events.redraw,
     )
     case_files_text: str = prop(
         StringProperty, description="Frame and surface that the case file names (JSON)", options={"HIDDEN"}
@@ -222,7 +228,7 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         "Step",
         "Step of the buttons in pixels of the frame",
         items=[
-            ("coarse", "10 px", "Ten pixels (keys: hold Ctrl)"),
+            ("coarse", "10 px", "Ten pixels (keys: hold Alt)"),
             ("normal", "1 px", "One pixel"),
             ("fine", "0.1 px", "A tenth of a pixel (keys: hold Shift)"),
         ],

@@ -1,6 +1,6 @@
-"""The add-on's tools and their keys: bound in the tools only, and shown in panels as currently bound.
+"""The add-on's tools and their keys: bound in the tools only, and shown where they would act now.
 
-Other tools and modes keep Blender's own keys.
+Other tools and modes keep Blender's own keys, and so do these with Ctrl, but for mouse and wheel: Ctrl is Blender's.
 """
 
 from collections.abc import Iterable
@@ -131,22 +131,27 @@ def keys(*given: Key) -> Part:
 
 
 def binding(operator: str, **properties: object) -> str:
-    """The key currently bound to an operator with these settings, as text; empty if there is none."""
-    manager = bpy.context.window_manager
+    """The key that would now call an operator with these settings, as text; empty if none would.
+
+    That is one of the active tool, while the operator is available.
+    """
+    manager, tool = bpy.context.window_manager, active_tool(bpy.context)
+    room, _, name = operator.partition(".")
+    if tool not in TOOLS or not getattr(getattr(bpy.ops, room), name).poll():
+        return ""
     for configuration in (manager.keyconfigs.user, manager.keyconfigs.addon):
         if configuration is None:
             continue
-        for name in map(_keymap_of, TOOLS):
-            for item in _items(configuration, name):
-                if item.idname != operator or not item.active or item.type == "NONE":
-                    continue
-                if all(getattr(item.properties, key, None) == value for key, value in properties.items()):
-                    return item.to_string()
+        for item in _items(configuration, _keymap_of(tool)):
+            if item.idname != operator or not item.active or item.type == "NONE":
+                continue
+            if all(getattr(item.properties, key, None) == value for key, value in properties.items()):
+                return item.to_string()
     return ""
 
 
 def draw_key(layout: bpy.types.UILayout, operator: str, **properties: object) -> None:
-    """Show the key of an operator next to its button, greyed out; nothing if it has none."""
+    """Show the key of an operator next to its button, greyed out; nothing if none would call it now."""
     row = layout.row()
     row.enabled = False
     row.label(text=binding(operator, **properties))

@@ -1,29 +1,31 @@
 """A case whose files all lie in its folder, under fixed names: copies that hold pixels and meshes, and nothing else.
 
 Names of the given files, comments in their headers and metadata of images may name a patient: none is taken over.
+
+The case goes last, and none of its files takes the place of another one: one with another content has that in its name
+(:meth:`KeptFile.beside`). So whenever the work ends, the case names the files that it was written with.
 """
 
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import read_content, write_bytes_atomically
+from ..files.content import content_named, is_content_named, names_in, read_content, write_bytes_atomically
 from ..files.outputs import check_outputs, made_folder, writing
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..surface.mesh_writer import encoded_ply
-from .case_file import Case, case_from_text
+from .case_file import Case, case_from_text, read_case
 from .case_writer import case_text, encoded
-from .surface_folder import SURFACE, structure_file
+from .surface_folder import STRUCTURES, SURFACE, structure_file
 
 CASE, FRAME, OVERLAY = "case.toml", "frame.png", "overlay.png"
-MADE_BY = "surface_made_by.json"
-"""How the surface was made from its CT: without names of files, which may name a patient."""
 
 _BARE_PLY = re.compile(
     rb"ply\nformat binary_little_endian 1\.0\n"
@@ -54,6 +56,12 @@ class KeptFile:
             return self.path.stat().st_size == len(self.data) and self.path.read_bytes() == self.data
         except OSError:
             return False
+
+    def beside(self, *, another: bool = True) -> "KeptFile":
+        """The file under a name of its content, if it is there under that, or (``another``) its own name is taken."""
+        named = replace(self, path=content_named(self.path, self.data))
+        taken = another and self.path.exists() and not self.is_there
+        return named if taken or named.is_there else self
 
 
 def folder_outputs(folder: Path, structures: Iterable[str]) -> list[Path]:
@@ -100,30 +108,58 @@ def kept_case(case: Case) -> KeptFile:
     return KeptFile(case.path, data)
 
 
-def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path], *, instead: str = "") -> None:
+def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path]) -> None:
     """Write files of a folder, in their order; those that are already there stay.
 
     Parameters
     ----------
     files, inputs
         What to write; what was read, by what it is.
-    instead
-        What to do instead of replacing a file, if the folder may be that of another case.
 
     Raises
     ------
     InputError
-        One would replace an input, or, with ``instead``, a file that holds something else.
+        One would replace an input.
     RunError
         One cannot be written.
     """
     fresh = [file for file in files if not file.is_there]
     check_outputs([file.path for file in fresh], inputs)
-    if instead:
-        check_new(files, instead)
     for file in fresh:
         with writing(made_folder(file.path)):
             write_bytes_atomically(file.path, file.data)
+
+
+def made_by_file(mesh: Path) -> Path:
+    """The file that says how a surface was made from its CT: without names of files, which may name a patient."""
+    return mesh.with_name(f"{mesh.stem}_made_by.json")
+
+
+def remove_unnamed(folder: Path, replaced: Iterable[Path] = (), *, inputs: Iterable[Path] = ()) -> None:
+    """Remove what only a case before, or a killed run, has left in the folder of a case that has just been written.
+
+    Parameters
+    ----------
+    folder
+        The case's.
+    replaced
+        The files of the case before; those outside the folder stay.
+    inputs
+        What stays in any case, as does what a case in the folder or in its queue names.
+    """
+    left = [folder / part / name for part in ("", STRUCTURES) for name in names_in(folder / part)]
+    left = [path for path in left if is_content_named(path)]
+    left += [path for path in replaced if path.is_relative_to(folder)]
+    named = set(map(os.path.realpath, inputs))
+    try:
+        for case in (*folder.glob("*.toml"), *folder.parent.glob(f"*/{CASE}")):
+            named.update(map(os.path.realpath, read_case(case, posed=False).input_files().values()))
+    except InputError:
+        return  # who knows what it names
+    for path in left:
+        if os.path.realpath(path) not in named:
+            with suppress(OSError):
+                path.unlink()
 
 
 def check_new(files: Iterable[KeptFile], instead: str) -> None:

@@ -38,8 +38,10 @@ def run(arguments: argparse.Namespace) -> int:
         from ..files.tables import write_csv
         from ..images.png import encode_png
     folder: Path = arguments.out
-    check_own_folder(folder, r"agreement\.csv|worst_\d+_.*\.png")
     pairs, output = paired_cases(arguments.first, arguments.second), own_output()
+    compared = [case for _, *both in pairs for case in both]
+    inputs = {f"{what} of {case.path}": path for case in compared for what, path in case.input_files().items()}
+    check_own_folder(folder, r"agreement\.csv|worst_\d+_.*\.png", inputs)
     found = sorted(agreements(pairs), key=lambda each: -each[0].px)
     with writing(made_folder(folder / "agreement.csv")):
         write_csv(folder / "agreement.csv", HEADER, [each.row for each, _, _ in found])

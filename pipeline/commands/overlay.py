@@ -61,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: --page: expected no --video, which has many frames")
     with explained_imports():
         from ..case.case_file import read_case
+        from ..case.case_folder import made_by_file
         from ..files.outputs import check_outputs, made_folder, writing
         from ..progress import Progress
     output = own_output()
@@ -68,6 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
     inputs = case.input_files()
     if arguments.video:
         inputs |= {"video": arguments.video, "file of the poses": arguments.poses}
+    if arguments.page:
+        inputs["record of the surface"] = made_by_file(case.mesh)
     check_outputs([arguments.out], inputs)
     if arguments.video:
         with explained_imports():

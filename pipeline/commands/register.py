@@ -57,8 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.case.load_case import load_case
         from ..blender.registration.correct_source import correct_source
         from ..blender.registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
-        from ..blender.registration.register_frames import doubt_of_case
+        from ..blender.registration.register_frames import doubt_of_case, frame_files
         from ..case.case_file import read_case
+        from ..case.case_folder import remove_unnamed
         from ..case.case_update import other_inputs
         from ..case.case_writer import write_case
         from ..files.content import write_bytes_atomically
@@ -73,10 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: --estimate-focal: expected --correct-source with it, which finds both")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
-    inputs = case.input_files()
-    if not arguments.frames.is_dir():
-        inputs["video"] = arguments.frames
-    check_own_folder(out, NAMES)
+    inputs = case.input_files() | frame_files(arguments.frames)
+    check_own_folder(out, NAMES, inputs)
     check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
     if other := other_inputs(out / CASE, case):
         raise InputError(
@@ -124,6 +123,7 @@ def run(arguments: argparse.Namespace) -> int:
         further = (*loaded.case.frames, *found.sources)
         with writing(out / CASE):
             write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
+        remove_unnamed(out)
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
     elif (out / CASE).exists():

@@ -153,13 +153,12 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
         from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
         from ..dataset.joined_scenes import join_scenes
         from ..dataset.layout import CASES, CHECKSUMS
-        from ..files.outputs import check_folder, check_own_folder, made_folder, writing
+        from ..files.outputs import check_own_folder, made_folder, writing
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
     if not paths:
         raise InputError(f"{arguments.case}: expected a case file, or a queue: a folder of cases; found no case in it")
-    check_own_folder(out, f"bop|{CASES}")
-    check_folder(out, {f"case {path.parent.name}": path for path in paths})
+    check_own_folder(out, f"bop|{CASES}", {f"case {path.parent.name}": path for path in paths})
     datasets = {}
     for path in paths:
         name = path.parent.name

@@ -53,6 +53,11 @@ def run(arguments: argparse.Namespace) -> int:
     case = None if arguments.case is None or is_evaluation else read_case(arguments.case)
     inputs = {"description": root / (EVALUATION if is_evaluation else RECORD)}
     check_outputs([out], inputs if case is None else inputs | case.input_files())
+    if root.resolve() in out.resolve().parents:
+        kind = "evaluation" if is_evaluation else "dataset"
+        raise InputError(
+            f"{out}: expected a file outside the folder of the {kind}, whose own files it shows; choose another place"
+        )
     if is_evaluation:
         with explained_imports():
             from ..report.evaluation_page import evaluation_page
@@ -65,11 +70,6 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError(
                 f"{root}: expected the folder of a dataset or of an evaluation, found neither {RECORD} nor "
                 f"{EVALUATION} in it; {advice_without_record(root)}"
-            )
-        if root.resolve() in out.resolve().parents:
-            raise InputError(
-                f"{out}: expected a file outside the folder of the dataset, whose check reports files that no dataset "
-                "has; choose another place"
             )
         check = None if arguments.no_check else check_dataset(root, stream=sys.stdout)
         content = dataset_page(root, views=arguments.views, check=check, case=case, stream=sys.stdout)

@@ -205,6 +205,20 @@ def written_file(path: Path) -> Iterator[BinaryIO]:
         _replace_durably({path: stream})
 
 
+def content_named(path: Path, data: bytes) -> Path:
+    """The path with a name of its content: a file of it never takes the place of another one."""
+    return path.with_stem(f"{path.stem}-{hashlib.sha256(data).hexdigest()[:8]}")
+
+
+def is_content_named(path: Path) -> bool:
+    """Whether a file has the name of its content, as :func:`content_named` gives it and hardly anybody else."""
+    match = re.fullmatch(r"(.+)-[0-9a-f]{8}", path.stem)
+    try:
+        return match is not None and content_named(path.with_stem(match[1]), read_file(path)) == path
+    except OSError:
+        return False
+
+
 def partial_name(name: str) -> str | None:
     """The name of the file that a temporary file of :func:`written_file` was for; ``None`` for other files."""
     match = re.fullmatch(r"\.partial-[0-9a-f]{16}-(.+)", name)

@@ -2,7 +2,7 @@
 
 1. An input of the same command is never replaced, however its name is spelt: links and other cases are the same file.
 2. Any other file that the user names is replaced, as by any program; no two outputs are one file.
-3. A folder for several files of given names holds nothing but such files.
+3. A folder for several files of given names holds nothing but such files, and no input at all.
 """
 
 import errno
@@ -54,7 +54,7 @@ def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
                 folders.add(path.parent)
 
 
-def check_own_folder(folder: Path, names: str) -> None:
+def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> None:
     """Check that a folder, if there is one, holds nothing but what a command writes into it, and hidden files.
 
     Parameters
@@ -63,14 +63,18 @@ def check_own_folder(folder: Path, names: str) -> None:
         The folder.
     names
         Regular expression of all names that the command may give to files and folders in it.
+    inputs
+        All files and folders that the command reads, by what they are.
 
     Raises
     ------
     InputError
-        It holds something else.
+        It holds something else, or an input, under whatever name.
     RunError
         It cannot be read, or is a file.
     """
+    check_folder(folder, inputs)
+    protected = _Inputs(inputs)
     with writing(folder):
         found = sorted(os.listdir(folder)) if folder.exists() else []
     for name in found:
@@ -79,10 +83,12 @@ def check_own_folder(folder: Path, names: str) -> None:
                 f"{folder}: expected a new folder or one of this command alone, found {name} in it; "
                 "choose another folder"
             )
+        if source := protected.same_as(folder / name):
+            raise InputError(_with_input(folder, *source))
 
 
 def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:
-    """Check that no input lies in a folder whose files a command replaces.
+    """Check that no input is or lies in a folder whose files a command replaces.
 
     Raises
     ------
@@ -92,11 +98,15 @@ def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:
     whole = Path(os.path.realpath(folder))
     for name, path in inputs.items():
         places = (Path(os.path.realpath(path)), Path(os.path.realpath(path.parent)) / path.name)
-        if any(whole in place.parents for place in places):
-            raise InputError(
-                f"{folder}: expected a folder without the inputs of this run, found the {name} in it ({path}); "
-                "choose another folder"
-            )
+        if any(whole in (place, *place.parents) for place in places):
+            raise InputError(_with_input(folder, name, path))
+
+
+def _with_input(folder: Path, name: str, path: Path) -> str:
+    return (
+        f"{folder}: expected a folder without the inputs of this run, found the {name} in it ({path}); "
+        "choose another folder"
+    )
 
 
 @contextmanager

@@ -61,7 +61,7 @@ def check_frame_folder(out: Path, video: Path, charts: Sequence[Path] = ()) -> N
     InputError, RunError
         As :func:`.check_own_folder` and :func:`.check_outputs`.
     """
-    check_own_folder(out, _NAMES)
+    check_own_folder(out, _NAMES, {"video": video})
     check_outputs([out / SHEET, out / TABLE, *charts], {"video": video})
 
 

@@ -18,6 +18,7 @@ from blender_addon.volume import drill_strokes
 from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
 from oneframe.commands.__main__ import dispatch
+from oneframe.files.content import content_named
 from oneframe.images.png import encode_png
 from oneframe.volume.drill.drill_plan import read_drill_plan
 from tests.volume.ball_ct import write_ball_ct
@@ -185,7 +186,8 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
     load(mask=tmp_path / "more.png")
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
     case = read_case(tmp_path / "case.toml")
-    assert case.image == tmp_path / "frame_2.png"
+    assert case.image == content_named(tmp_path / "frame.png", case.image.read_bytes())
+    assert (tmp_path / "frame.png").exists(), "undo goes back to it"
     assert not load_case(case).frame.valid[64:].any()
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
     assert (shown()[64:, :80, 2] > 0.55).all()

@@ -98,6 +98,13 @@ def test_saving_keeps_the_authors_file(opened, case_path):
     )
 
 
+def test_k_is_empty_until_it_is_known(addon):
+    typed = bpy.context.scene.oneframe.camera
+    assert not any(getattr(typed, name) for name in ("fx", "fy", "cx", "cy"))
+    with pytest.raises(RuntimeError, match="fx: expected a number"):
+        bpy.ops.oneframe.set_camera()
+
+
 def test_typed_numbers_keep_every_digit(opened, case_path):
     typed = opened.oneframe.camera
     typed.fx, typed.fy, typed.cx, typed.distortion = "1081.37", "1081.370000123456", "31.4", "0.0123456789, 0, 0, 0, 0"

@@ -302,10 +302,11 @@ def test_view_operators_are_disabled_in_other_views(in_view, scene):
     assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "show_frame"))
 
 
-def test_every_comparison_has_its_own_key(addon):
-    from blender_addon.ui.keymap import binding
+def test_every_comparison_has_its_own_key(in_view):
+    from blender_addon.ui.keymap import PIN_TOOL, binding
     from blender_addon.view.operators import toggling
 
+    bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
     keys = [binding("oneframe.cycle_opacity"), binding("oneframe.zoom_frame", magnification=1.0)]
     keys += [binding("wm.context_toggle", **dict(toggling(name))) for name in ("wireframe", "contour")]
     keys += [binding("wm.context_toggle_enum", **dict(toggling("comparison", name))) for name in COMPARED]
@@ -313,11 +314,19 @@ def test_every_comparison_has_its_own_key(addon):
     assert len(set(keys)) == len(keys)
 
 
-def test_keys_of_other_tools_and_editors_stay_blenders(addon):
-    """Keys lie in the own tools, or belong to operators that pass them on where there is nothing for them to do."""
-    own = {f"3D View Tool: Object, {tool}" for tool in ("Pins", "Landmarks", "Move Surface", "Drill")}
-    for keymap in bpy.context.window_manager.keyconfigs.addon.keymaps:
-        for item in keymap.keymap_items:
-            room, _, name = item.idname.partition(".")
-            if room == "oneframe" and keymap.name not in own:
-                assert not getattr(bpy.ops.oneframe, name).poll(), (keymap.name, item.idname)
+def test_a_hint_shows_what_would_act_now(in_view, scene):
+    from blender_addon.ui.keymap import MASK_TOOL, PIN_TOOL, binding
+
+    bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+    assert not binding("oneframe.refine")
+    bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
+    assert binding("oneframe.refine") == "F"
+    assert binding("oneframe.fit_frame") == "Home"
+    assert not binding("oneframe.case_frame"), "it is in view"
+    in_view.region_3d.view_perspective = "PERSP"
+    assert not binding("oneframe.fit_frame")
+    bpy.ops.wm.tool_set_by_id(name=MASK_TOOL)
+    assert not binding("oneframe.refine")
+    scene.oneframe.surface = None
+    bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
+    assert not binding("oneframe.refine")

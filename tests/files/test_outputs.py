@@ -45,13 +45,30 @@ def test_a_folder_of_own_files_holds_nothing_else(tmp_path):
     names = r"view_\d+\.png|table\.csv"
     for name in ("view_1.png", "table.csv", ".hidden", "desktop.ini"):
         (tmp_path / name).touch()
-        check_own_folder(tmp_path, names)
-    check_own_folder(tmp_path / "none", names)
+        check_own_folder(tmp_path, names, {})
+    check_own_folder(tmp_path / "none", names, {})
     with pytest.raises(RunError):
-        check_own_folder(tmp_path / "table.csv", names)
+        check_own_folder(tmp_path / "table.csv", names, {})
     (tmp_path / "view_1.png.txt").mkdir()
     with pytest.raises(InputError, match=r"found view_1\.png\.txt in it"):
-        check_own_folder(tmp_path, names)
+        check_own_folder(tmp_path, names, {})
+
+
+def test_a_folder_of_own_files_holds_no_input_under_whatever_name(tmp_path):
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    for folder in (out / "deep", elsewhere):
+        folder.mkdir(parents=True)
+    (tmp_path / "way").symlink_to(out)
+    own, other = out / "view_1.png", elsewhere / "photo.png"
+    own.touch()
+    other.touch()
+    os.link(other, out / "view_2.png")
+    (elsewhere / "soft.png").symlink_to(own)
+    for path in (out, own, tmp_path / "way" / "view_1.png", other, elsewhere / "soft.png", out / "deep" / "x.png"):
+        for folder in (out, tmp_path / "way"):
+            with pytest.raises(InputError, match="found the photograph in it"):
+                check_own_folder(folder, r"view_\d+\.png|deep", {"photograph": path})
+    check_own_folder(out, r"view_\d+\.png|deep", {"folder": tmp_path, "photograph": elsewhere / "another.png"})
 
 
 def test_a_folder_with_an_input_in_it_is_refused(tmp_path):

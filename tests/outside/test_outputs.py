@@ -145,6 +145,41 @@ def test_no_command_replaces_an_input(case, tmp_path, run_all):
         assert hashes(case.parent) == before, line
 
 
+OWN_NAMES = {
+    "register": "frame_000001-0123abcd.png", "agree": "worst_1_a.png", "evaluate": "figure.png",
+    "surface": "surface.ply", "frames": "a_frame_000001.png",
+}  # fmt: skip
+"""A name that each command gives in a folder whose files it replaces."""
+
+
+@pytest.mark.render
+def test_no_folder_takes_an_input_that_is_called_like_an_output(case, tmp_path, run_all):
+    lines: list[CommandLine] = []
+    for command, name in OWN_NAMES.items():
+        own, hard, link = (tmp_path / f"{kind} {command}" for kind in ("own", "hard", "link"))
+        own.mkdir()
+        hard.mkdir()
+        link.symlink_to(own)
+        (own / name).write_bytes((case.parent / ("surface.ply" if name == "surface.ply" else "frame.png")).read_bytes())
+        os.link(own / name, hard / name)
+        used, listed = case.parent / f"{command}.toml", case.parent / f"{command}.json"
+        used.write_text(case.read_text().replace('"frame.png"', json.dumps(f"../own {command}/{name}")))
+        listed.write_text(json.dumps([{"image": f"../own {command}/{name}", "cam_from_mesh": POSE}]))
+        read: list[CommandLine] = {
+            "register": [("register", case, own), ("register", used, case.parent)],
+            "agree": [("agree", used, used)],
+            "evaluate": [("evaluate", case, listed), ("evaluate", used, listed)],
+            "surface": [("surface", own / name), ("surface", case.parent / "frame.png", "--labels", own / name)],
+            "frames": [("frames", own / name)],
+        }[command]
+        lines += [(*line, "--out", target) for line in read for target in (own, hard, link)]
+    before = hashes(tmp_path)
+    for line, (code, errors) in zip(lines, run_all(lines), strict=True):
+        assert_sentence(code, errors, line)
+        assert "without the inputs of this run" in errors, line
+    assert hashes(tmp_path) == before
+
+
 @pytest.mark.render
 def test_own_outputs_are_replaced_and_no_folder_with_something_else(case, tmp_path, run_all):
     out = tmp_path / "out"

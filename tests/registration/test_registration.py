@@ -296,6 +296,29 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     assert min(np.abs(source.cam_from_mesh - pose).max() for pose in poses) < 1.0
 
 
+def test_an_image_that_cannot_be_used_is_a_refused_frame(mesh, tmp_path):
+    write_case(tmp_path, mesh, SOURCE)
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number in (1, 4):
+        image = np.rint(255 * photograph(mesh, seen_from(4 * number, 0))).astype(np.uint8)
+        (folder / f"{number}.png").write_bytes(encode_png(image))
+    (folder / "0 empty.png").touch()
+    (folder / "2 cut off.png").write_bytes((folder / "1.png").read_bytes()[:5000])
+    (folder / "3 wide.png").write_bytes(encode_png(np.zeros((240, 640, 3), np.uint8)))
+    found = registered(tmp_path, "frames", tmp_path / "out")
+    states = [REFUSED, ACCEPTED, REFUSED, REFUSED, ACCEPTED]
+    assert [entry["state"] for entry in found] == states
+    for number, words in ((0, "an empty file"), (2, "cut off"), (3, "expected the proportions")):
+        assert words in found[number]["reason"]
+        assert ".png" not in found[number]["reason"]
+    for number in (1, 4):
+        (folder / f"{number}.png").unlink()
+    with pytest.raises(InputError, match=r"0 empty\.png: .* empty.*; nor can any other frame be used"):
+        dispatch(["register", *map(str, (tmp_path / "case.toml", folder, "--out", tmp_path / "none"))])
+    assert not (tmp_path / "none").exists()
+
+
 def test_the_command_corrects_the_source(mesh, tmp_path):
     rough = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([1.5, -2.0, 1.0])]), SOURCE, PIVOT)
     write_case(tmp_path, mesh, rough)

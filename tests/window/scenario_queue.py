@@ -55,7 +55,7 @@ def scenario(user):
         actions += 1
         assert not np.array_equal(pose(scene), before)
         poses[entry.path] = pose(scene)
-        yield from user.key("PAGE_DOWN", user.middle(), ctrl=True)
+        yield from user.key("PAGE_DOWN", user.middle(), alt=True)
         actions += 1
         yield from user.until(lambda now=number: checked(scene) == now + 1, "the frame to be checked")
         assert actions <= MOST_ACTIONS

@@ -18,10 +18,12 @@ from ...case.case_folder import (
     FRAME,
     OVERLAY,
     KeptFile,
+    check_new,
     folder_outputs,
     keep_files,
     kept_case,
     kept_mesh,
+    remove_unnamed,
     rounding_message,
     without_kept,
 )
@@ -32,7 +34,7 @@ from ...case.surface_size import extents_of, place_doubt, size_doubt, size_text
 from ...errors import InputError
 from ...files.keys import nearest_name
 from ...files.numbers import MM_PER_UNIT
-from ...files.outputs import check_outputs
+from ...files.outputs import check_outputs, writing
 from ...images.masked_frame import with_mask_tinted
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -141,31 +143,48 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
         yield f"warning: {size.message}"
     yield from _structure_lines(surface, mesh, MM_PER_UNIT[given.units])
 
+    kept_surface = kept_mesh(surface.mesh, out / SURFACE)
+    structures = [kept_mesh(each.mesh, out / structure_file(each.name)) for each in surface.structures]
+    files = [file.beside(another=overwrite) for file in (kept_frame, kept_surface, *structures)]
+    kept_frame, kept_surface, *structures = files
     case = Case(
         path=out / CASE,
         mm_per_unit=MM_PER_UNIT[given.units],
-        image=out / FRAME,
+        image=kept_frame.path,
         camera=camera,
         distortion=distortion,
-        mesh=out / SURFACE,
+        mesh=kept_surface.path,
         cam_from_mesh=np.eye(4),
-        structures=tuple(replace(each, mesh=out / structure_file(each.name)) for each in surface.structures),
+        structures=tuple(
+            replace(each, mesh=file.path) for each, file in zip(surface.structures, structures, strict=True)
+        ),
     )
     case, lines = _with_pose(case, given.pose, surface, mesh)
     yield from lines
     cases_of_frames(out.parent, case, [NewFrame(path) for path in given.others])
-    files = [
-        kept_frame,
-        kept_mesh(surface.mesh, out / SURFACE),
-        *(kept_mesh(each.mesh, out / structure_file(each.name)) for each in surface.structures),
-        kept_case(case),
-    ]
-    keep_files(files, inputs, instead="" if overwrite else "choose another folder, or replace it with --overwrite")
+    written, replaced = kept_case(case), _files_before(out / CASE)
+    check_outputs([file.path for file in (*files, written) if not file.is_there], inputs)
+    if not overwrite:
+        check_new([*files, written], "choose another folder, or replace it with --overwrite")
+    keep_files(files, inputs)
+    if not written.is_there:
+        with writing(out / OVERLAY):
+            (out / OVERLAY).unlink(missing_ok=True)
+    keep_files([written], inputs)
+    remove_unnamed(out, replaced, inputs=inputs.values())
     yield f"case: {case.path}"
     # as every other command reads it
     picture = encode_png(to_uint8(_overlay(load_case(read_case(case.path), aligned=False))))
     keep_files([KeptFile(out / OVERLAY, picture)], inputs)
     yield f"frame with the surface at this pose: {out / OVERLAY}"
+
+
+def _files_before(path: Path) -> list[Path]:
+    """The files of the case that is replaced, if there is one that can be read."""
+    try:
+        return [file for name, file in read_case(path, posed=False).input_files().items() if name != "case"]
+    except InputError:
+        return []
 
 
 def _surface(given: CaseInputs) -> SurfaceFolder:

@@ -1,6 +1,5 @@
 """The record of an alignment on one page: the frame with its overlay and residuals, and what the case states."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import astuple
 from pathlib import Path
@@ -10,12 +9,14 @@ import numpy as np
 
 from ...alignment.landmarks.align_landmarks import complete_landmarks, landmark_arrays
 from ...alignment.landmarks.picture import MAGNIFIED, with_residuals
-from ...case.case_folder import MADE_BY
+from ...case.case_folder import made_by_file
 from ...case.case_queue import state_of
 from ...case.loaded_case import LoadedCase
 from ...case.surface_size import size_text
 from ...errors import InputError
+from ...files.content import LARGEST_TEXT, read_content
 from ...files.numbers import format_two_digits
+from ...files.tables import parsed_json
 from ...images.pixel_values import to_uint8
 from ...transforms import transform_points
 from ..render.lettering import text_mask
@@ -106,7 +107,7 @@ def _source_sections(loaded: LoadedCase) -> Iterator[Section]:
     mesh = loaded.surface.mesh
     low, high = mesh.bounds
     rows = [("file", case.mesh.name), ("triangles", f"{len(mesh.faces):,}"), ("size", size_text(high - low))]
-    made_by = _made_by(case.mesh.parent)
+    made_by = _made_by(case.mesh)
     rows += [(key.replace("_", " "), _text(made_by[key], "")) for key in MADE_BY_KEYS if key in made_by]
     rows += [("structures", ", ".join(structure.name for structure in case.structures))] if case.structures else []
     yield "Surface", rows
@@ -116,10 +117,15 @@ def _source_sections(loaded: LoadedCase) -> Iterator[Section]:
     )
 
 
-def _made_by(folder: Path) -> dict[str, object]:
-    """How the surface was made from its CT, if its folder says so."""
-    path = folder / MADE_BY
-    return dict(json.loads(path.read_text("utf-8"))) if path.is_file() else {}
+def _made_by(mesh: Path) -> dict[str, object]:
+    """How a surface was made from its CT, if a file beside it says so."""
+    path = made_by_file(mesh)
+    if not path.exists():
+        return {}
+    record = parsed_json(read_content(path, "the record of a surface", str(path), most=LARGEST_TEXT), str(path))
+    if not isinstance(record, dict):
+        raise InputError(f"{path}: expected the record of a surface, found another file; remove it, or save the case")
+    return record
 
 
 def _text(value: object, unit: str) -> str:

@@ -96,19 +96,19 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
         The files cannot be written.
     """
     out = run.out
-    check_own_folder(out, _NAMES)
+    read = dict(inputs) | {
+        f"photograph {number} of {case.name}": photograph.image
+        for case in run.cases
+        for number, photograph in enumerate(case.photographs, start=1)
+    }
+    check_own_folder(out, _NAMES, read)
     kinds = ["real", "segmented"]
     kinds += [f"{method.key}{suffix}" for method in run.settings.methods for suffix in ("", " difference")]
     outputs = [out / name for name in _FILES]
     outputs += [out / f"{stem} {kind}.png" for stem in _stems(run).values() for kind in kinds]
     for data in _chart_files(out, len(run.cases)):
         outputs += chart_outputs(data)
-    photographs = {
-        f"photograph {number} of {case.name}": photograph.image
-        for case in run.cases
-        for number, photograph in enumerate(case.photographs, start=1)
-    }
-    check_outputs(outputs, {**inputs, **photographs})
+    check_outputs(outputs, read)
 
 
 def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tuple[Evaluation, list[str]]:

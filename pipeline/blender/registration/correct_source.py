@@ -86,7 +86,7 @@ def correct_source(
     with registrar.frames(source) as (count, _):
         every = -(-count // MOST_FRAMES)
     with registrar.frames(source, every) as (_, chosen):
-        frames = list(chosen)
+        frames = [each for each in chosen if not each.problem]
     first, pivot = loaded, registrar.pivot_model
     start = (loaded.case.alignment or {}).get("method")
     poses = dict[int, np.ndarray]()

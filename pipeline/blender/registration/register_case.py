@@ -1,5 +1,6 @@
 """Register further frames to a case, and write their poses, a sheet of the frames, and of a video a film."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count as counted
@@ -29,10 +30,10 @@ from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
 from ..render.lettering import text_mask
-from .register_frames import CaseRegistrar, FurtherFrame
+from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
-NAMES = "|".join((POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, r"frame_\d+.png")).replace(".", r"\.")
+NAMES = "|".join([*map(re.escape, (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)), FRAME_NAMES])
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75
@@ -92,17 +93,17 @@ def register_case(
     RunError
         A file cannot be written.
     """
-    check_own_folder(out, NAMES)
+    check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(source))
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
     registered, images, tiles = list[RegisteredFrame](), list[str](), dict[int, np.ndarray]()
     evidence, candidates = list[FrameEvidence](), list[Candidate]()
     surface, units = loaded.surface, loaded.case.mm_per_unit
-    steps, spare = 1 if source.is_dir() else 2, PICTURES
+    steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
     with registrar.frames(source, every) as (count, frames):
         shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         for done, frame in enumerate(frames):
-            found = registrar.register(frame)
+            found, usable = registrar.register(frame), usable or not frame.problem
             # as in a list of photographs: from the folder of the list
             images.append(relative_name(source / frame.name, out) if frame.name else "")
             registered.append(replace(found, fit=None))
@@ -121,6 +122,9 @@ def register_case(
             progress(done + 1, steps * count)
     if not registered:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
+    if not usable:
+        one = evidence[0]
+        raise InputError(f"{one.name or source.name}: {one.verdict.reason}; nor can any other frame be used")
     registered = judged_together(registered)
     evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
     accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED}
@@ -130,6 +134,10 @@ def register_case(
         for image, each, found in zip(images, evidence, registered, strict=True)
     ]
     made_folder(out / POSES)
+    for name in (ESTIMATES, SHEET, FILM, PAGE):
+        # what shows other poses
+        with writing(out / name):
+            (out / name).unlink(missing_ok=True)
     write_poses(out, entries, units)
     for done, tile in tiles.items():
         put_border(tile, COLOURS[evidence[done].verdict.state], "", text_mask)

@@ -14,7 +14,7 @@ from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
-from ...files.content import write_bytes_atomically
+from ...files.content import content_named, write_bytes_atomically
 from ...files.outputs import writing
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -22,7 +22,7 @@ from ...registration.colour_sources import Candidate, shown_pixels
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
 from ...registration.source_uncertainty import doubt_of_source, with_source
-from ...registration.verdict import ACCEPTED
+from ...registration.verdict import ACCEPTED, REFUSED, Verdict
 from ...registration.zoom import zoom_of
 from ...transforms import inverse_rigid
 from ...video.denoise import denoised
@@ -35,7 +35,9 @@ LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
 
 FRAME = "frame_{:06d}.png"
-"""Name of a frame that is written."""
+"""Name of a frame that is written; :func:`.content_named` then."""
+FRAME_NAMES = r"frame_\d+-[0-9a-f]{8}\.png"
+"""Regular expression of these."""
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
@@ -51,12 +53,15 @@ class FurtherFrame:
         Counted from 0, in the video or among the images.
     image, valid
         ``(H, W, 3)`` uint8 undistorted, at the size of registration; ``(H, W)`` bool.
+    problem
+        Why it cannot be used, in a short sentence without a name; empty if it can.
     """
 
     name: str
     number: int
     image: np.ndarray
     valid: np.ndarray
+    problem: str = ""
 
 
 class CaseRegistrar:
@@ -107,6 +112,9 @@ class CaseRegistrar:
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """The same as if the case's pose and the focal length were certain."""
+        if frame.problem:
+            self._before = ()
+            return RegisteredFrame(Verdict(REFUSED, 0.0, frame.problem))
         if near is None and not frame.name and self._before:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
@@ -119,10 +127,12 @@ class CaseRegistrar:
     def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:
         """Open a folder of images or a video: how many frames there are, and the frames.
 
+        An image that cannot be read, or has other proportions than K's, comes with its problem.
+
         Raises
         ------
         InputError
-            No images, not a video, or frames of other proportions than K's; while iterating also an unreadable image.
+            No images, not a video, or one of other proportions than K's.
         """
         if source.is_dir():
             paths = image_paths(source)
@@ -156,9 +166,11 @@ class CaseRegistrar:
             shown = shown_pixels(candidate.hidden, self.camera, size_wh)
             clean = denoised(image, shown)[0] if denoise else None
             image = image if clean is None else clean
-            path = out / FRAME.format(number)
+            data = encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)]))
+            # a case may name another film's frame of this number
+            path = content_named(out / FRAME.format(number), data)
             with writing(path):
-                write_bytes_atomically(path, encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)])))
+                write_bytes_atomically(path, data)
             own = self._case.camera.for_images(size_wh, source.name)
             pose = candidate.cam_from_model @ inverse_rigid(mesh_from_model)
             yield UnreadFrame(path, own, self._case.distortion, pose)
@@ -173,12 +185,19 @@ class CaseRegistrar:
             yield from ((each.index, each.image) for each in film if each.index in numbers)
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
-        image, valid = read_image(path, path.name)
-        self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
+        try:
+            image, valid = read_image(path, path.name)
+            self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
+        except InputError as error:
+            return self._unusable(path.name, number, str(error).removeprefix(f"{path.name}: "))
         small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
         frame = self._undistorted(path.name, number, to_uint8(small))
         shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
         return replace(frame, valid=frame.valid & shown)
+
+    def _unusable(self, name: str, number: int, problem: str) -> FurtherFrame:
+        grey = np.full((*self.camera.shape_hw, 3), 128, np.uint8)
+        return FurtherFrame(name, number, grey, np.zeros(self.camera.shape_hw, bool), problem)
 
     def _undistorted(self, name: str, number: int, image: np.ndarray) -> FurtherFrame:
         if image.shape[1::-1] != self.camera.size_wh:
@@ -199,6 +218,13 @@ def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty
     pose = loaded.frame.cam_from_model
     own = PoseUncertainty.stated(loaded.case.alignment, view.view.shown_points(), pose)
     return None if own is None else own.about(view.pivot_model, pose)
+
+
+def frame_files(source: Path) -> dict[str, Path]:
+    """All that is read of a folder of images or a video, by what it is."""
+    if not source.is_dir():
+        return {"video": source}
+    return {"folder of the frames": source} | {f"image {path.name}": path for path in image_paths(source)}
 
 
 def image_paths(folder: Path) -> list[Path]:

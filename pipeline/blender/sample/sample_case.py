@@ -42,7 +42,7 @@ def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_
     """
     case, text = folder / "case.toml", case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
     if not case.exists():
-        check_own_folder(folder, _NAMES)
+        check_own_folder(folder, _NAMES, {})
     elif read_content(case, "a case file") != text.encode():
         raise InputError(f"{case}: expected no such file or the sample's, found another case; choose another folder")
     images = ("frame.png", *(_held_out_views() if held_out else ()))
@@ -81,6 +81,8 @@ def write_sample_case(
         As :func:`check_sample_case`.
     """
     check_sample_case(folder, camera=camera, held_out=held_out)
+    with writing(folder / "case.toml"):
+        (folder / "case.toml").unlink(missing_ok=True)
     meshes = {"surface.ply": surface.bone}
     meshes |= {_structure_file(name): mesh for name, mesh in surface.structures.items()}
     for name, mesh in meshes.items():

@@ -87,7 +87,7 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
     inputs = {
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
-    check_own_folder(out, "|".join(map(re.escape, (SURFACE, SLICES, RECORD, STRUCTURES))))
+    check_own_folder(out, "|".join(map(re.escape, (SURFACE, SLICES, RECORD, STRUCTURES))), inputs)
     check_outputs(_outputs(out, ()), inputs)
     try:
         _make(arguments, work, out, inputs)
@@ -192,6 +192,9 @@ def _write_meshes(work: _Work, out: Path, made: MadeSurface) -> None:
     }  # fmt: skip
     if finish.focus is not None:
         work.record["focus"] = focus_table(finish.focus)
+    # without its report, the folder is none until all of it is new
+    with writing(out / RECORD):
+        (out / RECORD).unlink(missing_ok=True)
     write_meshes(out, mesh, made.structures)
     work.say(f"{len(mesh.faces):,} faces: {out / SURFACE}")
     work.record["structures"] = {

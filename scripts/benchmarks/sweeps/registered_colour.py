@@ -47,7 +47,7 @@ def colour_cases(folder: Path, out: Path, *, judges: int | None = None) -> list[
     chosen = register_case(
         loaded, out / "candidates", out / "registered", colour_frames=FRAMES, progress=lambda *_: None
     ).sources
-    numbers = [int(frame.image.stem.partition("_")[2]) for frame in chosen]
+    numbers = [int(frame.image.stem[len("frame_") :][:6]) for frame in chosen]
     frames: dict[str, Sequence[UnreadFrame]] = {"": (), "registered": chosen}
     frames["published"] = [
         replace(frame, cam_from_mesh=candidates[number].cam_from_mesh)

@@ -1,0 +1,85 @@
+"""From nothing, in the unit of another program; then keys that are Blender's, the brush's, and the contact sheet."""
+
+import bpy
+import numpy as np
+import x11_capture
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe.pipeline.surface.mesh_reader import read_mesh
+from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
+from bl_ext.user_default.oneframe.state import from_scene
+from bl_ext.user_default.oneframe.ui.keymap import MASK_TOOL, MOVE_TOOL
+
+
+def scenario(user):
+    # the first file changes the workspace, which must not take the question with it
+    mesh, _ = read_mesh(user.case.parent / "surface.ply")
+    write_ply(user.folder / "metres.ply", mesh.scaled(1e-3))
+    with user.context():
+        bpy.ops.oneframe.load_surface(filepath=str(user.folder / "metres.ply"))
+    yield from user.at_workbench()
+    yield 0.5
+    yield from user.picture("1_metres")
+    yield from user.key("RET")
+    yield from user.until(lambda: user.window.scene.oneframe.units == "m", "the answer", 20)
+
+    yield from user.open_case()
+    scene = user.window.scene
+    yield from choose(user, MOVE_TOOL)
+    start = from_scene.cam_from_model(scene)
+    yield from user.key("PAGE_DOWN", user.middle(), ctrl=True)
+    yield from user.until(lambda: "oneframe_workspace" not in user.window.workspace, "Blender's next workspace", 20)
+    yield from user.key("PAGE_UP", ctrl=True)
+    yield from user.at_workbench()
+    yield from user.key("COMMA", user.middle(), ctrl=True)
+    yield from user.until(lambda: len(bpy.context.window_manager.windows) == 2, "Blender's Preferences", 20)
+    yield 0.5
+    close_second_window()
+    assert np.array_equal(from_scene.cam_from_model(scene), start)
+    yield from user.key("COMMA", user.middle(), alt=True)
+    yield from user.until(lambda: not np.array_equal(from_scene.cam_from_model(scene), start), "10 px of roll", 20)
+    start = from_scene.cam_from_model(scene)[2, 3]
+    yield from user.key("U", user.middle())
+    yield from user.until(lambda: from_scene.cam_from_model(scene)[2, 3] > start, "a step away", 20)
+
+    # ring and number follow the key, though the pointer rests
+    yield from choose(user, MASK_TOOL)
+    yield from user.move(user.middle())
+    before = yield from user.look()
+    size = scene.oneframe.mask_brush_px
+    yield from user.key("LEFT_BRACKET")
+    yield from user.until(lambda: scene.oneframe.mask_brush_px < size, "a smaller brush", 20)
+    yield 0.5
+    changed = (x11_capture.capture() != before).any(axis=-1)
+    x, y = user.middle()
+    row = user.window.height - round(y)
+    around, header = changed[row - 120 : row + 120, round(x) - 120 : round(x) + 120], user.region("TOOL_HEADER")
+    top = user.window.height - header.y - header.height
+    assert around.any(), "the ring"
+    assert changed[top : top + header.height].any(), "the number in the header"
+
+    # the sheet of a dataset, in a window of Blender's
+    scene.oneframe.dataset_out = str(user.case.parent)
+    with user.context():
+        assert not bpy.ops.oneframe.show_contact_sheet.poll()
+        (user.case.parent / "contact_sheet.png").write_bytes((user.case.parent / "frame.png").read_bytes())
+        for _ in range(2):
+            bpy.ops.oneframe.show_contact_sheet()
+            yield 0.5
+    editors = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    shown = [area.spaces.active.image for area in editors if area.type == "IMAGE_EDITOR"]
+    assert [image.name for image in shown] == ["contact_sheet.png"]
+    yield from user.picture("2_contact_sheet")
+    close_second_window()
+
+
+def choose(user, tool):
+    with user.context():
+        bpy.ops.wm.tool_set_by_id(name=tool)
+    yield from user.redraw()
+
+
+def close_second_window():
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[1]):
+        bpy.ops.wm.window_close()

@@ -53,8 +53,12 @@ class FrameEvidence:
         return float(np.clip(sure, *OPACITY[self.verdict.state]))
 
     def judged(self, found: RegisteredFrame) -> "FrameEvidence":
-        """What is known once all frames are: its verdict, and whether it keeps its pose."""
-        return replace(self, verdict=found.verdict, cam_from_model=found.cam_from_model)
+        """What is known once all frames are judged together."""
+        if found.cam_from_model is None or found.uncertainty is None:
+            return FrameEvidence(self.name, self.number, found.verdict, None, picture=self.picture)
+        factor = found.uncertainty.largest_rotation_deg / self.rotation_deg
+        deviations = {"position_mm": factor * self.position_mm, "image_px": factor * self.image_px}
+        return replace(self, verdict=found.verdict, rotation_deg=factor * self.rotation_deg, **deviations)
 
     def words(self, until: "FrameEvidence") -> str:
         """State and reason, of the frames from this one until another one."""

@@ -16,7 +16,7 @@ from .known_views import KnownViews
 from .localise import Localised, localised
 from .verdict import ACCEPTED, DOUBTFUL, LEAST_ACCEPTED, LEAST_DOUBTFUL, REFUSED, Verdict, judge
 from .view_bank import ViewBank, bank_of
-from .zoom import Zoom, at_same_focal_length
+from .zoom import Zoom, at_same_focal_length, understated
 
 LEAST_FEATURES = 200
 
@@ -47,11 +47,21 @@ class RegisteredFrame:
 
 
 def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
-    """Frames of one set, in their order, less sure or refused where they seem to be zoomed."""
+    """Frames of one set, in their order, less sure or refused where they seem to be zoomed.
+
+    Where their zooms scatter by more than they state, as on a soft surface, the covariances of all poses grow as much.
+    """
     judged = list(frames)
     zooms = {number: frame.zoom for number, frame in enumerate(frames) if frame.zoom is not None}
-    for number, same in zip(zooms, at_same_focal_length(list(zooms.values())), strict=True):
+    if not zooms:
+        return judged
+    same_of_all = at_same_focal_length(list(zooms.values()))
+    factor = understated(list(zooms.values()), same_of_all)
+    for number, same in zip(zooms, same_of_all, strict=True):
         found = frames[number]
+        if found.uncertainty is not None:
+            wider = replace(found.uncertainty, covariance=factor**2 * found.uncertainty.covariance)
+            found = replace(found, uncertainty=wider)
         probability = found.verdict.probability * float(same)
         reason = (
             f"the zoom seems to be {zooms[number].factor:.2f} times that of the case's frame, or that frame's pose is "

@@ -27,6 +27,8 @@ HALF_WIDTH = 1.349
 SHARE, SHARE_FRAMES, WIDTH = 0.01, 10, 0.15
 """Share of frames that are zoomed, before a set tells, and how many frames that counts as much as; standard deviation
 of the logarithm of their zoom."""
+STATED_FRAMES = 3
+"""As how many frames it counts that standard deviations are as stated."""
 ROUNDS = 20
 """Of finding the share."""
 
@@ -77,6 +79,15 @@ def at_same_focal_length(zooms: Sequence[Zoom]) -> np.ndarray:
     mean, deviation = logs * (WIDTH / zoomed) ** 2, same * WIDTH / zoomed
     below, above = (_normal((limit - mean) / deviation) for limit in (-WITHIN_SHARE, WITHIN_SHARE))
     return 1 - is_zoomed * (1 - above + below)
+
+
+def understated(zooms: Sequence[Zoom], same: np.ndarray) -> float:
+    """By how much the standard deviations of a set are too small, at least 1: the zoom's, whose truth is known.
+
+    ``same`` ``(N,)`` is :func:`at_same_focal_length`.
+    """
+    squares = np.array([(math.log(zoom.factor) / zoom.sigma) ** 2 for zoom in zooms])
+    return max(1.0, math.sqrt((STATED_FRAMES + same @ squares) / (STATED_FRAMES + same.sum())))
 
 
 def _softness(logs: np.ndarray) -> float:

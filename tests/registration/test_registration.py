@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
-from oneframe.alignment.reprojection import apply_twist, twist_between
+from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
 from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
@@ -25,8 +26,8 @@ from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
 from oneframe.registration.evidence import frame_evidence
 from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
 from oneframe.registration.source_correction import SourceCorrection, Track
-from oneframe.registration.source_uncertainty import with_source
-from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
+from oneframe.registration.source_uncertainty import SURFACE_SHARE, with_case
+from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from oneframe.registration.zoom import Zoom, at_same_focal_length, zoom_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
@@ -143,7 +144,23 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     assert judged.verdict.state == (ACCEPTED if factor == 1 else REFUSED)
     assert (judged.cam_from_model is None) == (factor != 1)
     assert {each.verdict.state for each in others} == {ACCEPTED}
-    assert judged_together([RegisteredFrame(found.verdict), found])[0].verdict == found.verdict
+    lost = RegisteredFrame(Verdict(REFUSED, 0.0, "lost"))
+    assert judged_together([lost, found])[0] == lost
+    assert judged_together([lost]) == [lost]
+
+
+def test_zooms_that_scatter_widen_the_covariances(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(15, 10))), everywhere())
+    logs = 0.03 * np.tile([1.0, -1.0], 20)
+    for times in (0.5, 1.0, 3.0):
+        frames = [replace(found, zoom=Zoom(factor, 0.03 / times)) for factor in np.exp(logs)]
+        judged = judged_together(frames)
+        wider = judged[0].uncertainty.covariance / found.uncertainty.covariance
+        assert wider == pytest.approx(max(1.0, times) ** 2, rel=0.15)
+        shown = frame_evidence("", 0, found, CAMERA, mesh.vertices)
+        again = frame_evidence("", 0, judged[0], CAMERA, mesh.vertices)
+        assert shown.judged(judged[0]).image_px == pytest.approx(again.image_px)
+        assert {each.verdict.state for each in judged} == {ACCEPTED}
 
 
 def test_zooms_are_judged_as_a_set():
@@ -173,15 +190,29 @@ def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):
     found = registrar.register(codes(photograph(mesh, seen_from(15, 70))), everywhere())
     covariance = np.diag(np.array([0.2, 0.3, 1.0, *np.radians([0.5, 0.3, 1.0])]) ** 2)
     source = PoseUncertainty(PIVOT, covariance, np.inf, np.nan, 20.0, transform_points(SOURCE, PIVOT))
-    both = with_source(found, source, SOURCE, CAMERA)
+    surface, both = (with_case(found, own, SOURCE, CAMERA) for own in (None, source))
     frame, twists = found.cam_from_model, np.random.default_rng(0).multivariate_normal(np.zeros(6), covariance, 4000)
     taken_along = [frame @ inverse_rigid(SOURCE) @ apply_twist(each, SOURCE, PIVOT) for each in twists]
     off = np.array([twist_between(each, frame, PIVOT) for each in taken_along])
-    alone, together = found.uncertainty.covariance, both.uncertainty.covariance
+    alone, together = surface.uncertainty.covariance, both.uncertainty.covariance
     scale = np.sqrt(np.diag(together))
     assert np.abs((alone + off.T @ off / len(off) - together) / np.outer(scale, scale)).max() < 0.1
     assert both.verdict.probability < found.verdict.probability
     assert (found.verdict.state, both.verdict.state) == (ACCEPTED, DOUBTFUL)
+
+
+def test_a_surface_too_deep_moves_the_frames(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(25, 10))), everywhere())
+    frame, centre = found.cam_from_model, camera_centre(SOURCE)
+    # seen from the source alike, and one standard deviation too deep
+    deeper = centre + (1 + SURFACE_SHARE) * (mesh.vertices[::50] - centre)
+    known = Correspondences.about(deeper, CAMERA.project(transform_points(frame, mesh.vertices[::50])), CAMERA)
+    poses, _ = fit_poses(known, Poses.of(frame[None], known.pivot_model))
+    twist = twist_between(frame, poses.matrix(0, known.pivot_model), PIVOT)
+    added = with_case(found, None, SOURCE, CAMERA).uncertainty.covariance - found.uncertainty.covariance
+    scale = np.array([1, 1, 1, 10, 10, 10])
+    assert np.linalg.norm(twist[:3]) > 0.03
+    assert np.abs((added - np.outer(twist, twist)) * np.outer(scale, scale)).max() < 0.1 * twist[:3] @ twist[:3]
 
 
 def test_uncertainty_is_that_of_the_covariance(registrar, mesh):

@@ -21,7 +21,7 @@ from ...images.png import encode_png
 from ...registration.colour_sources import Candidate, shown_pixels
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
-from ...registration.source_uncertainty import doubt_of_source, with_source
+from ...registration.source_uncertainty import doubt_of_source, with_case
 from ...registration.verdict import ACCEPTED, REFUSED, Verdict
 from ...registration.zoom import zoom_of
 from ...transforms import inverse_rigid
@@ -96,7 +96,7 @@ class CaseRegistrar:
     def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
 
-        What the case states of its own pose's error is included; whether the frame is zoomed, the others of its set
+        What the surface and the case's own pose are off is included; whether the frame is zoomed, the others of its set
         tell: :func:`.judged_together`.
 
         Raises
@@ -108,7 +108,7 @@ class CaseRegistrar:
         if found.fit is None:
             return found
         found = replace(found, zoom=zoom_of(found.fit, self.pivot_model))
-        return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
+        return with_case(found, self._own, self.cam_from_model, self.camera)
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """The same as if the case's pose and the focal length were certain."""

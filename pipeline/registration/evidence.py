@@ -8,6 +8,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..surface.mesh import TriangleMesh
+from .film_change import FilmChange
 from .register import RegisteredFrame
 from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, Verdict
 
@@ -83,6 +84,8 @@ class RegistrationEvidence:
         The record of the case's pose.
     is_film
         Whether the frames follow each other.
+    change
+        What a film no longer shows as the case's frame does, if anything.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -91,6 +94,7 @@ class RegistrationEvidence:
     pivot_model: np.ndarray
     alignment: Mapping[str, object]
     is_film: bool
+    change: FilmChange | None = None
 
     @property
     def counts(self) -> dict[str, int]:

@@ -24,6 +24,7 @@ from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
 from oneframe.registration.evidence import frame_evidence
+from oneframe.registration.film_change import FilmAgreement, FilmChange
 from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
 from oneframe.registration.source_correction import SourceCorrection, Track
 from oneframe.registration.source_uncertainty import SURFACE_SHARE, with_case
@@ -238,6 +239,30 @@ def test_what_covers_the_surface_gives_no_colour(registrar, mesh):
     assert shown[190:350, 260:].mean() < 0.05
     assert shown[:150].mean() > 0.9
     assert shown[:, :200].mean() > 0.9
+
+
+def test_a_film_says_where_the_surface_changes(registrar, mesh):
+    poses = [seen_from(4 * np.sin(number), number) for number in range(16)]
+    shown = {each: [codes(photograph(mesh, pose, seed=each)) for pose in poses] for each in (0, 1)}
+
+    def change(frames: list[np.ndarray], order: list[int]) -> FilmChange | None:
+        agreement = FilmAgreement(CAMERA, SOURCE, PIVOT)
+        for number in order:
+            agreement.add(10 * number, registrar.register(frames[number], everywhere(), poses[number]).fit)
+        return agreement.change()
+
+    # something else from the eighth frame on, or in the middle alone
+    other = [image.copy() for image in shown[0]]
+    for number in range(8, 16):
+        other[number][100:200, 100:230] = shown[1][number][100:200, 100:230]
+    found = change(other, list(range(16)))
+    assert found.since == 80
+    assert found.places[4:6, 4:7].mean() > 0.6
+    assert not found.places[:, :2].any()
+    assert 0.05 < found.share < 0.3
+    assert f"from frame {found.since}" in found.words()
+    assert change(other, [*range(4), *range(8, 16), *range(4, 8)]) is None
+    assert change(shown[0], list(range(16))) is None
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.08])

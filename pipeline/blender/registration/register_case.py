@@ -23,6 +23,7 @@ from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
 from ...registration.colour_sources import Candidate, candidate_of, chosen_sources
 from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
+from ...registration.film_change import FilmAgreement
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame, judged_together
 from ...registration.verdict import ACCEPTED
@@ -98,6 +99,7 @@ def register_case(
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
     registered, images, tiles = list[RegisteredFrame](), list[str](), dict[int, np.ndarray]()
     evidence, candidates = list[FrameEvidence](), list[Candidate]()
+    agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
     surface, units = loaded.surface, loaded.case.mm_per_unit
     steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
     with registrar.frames(source, every) as (count, frames):
@@ -107,6 +109,8 @@ def register_case(
             # as in a list of photographs: from the folder of the list
             images.append(relative_name(source / frame.name, out) if frame.name else "")
             registered.append(replace(found, fit=None))
+            if found.fit is not None and found.verdict.state == ACCEPTED and not source.is_dir():
+                agreement.add(frame.number, found.fit)
             candidate = candidate_of(frame.number, frame.image, found) if colour_frames else None
             candidates += [] if candidate is None else [candidate]
             picture = None
@@ -127,7 +131,9 @@ def register_case(
         raise InputError(f"{one.name or source.name}: {one.verdict.reason}; nor can any other frame be used")
     registered = judged_together(registered)
     evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
+    change = agreement.change()
     accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED}
+    accepted -= set() if change is None else {number for number in accepted if number >= change.since}
     candidates = [each for each in candidates if each.number in accepted]
     entries = [
         pose_entry(image, each.number, found, surface.mesh_from_model, units)
@@ -164,6 +170,7 @@ def register_case(
         registrar.pivot_model,
         loaded.case.alignment or {},
         is_film=not source.is_dir(),
+        change=change,
     )
     return Registration(known, sources)
 

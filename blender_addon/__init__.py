@@ -84,6 +84,8 @@ _MODULES = tuple(
         "video.shown_frame",
         "video.operators",
         "setup.open_case",
+        "setup.autosave",
+        "setup.undone_saves",
         "setup.sample_task",
         "setup.frame",
         "setup.operators",

@@ -1,7 +1,5 @@
 """Operators that step through a queue, and mark a pose as checked."""
 
-import datetime
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -9,16 +7,17 @@ from bpy.props import IntProperty
 
 from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import surface_object
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
-from ..pipeline.case.case_update import update_case
 from ..pipeline.errors import InputError
-from ..setup.alignment_record import pose_record
+from ..setup.alignment_record import is_start
 from ..setup.open_case import load_into_scene, unsaved_parts
+from ..setup.save_case import REPLACE, replaced_pose
+from ..setup.undone_saves import undoable
 from ..state import camera_view, from_scene, pose_evidence
-from ..state.scene_files import forget_stamps
 from ..ui.keymap import Key, keys
-from ..ui.operator import Messages, Reporting, available, call
+from ..ui.operator import Messages, OperatorResult, Reporting, available, call
+from ..ui.question import ask_first
 from . import queued
 
 
@@ -38,6 +37,12 @@ class ONEFRAME_OT_queue_step(_InQueue):
 
     step: int = prop(IntProperty, default=1, options={"SKIP_SAVE", "HIDDEN"})
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if question := _question(context.scene):
+            ask_first((REPLACE, question, "Replace"), "queue_step", "EXEC_DEFAULT", step=self.step)
+            return {"CANCELLED"}
+        return self.execute(context)
+
     def run(self, context: bpy.types.Context) -> Messages:
         entries = queued.queue_of(context.scene)
         target = queued.position(context.scene) + self.step
@@ -54,19 +59,21 @@ class ONEFRAME_OT_queue_check(_InQueue):
     bl_label = "Checked"
     bl_options = {"UNDO"}
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if question := _question(context.scene):
+            ask_first((REPLACE, question, "Replace"), "queue_check", "EXEC_DEFAULT")
+            return {"CANCELLED"}
+        return self.execute(context)
+
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         if is_start(scene):
             raise InputError("expected a pose that was aligned in this frame, found only a start; align it first")
-        save_present(scene)
         path = queued.queue_of(scene)[queued.position(scene)].path
-        case = read_case(path)
-        record = case.alignment | {"checked": datetime.date.today().isoformat()}
-        update_case(path, replace(case, alignment=record))
-        forget_stamps()
-        pose_evidence.remember(
-            scene, record, from_scene.cam_from_model(scene), pose_evidence.remembered_uncertainty(scene)
-        )
+        with undoable(scene, path):
+            call("save_case", filepath=str(path), checked=True)
+        record, uncertainty = read_case(path).alignment, pose_evidence.remembered_uncertainty(scene)
+        pose_evidence.remember(scene, record, from_scene.cam_from_model(scene), uncertainty)
         if queued.position(scene) + 1 == len(queued.queue_of(scene)):
             return ("checked; this is the last frame of the queue",)
         call("queue_step")
@@ -77,12 +84,13 @@ def save_present(scene: bpy.types.Scene) -> None:
     """Save the scene's case to its file, unless only a start of its pose is new."""
     parts = unsaved_parts(scene)
     if parts and not (parts == ("pose",) and is_start(scene)):
-        call("save_case", filepath=scene.oneframe.case_path)
+        with undoable(scene, from_scene.absolute_path(scene.oneframe.case_path)):
+            call("save_case", filepath=scene.oneframe.case_path)
 
 
-def is_start(scene: bpy.types.Scene) -> bool:
-    """Whether nobody has aligned the pose in this frame."""
-    return pose_record(scene).get("method") in (INITIAL_GUESS, OTHER_FRAME)
+def _question(scene: bpy.types.Scene) -> str:
+    path = queued.present(scene)
+    return "" if path is None or bpy.app.background else replaced_pose(scene, path)
 
 
 def go_to(context: bpy.types.Context, path: Path) -> None:
@@ -95,6 +103,7 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     spaces = [area.spaces.active for area in camera_view.views(context)]
     through = [space for space in spaces if space.region_3d.view_perspective == "CAMERA"]
     load_into_scene(context, case)
+    call("offer_unsaved")
     for space in through:  # the camera is a new one: Blender has left it
         space.region_3d.view_perspective = "CAMERA"
         camera_view.aim(scene, space)

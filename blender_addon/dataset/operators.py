@@ -18,7 +18,7 @@ from ..ui.frame_view import shows_frame
 from ..ui.operator import Messages, NeedsAlignment, Reporting, available
 from . import background_job, pose_preview
 from .existing_dataset import check_folder, existing_views
-from .snapshot import write_snapshot
+from .snapshot import save_settings, usual_output, write_snapshot
 from .wording import in_window_words
 
 SCRIPT = "render_dataset.py"
@@ -143,6 +143,7 @@ class ONEFRAME_OT_render_dataset(_AboutOptions):
         check_folder(out, loaded, options, listed)
         had = existing_views(out)
         case_path = write_snapshot(scene, out)
+        save_settings(scene)
         scene.oneframe.dataset_out = str(out)
         arguments = [str(case_path), "--out", str(out), "--progress-seconds", "1", "--end-with-input"]
         background_job.start(SCRIPT, arguments, out)
@@ -177,11 +178,9 @@ def result_folder(scene: bpy.types.Scene) -> Path | None:
 
 
 def output_folder(scene: bpy.types.Scene) -> Path:
-    """The dataset's folder: the chosen one, or ``dataset`` beside the case or else beside the frame."""
-    settings = scene.oneframe
-    if settings.dataset_out:
-        return from_scene.absolute_path(settings.dataset_out)
-    return from_scene.absolute_path(settings.case_path or settings.frame_path).parent / "dataset"
+    """The dataset's folder: the chosen one, or the usual one."""
+    chosen = scene.oneframe.dataset_out
+    return from_scene.absolute_path(chosen) if chosen else usual_output(scene)
 
 
 def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:

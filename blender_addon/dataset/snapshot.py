@@ -1,22 +1,49 @@
-"""The case as a run renders it, in a file beside the dataset; the user's own case file is never written."""
+"""The case as a run renders it, in a file beside the dataset; the user's own case file gets its settings alone."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import bpy
 
-from ..pipeline.case.case_file import case_from_text
+from ..pipeline.case.case_file import case_from_text, read_case
+from ..pipeline.case.case_update import update_case
 from ..pipeline.case.case_writer import case_text, encoded
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import write_bytes_atomically
 from ..pipeline.files.outputs import check_outputs, made_folder, writing
 from ..state import from_scene
-from ..state.scene_files import check_lasting, input_files
+from ..state.scene_files import check_lasting, forget_stamps, input_files
 
 SUFFIX = ".case.toml"
 COMMENT = (
     "Written by Render Dataset: the case of the dataset beside it. Changes are overwritten; Save Case writes yours."
 )
+
+
+def save_settings(scene: bpy.types.Scene) -> None:
+    """Save the options of the dataset with the scene's case, so that the next session continues its run.
+
+    Raises
+    ------
+    InputError
+        The case's file is no case any more.
+    RunError
+        It cannot be written.
+    """
+    if not scene.oneframe.case_path:
+        return
+    path, table = from_scene.absolute_path(scene.oneframe.case_path), from_scene.dataset_table(scene)
+    with writing(path):
+        update_case(path, replace(read_case(path, posed=False), dataset=table))
+    scene.oneframe.case_dataset_text = json.dumps(table)
+    forget_stamps()
+
+
+def usual_output(scene: bpy.types.Scene) -> Path:
+    """The folder of a dataset unless another one is chosen: ``dataset`` beside the case, or else beside the frame."""
+    settings = scene.oneframe
+    return from_scene.absolute_path(settings.case_path or settings.frame_path).parent / "dataset"
 
 
 def snapshot_path(out: Path) -> Path:

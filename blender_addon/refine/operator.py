@@ -163,8 +163,14 @@ def is_previewed(scene: bpy.types.Scene) -> bool:
 
 
 def is_taken(scene: bpy.types.Scene) -> bool:
-    """Whether the current pose was refused by the refinement, and taken all the same."""
-    return "refused" in (pose_evidence.remembered(scene) or {})
+    """Whether the current pose was refused by the refinement, and taken all the same: not if the latest began at it."""
+    result = outcome(scene)
+    is_start = (
+        result is not None
+        and not result.accepted
+        and np.array_equal(from_scene.cam_from_model(scene), result.cam_from_model)
+    )
+    return not is_start and "refused" in (pose_evidence.remembered(scene) or {})
 
 
 register, unregister = class_registration(__name__, keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))

@@ -1,5 +1,6 @@
 """The preview of a pose that was found: before and after in the view, until the user keeps one of them."""
 
+from contextlib import suppress
 from typing import Literal
 
 import bpy
@@ -10,6 +11,7 @@ from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
+from ..state import pose
 from ..state.events import redraw
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import NAVIGATION, InBackground, show_status
@@ -32,10 +34,6 @@ def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -
     solve.follow(scene)
 
 
-shown = ""
-"""Label of the operator whose pose is previewed now."""
-
-
 class Preview(bpy.types.Operator):
     """Mixin: a modal operator that shows a pose that was found, and lets the user keep or discard it."""
 
@@ -45,9 +43,8 @@ class Preview(bpy.types.Operator):
 
     def show_poses(self, context: bpy.types.Context, found: np.ndarray, start: np.ndarray) -> None:
         """Begin with the pose ``(4, 4)`` that was found; ``start``, the one before, is that to go back to."""
-        global shown
         self._found, self._start, self.is_shown = found, start, True
-        shown = self.bl_label
+        pose.previewed = self.bl_label
         shown_frame.restore(context.scene)
         self._show_pose(context, is_result=True)
         self._show_figures(context)
@@ -83,7 +80,10 @@ class Preview(bpy.types.Operator):
             raise
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
+        """Called by Blender when it ends the operator: a file was opened, or the window closed; nobody took it."""
+        if self.is_shown:
+            with suppress(InputError):
+                self._show_pose(context, is_result=False)
         self._close(context, "CANCELLED")
 
     def _close(
@@ -95,8 +95,7 @@ class Preview(bpy.types.Operator):
         error: str = "",
     ) -> OperatorResult:
         """Restore the headers, report, and end."""
-        global shown
-        shown = ""
+        pose.previewed = ""
         show_status(context, None)
         if message:
             self.report({"INFO"}, message)

@@ -5,31 +5,29 @@ What is in doubt follows it in red. It draws only, and looks at no file that has
 
 import textwrap
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ..case_queue.queued import position, queue_of
-from ..class_registration import at_end, class_registration, drawing
+from ..class_registration import class_registration, drawing
 from ..dataset import background_job
+from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, PROPOSED, REGISTERED
-from ..pipeline.case.case_file import Case
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
-from ..setup.open_case import saved_case, unsaved_parts
+from ..setup.open_case import known_case, unsaved_parts
 from ..setup.sample_task import task_lines
-from ..state import another_frame, from_scene, pose_evidence, workbench
+from ..state import another_frame, from_scene, pose, pose_evidence, workbench
 from ..state.events import areas
-from ..state.scene_files import Stamp, known_stamp
 from ..ui.keymap import binding
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, uncovered_rectangle
-from . import operator, preview
+from . import operator
 from .preview import error_text, preview_text
 
 PLAIN: Colour = (1.0, 1.0, 1.0, 1.0)
@@ -63,7 +61,7 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
     name = bpy.path.basename(settings.case_path or settings.frame_path) or "New case"
     if entries := queue_of(scene):
         name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
-    parts = unsaved_parts(scene, _saved_case)
+    parts = unsaved_parts(scene, known_case)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
     if (other := another_frame.seen(scene)) is not None:
         back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
@@ -78,8 +76,8 @@ def pose_text(scene: bpy.types.Scene) -> str:
     found = operator.outcome(scene)
     if found is not None and operator.is_previewed(scene):
         return f"{preview_text(found)}, off by {error_text(found, refined=True)}"
-    if preview.shown:
-        return f"Preview: {preview.shown}"
+    if pose.previewed:
+        return f"Preview: {pose.previewed}"
     record = pose_record(scene)
     text, _ = kind_of(scene, record)
     error_px = record.get("error_px")
@@ -101,7 +99,9 @@ def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, 
     """How a pose with this record was found, in words, and the icon for it."""
     method = str(record.get("method", ""))
     title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
-    if str(record.get("evidence", "")).startswith("landmarks"):
+    if "refused" in record:
+        title, icon = "Taken although refused", "ERROR"
+    elif str(record.get("evidence", "")).startswith("landmarks"):
         title = "From landmarks and image"
     is_given = pose_evidence.remembered(scene) == {} and method == "manual"
     return "Given by the case, origin unknown" if is_given else title, icon
@@ -112,11 +112,13 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     job = background_job.current()
     if job is not None and job.running:
         # Blender's own question before it quits cannot say so
-        return "A dataset renders: quitting stops it, Render Dataset continues it next time"
+        again = "" if job.out == usual_output(scene) else f" to {job.out.name}"
+        when = "next time" if is_saved else "next time once the case is saved"
+        return f"A dataset renders: quitting stops it, Render Dataset{again} continues it {when}"
     if missing := workbench.next_step(scene):
         return missing
     found, record = operator.outcome(scene), pose_record(scene)
-    if preview.shown or operator.is_previewed(scene):
+    if pose.previewed or operator.is_previewed(scene):
         return "Esc: go back" if found is not None and found.can_be_taken else "Enter: keep it, Esc: go back"
     if found is not None and not found.accepted and not operator.is_taken(scene):
         return f"Refused: {found.objection}; add landmarks at the green ring" if found.objection else found.message
@@ -131,15 +133,6 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 
-def _saved_case(path: Path) -> Case:
-    return _read(path, known_stamp(path))
-
-
-@lru_cache(maxsize=1)
-def _read(path: Path, _stamp: Stamp) -> Case:
-    return saved_case(path)
-
-
 def _draw() -> None:
     context = bpy.context
     scene, window = context.scene, context.window
@@ -150,12 +143,15 @@ def _draw() -> None:
         return
     try:
         (line, in_doubt), task = status(scene), task_lines(scene)
+        is_refused = "refused" in pose_record(scene)
     except InputError:
         return  # the sidebar says what is wrong with the pose
     strokes = Strokes()
     low, high = uncovered_rectangle(context.area)
     at = np.array([low[0] + 10 * strokes.unit, high[1] - 16 * strokes.unit])
-    for text, colour in (*((text, PLAIN) for text in (line, *task)), *((text, DOUBT) for text in in_doubt)):
+    first = DOUBT if is_refused else PLAIN
+    lines = (line, first), *((text, PLAIN) for text in task), *((text, DOUBT) for text in in_doubt)
+    for text, colour in lines:
         room = (high[0] - at[0] - 10 * strokes.unit) / max(strokes.width_of(text), 1.0)
         for each in textwrap.wrap(text, max(20, int(len(text) * room)), drop_whitespace=True):
             strokes.text(at, each, colour)
@@ -163,6 +159,4 @@ def _draw() -> None:
     strokes.draw()
 
 
-register, unregister = class_registration(
-    __name__, at_end(_read.cache_clear), drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL")
-)
+register, unregister = class_registration(__name__, drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL"))

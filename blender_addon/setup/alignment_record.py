@@ -46,6 +46,11 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     return alignment_record(solved.alignment, tool, date)
 
 
+def is_start(scene: bpy.types.Scene) -> bool:
+    """Whether nobody has aligned the pose in this frame."""
+    return pose_record(scene).get("method") in (INITIAL_GUESS, OTHER_FRAME)
+
+
 def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
     """What is in doubt about the case while it lasts, in sentences: the surface's size, a pose nobody is sure of.
 
@@ -65,6 +70,8 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
         found.append(f"The pose was {origin}: nobody has aligned it with this one.")
     elif "doubt" in record:
         found.append(f"The pose is in doubt: {record['doubt']}.")
+    if "refused" in record:
+        found.append(f"The refinement was refused, and its pose taken all the same: {record['refused']}.")
     return tuple(found)
 
 

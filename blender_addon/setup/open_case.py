@@ -3,12 +3,13 @@
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import at_end, class_registration, prop
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.case.case_file import Case, read_case
@@ -18,6 +19,7 @@ from ..pipeline.errors import InputError
 from ..state import from_scene, image_evidence, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose, set_initial_pose
+from ..state.scene_files import Stamp, known_stamp
 from ..ui.operator import Messages, OpensFile, OperatorResult, call
 from ..ui.question import Asking, ask_first
 
@@ -47,6 +49,16 @@ _WORDS = {
 def saved_case(path: Path) -> Case:
     """The case as its file has it; it may have no pose."""
     return read_case(path, posed=False)
+
+
+def known_case(path: Path) -> Case:
+    """The same, read again when the file has changed, for drawing."""
+    return _read(path, known_stamp(path))
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path, _stamp: Stamp) -> Case:
+    return saved_case(path)
 
 
 def unsaved_parts(scene: bpy.types.Scene, read: Callable[[Path], Case] = saved_case) -> tuple[str, ...]:
@@ -130,9 +142,14 @@ class ONEFRAME_OT_open_case(OpensFile):
         return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
-        loaded = load_into_scene(context, read_case(self.chosen_file(), posed=False))
+        path = self.chosen_file()
+        case = read_case(path, posed=False)
+        if self.discard:
+            call("discard_unsaved")
+        loaded = load_into_scene(context, case)
         show_shape(context)
         look_through_camera(context)
+        call("offer_unsaved")
         width, height = loaded.case.camera.size_wh
         return (
             *loaded.messages,
@@ -150,7 +167,7 @@ class ONEFRAME_OT_open_sample(Asking):
         return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
 
     def run(self, context: bpy.types.Context) -> None:
-        call("open_case", filepath=str(copied_sample(_own_folder()) / UNALIGNED))
+        call("open_case", filepath=str(copied_sample(own_folder("sample")) / UNALIGNED), discard=True)
 
 
 def copied_sample(folder: Path) -> Path:
@@ -176,13 +193,15 @@ def copied_sample(folder: Path) -> Path:
     return folder
 
 
-def _own_folder() -> Path:
-    """The extension's folder for the user's files; in a checkout, one that lasts for this session."""
+def own_folder(name: str) -> Path:
+    """A folder of the extension for the user's files; in a checkout, one that lasts for this session."""
     package = __package__.rpartition(".")[0] if __package__ else ""
     try:
-        return Path(bpy.utils.extension_path_user(package, path="sample", create=True))
+        return Path(bpy.utils.extension_path_user(package, path=name, create=True))
     except ValueError:  # not an extension
-        return Path(bpy.app.tempdir) / "oneframe_sample"
+        folder = Path(bpy.app.tempdir) / f"oneframe_{name}"
+        folder.mkdir(exist_ok=True)
+        return folder
 
 
-register, unregister = class_registration(__name__)
+register, unregister = class_registration(__name__, at_end(_read.cache_clear))

@@ -14,7 +14,7 @@ from ..pipeline.case.surface_size import SizeDoubt, extents_of, place_doubt, siz
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.poses.pose_file import read_pose
-from ..pipeline.surface.mesh_reader import read_mesh
+from ..pipeline.surface.mesh_reader import read_mesh, stated_space
 from ..pipeline.surface.mesh_writer import write_ply
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.structures import name_of_file
@@ -215,7 +215,8 @@ class ONEFRAME_OT_add_structure(ChosenFiles, OpensFile):
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
         paths = self.chosen_files() or [self.chosen_file()]
-        read = [(path, *read_mesh(path)) for path in paths]
+        like = from_scene.absolute_path(surface.oneframe.mesh_path)
+        read = [(path, *read_mesh(path, like=like)) for path in paths]
         offset = surface_object.mesh_from_model_of(surface)[:3, 3]
         doubts = []
         for path, given, _ in read:
@@ -267,7 +268,8 @@ class ONEFRAME_OT_save_edited_surface(SavesFile):
         surface = from_scene.surface_of(scene)
         mesh = surface_object.edited_mesh(surface)
         given = mesh.moved(surface_object.mesh_from_model_of(surface)[:3, 3])
-        write_ply(path, given.scaled(1 / MM_PER_UNIT[scene.oneframe.units]))
+        space = stated_space(from_scene.absolute_path(surface.oneframe.mesh_path))
+        write_ply(path, given.scaled(1 / MM_PER_UNIT[scene.oneframe.units]), space=space)
         to_scene.relink_surface(context, path)
         return (f"saved {path}: {len(mesh.faces)} triangles",)
 

@@ -1,5 +1,6 @@
 """The operator that saves the case, alone or with all of its files."""
 
+import datetime
 import json
 import os
 from dataclasses import replace
@@ -10,16 +11,17 @@ import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.case.alignment_record import OTHER_FRAME
+from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, is_found
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import other_inputs, update_case
-from ..pipeline.case.case_writer import case_output
+from ..pipeline.case.case_writer import case_output, write_case
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene
 from ..state.events import redraw
 from ..state.scene_files import forget_stamps, input_files, usual_folder
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, SavesFile
 from ..ui.question import ask_first
+from . import autosave
 from .alignment_record import doubts, recorded_case
 from .kept_files import keep_beside
 
@@ -49,14 +51,18 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
     in_doubt: bool = prop(
         BoolProperty, "In Doubt", "Save without asking about what is in doubt", options={"SKIP_SAVE", "HIDDEN"}
     )
+    checked: bool = prop(
+        BoolProperty, "Checked", "Note in the case that you have checked its pose", options={"SKIP_SAVE", "HIDDEN"}
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         settings = context.scene.oneframe
-        if not self.in_doubt and (doubtful := _doubts(context.scene)):
-            texts = "Save in Doubt?", " ".join(doubtful), "Save"
+        known = bpy.path.abspath(settings.case_path)
+        replaced = replaced_pose(context.scene, Path(known)) if known and not self.save_as else ""
+        if not self.in_doubt and (doubtful := " ".join(filter(None, (replaced, *_doubts(context.scene))))):
+            texts = (REPLACE, doubtful, "Replace") if replaced else ("Save in Doubt?", doubtful, "Save")
             ask_first(texts, "save_case", save_as=self.save_as, in_doubt=True)
             return {"CANCELLED"}
-        known = bpy.path.abspath(settings.case_path)
         usual = usual_folder(context.scene) / "case.toml"
         if usual.exists():
             # another one's, whose folder is not the place for copies
@@ -83,9 +89,18 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
                 f"{path}: expected no file or a case of this frame and surface, found one of {other}; "
                 "choose another name"
             )
+        is_asked = self.options.is_invoke and not bpy.app.background and not self.in_doubt
+        if is_asked and not other and (question := replaced_pose(scene, path)):
+            settings = {"filepath": str(path), "collect": self.collect, "in_doubt": True}
+            ask_first((REPLACE, question, "Replace"), "save_case", "EXEC_DEFAULT", **settings)
+            return ()
         is_own = self.replace or _is_tied(scene, path)
         kept = keep_beside(scene, path.parent, collect=self.collect, replace=is_own)
-        update_case(path, _with_kept_record(recorded_case(scene, path)))
+        case = _with_kept_record(recorded_case(scene, path))
+        if self.checked:
+            case = replace(case, alignment=case.alignment | {"checked": datetime.date.today().isoformat()})
+        (write_case if other else update_case)(path, case)
+        autosave.forget(scene)
         to_scene.remember_file(scene, read_case(path))
         forget_stamps()
         redraw()
@@ -93,6 +108,23 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
             # else undo would bring back the file before, for the next save
             bpy.ops.ed.undo_push(message=self.bl_label)
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
+
+
+REPLACE = "Replace the Pose?"
+
+
+def replaced_pose(scene: bpy.types.Scene, path: Path) -> str:
+    """The question before hands replace a pose in a case file that was found in the image or checked; else empty."""
+    try:
+        saved, case = read_case(path), recorded_case(scene, path)
+    except InputError:
+        return ""  # there is no file, or saving says what is wrong with the pose
+    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh)
+    if is_same or not is_found(saved.alignment) or case.alignment.get("method") in FOUND:
+        return ""
+    how = "checked" if "checked" in saved.alignment else "found in the image or other frames"
+    name = f"{path.parent.name}/{path.name}"
+    return f"The pose in {name} was {how}, the one in view was not. Replace it? Undo brings it back into view."
 
 
 def _doubts(scene: bpy.types.Scene) -> tuple[str, ...]:

@@ -301,7 +301,7 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
     if aligned:
         check_poses(wanted, mesh, frames)
     structures = tuple(
-        (structure, _mesh(structure.mesh, stamp(structure.mesh)).scaled(wanted.mm_per_unit).moved(-offset))
+        (structure, _mesh(structure.mesh, stamp(structure.mesh), wanted.mesh).scaled(wanted.mm_per_unit).moved(-offset))
         for offset in (mesh_from_model[:3, 3],)
         for structure in wanted.structures
     )
@@ -386,8 +386,8 @@ def _surface(path: Path, _stamp: tuple[int, int], mm_per_unit: float) -> tuple[T
 
 
 @lru_cache(maxsize=16)
-def _mesh(path: Path, _stamp: tuple[int, int]) -> TriangleMesh:
-    return read_mesh(path)[0]
+def _mesh(path: Path, _stamp: tuple[int, int], like: Path) -> TriangleMesh:
+    return read_mesh(path, like=like)[0]
 
 
 def _check_unedited(surface: bpy.types.Object, mesh: TriangleMesh) -> None:

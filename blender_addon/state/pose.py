@@ -11,6 +11,9 @@ from ..pipeline.errors import InputError
 from ..pipeline.transforms import checked_rigid, inverse_rigid, transform_points
 from . import from_scene
 
+previewed = ""
+"""Label of the operator whose pose is previewed now: it is not the case's until the user takes it."""
+
 PIVOT = "oneframe_pivot_model"
 PIVOT_DRIFT = 0.1
 """The stored pivot is kept while it projects near the centre of the visible surface: within this fraction of the

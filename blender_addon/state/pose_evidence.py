@@ -14,7 +14,7 @@ import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
-from ..pipeline.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, scaled_record
+from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene
 from .image_evidence import uncertainty_from, uncertainty_table
@@ -103,7 +103,7 @@ def is_refined(scene: bpy.types.Scene) -> bool:
         There is no pose.
     """
     record = remembered(scene)
-    return record is not None and record.get("method") in ("refined", FURTHER_FRAMES, REGISTERED)
+    return record is not None and record.get("method") in FOUND
 
 
 def _is_left(scene: bpy.types.Scene) -> bool:

@@ -159,6 +159,9 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         default=20,
         update=events.redraw,
     )
+    queue_saves: int = prop(
+        IntProperty, description="Saves by steps through a queue in this session: undo counts back", options={"HIDDEN"}
+    )
     case_files_text: str = prop(
         StringProperty, description="Frame and surface that the case file names (JSON)", options={"HIDDEN"}
     )

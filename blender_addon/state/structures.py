@@ -6,6 +6,7 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.blender.alignment import alignment_scene, surface_object
+from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.surface.mesh_reader import read_mesh
 
 Colour = tuple[float, float, float]
@@ -24,7 +25,8 @@ def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Co
     InputError
         A file holds no usable mesh; nothing is changed then.
     """
-    read = {name: read_mesh(path) for name, (path, _) in files.items()}
+    like = absolute_path(surface.oneframe.mesh_path)
+    read = {name: read_mesh(path, like=like) for name, (path, _) in files.items()}
     offset = surface_object.mesh_from_model_of(surface)[:3, 3]
     old = [child for child in surface.children if child.name in files and child.oneframe.role == "STRUCTURE"]
     alignment_scene.remove_objects(old)

@@ -35,7 +35,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     """Fill in the scene's settings from a case whose objects are in the scene."""
     case, settings = loaded.case, scene.oneframe
     if settings.case_path != str(case.path.resolve()):
-        _part_from_case(scene)
+        part_from_case(scene)
     remember_file(scene, case)
     settings.frame_path = str(case.image.resolve())
     settings.frame_size = case.camera.size_wh
@@ -72,7 +72,7 @@ def set_further_frames(scene: bpy.types.Scene, case: Case) -> None:
     scene.oneframe.case_frames_text = text
 
 
-def _part_from_case(scene: bpy.types.Scene) -> None:
+def part_from_case(scene: bpy.types.Scene) -> None:
     """End the tie to the case's file and dataset: another frame or surface comes, and must not get into them."""
     settings = scene.oneframe
     if not settings.case_path:
@@ -136,7 +136,7 @@ def set_frame(
     if not leave_frame(scene, *picture) or video:
         settings.video_text = json.dumps(video) if video else ""
     if settings.frame_path != str(path.resolve()):
-        _part_from_case(scene)
+        part_from_case(scene)
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
     if settings.camera_object is None:
@@ -235,7 +235,7 @@ def set_surface(
     settings = scene.oneframe
     old = settings.surface
     if old is None or old.oneframe.mesh_path != str(path.resolve()):
-        _part_from_case(scene)
+        part_from_case(scene)
         # a surface's own
         kept = json.loads(settings.case_kept_text or "{}")
         settings.case_kept_text = json.dumps(kept | {"object_name": None})

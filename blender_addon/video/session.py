@@ -171,6 +171,16 @@ def keep(scene: bpy.types.Scene, session: FilmSession) -> None:
         _sessions[key] = session
 
 
+def return_to(scene: bpy.types.Scene) -> FilmSession | None:
+    """After undo: give the scene back the film that is open, if it took that away; scoring it again takes minutes."""
+    if not _sessions or of(scene) is not None:
+        return None
+    settings = scene.oneframe_video
+    ((key, film),) = _sessions.items()
+    settings.path, settings.every, settings.from_s, settings.to_s = key
+    return film
+
+
 def _forget() -> None:
     for session in _sessions.values():
         session.fetcher.stop()

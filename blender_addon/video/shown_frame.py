@@ -13,7 +13,7 @@ from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.camera.distortion import undistort
 from ..pipeline.errors import InputError
 from ..pipeline.images.pixel_values import to_uint8
-from ..state import from_scene, to_scene
+from ..state import from_scene, to_scene, workbench
 from ..state.events import redraw
 from . import session
 from .session import FilmSession
@@ -138,6 +138,14 @@ def _after_saving(*_: object) -> None:
     _restored.clear()
 
 
+@persistent
+def _after_undo(*_: object) -> None:
+    scene = workbench.existing()
+    film = None if scene is None else session.return_to(scene)
+    if scene is not None and film is not None:
+        put(scene, film)
+
+
 def _remove() -> None:
     for scene in bpy.data.scenes:
         restore(scene)
@@ -150,6 +158,8 @@ register, unregister = class_registration(
     __name__,
     at_end(_remove),
     timers(_poll),
+    listening(bpy.app.handlers.undo_post, _after_undo),
+    listening(bpy.app.handlers.redo_post, _after_undo),
     listening(bpy.app.handlers.save_pre, _before_saving),
     listening(bpy.app.handlers.save_post, _after_saving),
     listening(bpy.app.handlers.save_post_fail, _after_saving),

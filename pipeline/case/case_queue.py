@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..images.image_check import check_image_file, image_size
-from .alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, REGISTERED
+from .alignment_record import FOUND, INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
 
@@ -49,7 +49,7 @@ def state_of(case: Case) -> str:
     method = record.get("method")
     if ("doubt" in record and method != OTHER_FRAME) or "refused" in record:
         return DOUBTFUL
-    return ALIGNED if method in ("landmarks", "refined", FURTHER_FRAMES, REGISTERED) else ROUGH
+    return ALIGNED if method in ("landmarks", *FOUND) else ROUGH
 
 
 def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Path]:

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..files.content import read_content, write_bytes_atomically
+from ..files.content import read_content, write_files_atomically
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY
 from .case_file import Case, case_from_text
+from .case_history import with_replaced
 from .case_writer import case_output, case_text, encoded, write_case
 
 if TYPE_CHECKING:
@@ -21,7 +22,8 @@ _BOM = "\ufeff"
 def update_case(path: Path, case: Case) -> None:
     """Write a case to a file: a new one as :func:`.write_case`, an existing one value by value.
 
-    Comments, order and form of an existing file stay, and so does every value that already means what the case says.
+    Comments, order and form of an existing file stay, and so does every value that already means what the case says. A
+    pose that is replaced goes into the file's history.
 
     Raises
     ------
@@ -35,10 +37,10 @@ def update_case(path: Path, case: Case) -> None:
         write_case(path, case)
         return
     before = read_content(path, "a case file")
-    _existing(path, before)
+    saved = _existing(path, before)
     after = encoded(path, updated_text(path, before.decode(), case))
     if after != before:
-        write_bytes_atomically(path, after)
+        write_files_atomically({**with_replaced(path, saved, case), path: after})
 
 
 def updated_text(path: Path, text: str, case: Case) -> str:

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
+from ..files.content import write_files_atomically
 from ..files.numbers import MM_PER_UNIT, length_text
 from ..files.outputs import check_outputs
 from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
-from .case_file import Case, Structure, case_from_text
+from .case_file import Case, Structure, case_from_text, read_case
+from .case_history import history_path, with_replaced
 from .landmarks import Landmark
 from .posed_frame import UnreadFrame
 
@@ -26,6 +27,8 @@ UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 
 def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     """Write a case as TOML, whole or not at all.
+
+    A pose that is replaced goes into the file's history; that of another frame or surface ends.
 
     Numbers are read back to the last bit, colours of structures as 8-bit codes. File names are relative to the folder
     of ``path``, not of ``case.path``, unless a file is on another drive.
@@ -51,7 +54,23 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     text = case_text(path, case, comment=comment)
     data = encoded(path, text)
     case_from_text(text, path)
-    write_bytes_atomically(path, data)
+    before = _present(path)
+    is_other = before is not None and _files(before) != _files(case)
+    history = {} if before is None or is_other else with_replaced(path, before, case)
+    write_files_atomically({**history, path: data})
+    if is_other:
+        history_path(path).unlink(missing_ok=True)
+
+
+def _present(path: Path) -> Case | None:
+    try:
+        return read_case(path, posed=False)
+    except InputError:
+        return None
+
+
+def _files(case: Case) -> tuple[str, str]:
+    return os.path.realpath(case.image), os.path.realpath(case.mesh)
 
 
 def encoded(path: Path, text: str) -> bytes:

@@ -66,7 +66,7 @@ def write_meshes(folder: Path, surface: TriangleMesh, structures: Mapping[str, T
             shade = np.rint(np.array(structure_colour(name)) * 255).astype(np.uint8)
             shades = np.tile(shade, (len(mesh.vertices), 1))
         with writing(made_folder(path)):
-            write_ply(path, mesh, colours=shades)
+            write_ply(path, mesh, colours=shades, space="LPS")
     return paths
 
 

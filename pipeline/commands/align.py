@@ -18,6 +18,7 @@ EPILOG = """examples:
   %(prog)s rough.toml --refine --out refined.toml
   %(prog)s case.toml --propose --refine --out refined.toml --picture overlay.png   (no landmark, no rough pose)
   %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
+  %(prog)s case.toml --restore                  (which poses the file had before; --restore 1: take the last one back)
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
 frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
@@ -61,6 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--take-refused", action="store_true",
         help="take the pose that the refinement has found even if it refuses it; look at --picture",
     )  # fmt: skip
+    method.add_argument(
+        "--restore", metavar="N", type=int, nargs="?", const=0,
+        help="list the poses that the case file had before, or take number N back; the present one is kept in its turn",
+    )  # fmt: skip
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="FILE", type=Path, help="write the case with the new pose and the landmarks")
     output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
@@ -70,6 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Align the case, print the report and write the requested files."""
+    if arguments.restore is not None:
+        return _restore(arguments)
     with explained_imports():
         from ..alignment.landmarks.focal_length import focal_length
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
@@ -167,4 +174,31 @@ def run(arguments: argparse.Namespace) -> int:
         with writing(made_folder(arguments.out)):
             write_case(arguments.out, found)
         output.write(f"aligned case: {arguments.out}\n")
+    return 0
+
+
+def _restore(arguments: argparse.Namespace) -> int:
+    """List the earlier poses of the case file, or take one back."""
+    with explained_imports():
+        from ..case.case_file import read_case
+        from ..case.case_history import earlier_poses
+        from ..case.case_update import update_case
+        from ..files.outputs import writing
+    chosen = ("landmarks", "estimate_focal", "propose", "refine", "take_refused", "out", "json", "picture")
+    if others := [name for name in chosen if getattr(arguments, name)]:
+        raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
+    path, number, output = arguments.case, arguments.restore, own_output()
+    case, poses = read_case(path, posed=False), earlier_poses(path)
+    if not number:
+        output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(poses, start=1)))
+        output.write("" if poses else f"{path}: no pose has been replaced in it\n")
+        return 0
+    if not 1 <= number <= len(poses):
+        found = f"an earlier pose from 1 to {len(poses)}" if poses else "a case with earlier poses"
+        raise InputError(f"{path}: --restore: expected {found}, found {number if poses else 'none'}")
+    restored = poses[number - 1].put_back(case)
+    with writing(path):
+        update_case(path, restored)
+    is_same = (restored.camera, restored.distortion) == (case.camera, case.distortion)
+    output.write(f"{path}: the pose {'' if is_same else 'and its K '}as before: {poses[number - 1].text}\n")
     return 0

@@ -23,6 +23,7 @@ LARGEST_FILE = 32 << 20
 LARGEST_INPUT = 1 << 30
 """Bytes; the largest file of all that is read whole, such as a mesh."""
 
+_CONTROLS = re.compile(r"[\0-\x08\x0e-\x1f]")
 _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 
@@ -153,13 +154,16 @@ def hashed_reading() -> Iterator[dict[Path, str]]:
 
 
 def decoded(data: bytes) -> str | None:
-    """The text of a UTF-8 or UTF-16 file, or ``None`` if the bytes are no such text."""
-    encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError:
-        return None
-    return None if "\0" in text else text
+    """The text of a file in UTF-8, UTF-16 or, as spreadsheets save it, Windows-1252; ``None`` if it is no text."""
+    encodings = ("utf-16",) if data.startswith((b"\xff\xfe", b"\xfe\xff")) else ("utf-8-sig", "cp1252")
+    for encoding in encodings:
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        # of 256 bytes Windows-1252 lacks five: control characters tell data from text
+        return None if "\0" in text or (encoding == "cp1252" and _CONTROLS.search(text)) else text
+    return None
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:

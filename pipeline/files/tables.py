@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -14,6 +15,9 @@ from .numbers import WrittenFloat
 
 MOST_LEVELS = 32
 """Of lists and tables in one another; real files have up to ten, and recursion over many more overflows the stack."""
+_DEEP_KEY = re.compile(
+    rf"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{MOST_LEVELS}}}""", re.ASCII
+)
 
 
 def parsed_json(
@@ -61,7 +65,11 @@ def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
     if len(content) > LARGEST_TEXT:
         raise InputError(f"{where}: expected TOML, found a file of {len(content) >> 20} MB; choose another")
     try:
-        table = tomllib.loads(_text(content), parse_float=WrittenFloat)
+        text = _text(content)
+        # a parser in Python takes minutes and gigabytes for thousands
+        if _DEEP_KEY.search(text):
+            raise ValueError(f"a key of more than {MOST_LEVELS} parts")
+        table = tomllib.loads(text, parse_float=WrittenFloat)
         check_levels(table)
         _check_integers(table)
         return table

@@ -87,7 +87,8 @@ def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) ->
             f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found a file that starts with {data[:8]!r}"
         )
     try:
-        if data.startswith(JPEG_SIGNATURE) and b"\xff\xd9" not in data[-64 * 1024 :]:
+        # what follows the end, such as the film of a phone's moving picture, is not the image's
+        if data.startswith(JPEG_SIGNATURE) and data.find(b"\xff\xd9", _jpeg(data)[3]) < 0:
             raise ValueError("the file is cut off")
         exif = _checked_png(data) if data.startswith(PNG_SIGNATURE) else b""
         width, height, orientation = _size_and_orientation(data)
@@ -123,9 +124,12 @@ def image_size(data: bytes) -> tuple[int, int]:
 
 
 def may_have_alpha(data: bytes) -> bool:
-    """Whether an image file may have alpha, by its beginning: a JPEG and most PNG without it rule it out."""
+    """Whether an image file may have alpha, by its beginning: a JPEG, most PNG and a BMP without it rule it out."""
     if data.startswith(PNG_SIGNATURE):
         return data[25:26] not in (b"\0", b"\2") or b"tRNS" in data
+    if data.startswith(b"BM"):
+        # a fourth byte is alpha if the header has a mask for it; else it is reserved, often 0
+        return len(data) >= 70 and data[30] == 3 and struct.unpack_from("<I", data, 14)[0] >= 56 and any(data[66:70])
     return not data.startswith(JPEG_SIGNATURE)
 
 
@@ -134,7 +138,7 @@ def _size_and_orientation(data: bytes) -> tuple[int, int, int]:
     if data.startswith(PNG_SIGNATURE):
         return *struct.unpack_from(">II", data, 16), 1
     if data.startswith(JPEG_SIGNATURE):
-        return _jpeg(data)
+        return _jpeg(data)[:3]
     if data.startswith(_TIFF_SIGNATURES):
         tags = _tiff_tags(data)
         return tags[_WIDTH], tags[_HEIGHT], tags.get(_ORIENTATION, 1)
@@ -169,8 +173,8 @@ def _checked_png(data: bytes) -> bytes:
     return exif
 
 
-def _jpeg(data: bytes) -> tuple[int, int, int]:
-    """Width, height and EXIF orientation, from the segments before the pixels."""
+def _jpeg(data: bytes) -> tuple[int, int, int, int]:
+    """Width, height and EXIF orientation, from the segments before the pixels, and where these begin."""
     position, size, orientation = 2, None, 1
     while data[position + 1] != 0xDA:
         marker, at = data[position + 1], position + 4
@@ -187,7 +191,7 @@ def _jpeg(data: bytes) -> tuple[int, int, int]:
         position += 2 + max(2, int.from_bytes(data[at - 2 : at], "big"))
     if size is None:
         raise ValueError("it has no size")
-    return *size, orientation
+    return *size, orientation, position
 
 
 def _exif_orientation(exif: bytes) -> int:

@@ -45,8 +45,8 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
     Parameters
     ----------
     path
-        ``.npy`` with a 4x4 array, a text of 16 numbers row by row, or JSON: 4 rows of 4 numbers, or a dictionary with
-        one such entry.
+        ``.npy`` with a 4x4 array, a text of 16 numbers row by row, or JSON: 4 rows of 4 numbers, alone or under the key
+        ``cam_from_mesh``.
     mm_per_unit
         Factor from the unit of the translation (that of the mesh) to millimetres.
 
@@ -84,21 +84,17 @@ def _matrix(data: bytes, name: str) -> object:
 
 
 def _entry(text: str, name: str) -> object:
-    """The one 4x4 entry of a JSON dictionary."""
-    found = {
-        key: value
-        for key, value in parsed_json(text, name).items()
-        if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) and len(row) == 4 for row in value)
-    }
-    for key in (POSE_KEY, FORMER_POSE_KEY):
-        if key in found:
-            return found[key]
-    if len(found) != 1:
-        names = ", ".join(map(repr, list(found)[:20])) or "none"
+    """The pose of a JSON dictionary; under another name a matrix may go the other way, or have other axes."""
+    table = parsed_json(text, name)
+    found = next((table[key] for key in (POSE_KEY, FORMER_POSE_KEY) if key in table), None)
+    if found is None:
+        names = ", ".join(map(repr, list(table)[:20])) or "none"
         raise InputError(
-            f"{name}: expected one entry of 4 rows of 4 numbers, found {names}; keep only one pose in the file"
+            f"{name}: expected the key {POSE_KEY}, found {names}; write {POSE_KEY}, from the mesh file's frame to a "
+            "camera with x right, y down, z forward: a camera-to-world matrix is its inverse, and OpenGL's axes (NeRF, "
+            "Blender) point y up and z back"
         )
-    return next(iter(found.values()))
+    return found
 
 
 def read_poses(

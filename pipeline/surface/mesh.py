@@ -167,17 +167,19 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
             "decimate the mesh"
         )
     vertices = np.asarray(vertices, dtype=np.float64)
-    bad = ~(np.abs(vertices) < LARGEST_COORDINATE).all(axis=1)
-    if bad.any():
-        raise InputError(
-            f"{where}: expected coordinates below {LARGEST_COORDINATE:g}, found NaN, infinity or larger in "
-            f"{bad.sum()} of {len(bad)} vertices (first: vertex {int(np.argmax(bad))}); repair the mesh"
-        )
     faces = np.asarray(faces, dtype=np.int64)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(
             f"{where}: expected vertex indices 0..{len(vertices) - 1}, found {faces.min()}..{faces.max()}; "
             "the file is corrupt"
+        )
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    bad = used & ~(np.abs(vertices) < LARGEST_COORDINATE).all(axis=1)
+    if bad.any():
+        raise InputError(
+            f"{where}: expected coordinates below {LARGEST_COORDINATE:g}, found NaN, infinity or larger in "
+            f"{bad.sum()} of {len(bad)} vertices (first: vertex {int(np.argmax(bad))}); repair the mesh"
         )
     flat = np.concatenate([_flat(vertices, faces[at : at + _BLOCK]) for at in range(0, len(faces), _BLOCK)])
     if flat.all():
@@ -185,8 +187,8 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
     if flat.any():
         messages.append(f"{where}: dropped {flat.sum()} of {len(faces)} faces with zero area")
         faces = faces[~flat]
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces] = True
+        used[:] = False
+        used[faces] = True
     if not used.all():
         messages.append(f"{where}: dropped {(~used).sum()} of {len(vertices)} vertices that no face uses")
         new_index = np.cumsum(used) - 1

@@ -6,17 +6,20 @@ Sources: 3D Systems, "StereoLithography Interface Specification" (1989); for PLY
 :mod:`oneframe.surface.ply_reader` and :mod:`oneframe.surface.obj_reader`.
 """
 
+import codecs
 import re
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import read_content
-from ..files.numbers import first_wrong_word, parsed_numbers
+from ..files.content import read_beginning, read_content
+from ..files.numbers import first_wrong_word, parsed_numbers, with_nan
 from .mesh import MOST_FACES, TriangleMesh, checked_mesh, distinct_points
 from .obj_reader import read_obj
 from .ply_reader import read_ply
+from .polygons import triangulated
+from .winding import consistent_winding
 
 LARGEST_MESH = 768 << 20
 """Bytes of a file: three million triangles as text, many more as numbers."""
@@ -24,14 +27,27 @@ LARGEST_MESH = 768 << 20
 MOST_CORNERS = 10_000
 """Of a polygon."""
 
+SPACES = ("LPS", "RAS")
+"""Patient coordinates: x to the left and y to the back (DICOM), or to the right and the front (NIfTI)."""
 
-def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
+_SPACE, _SPACE_BYTES = re.compile(rb"\bSPACE=(LPS|RAS)\b"), 4096
+
+
+def read_mesh(path: Path, *, like: Path | None = None) -> tuple[TriangleMesh, list[str]]:
     """Read a surface from a file with extension .ply, .obj or .stl, in upper or lower case.
+
+    Parameters
+    ----------
+    path
+        The file.
+    like
+        The mesh file in whose patient coordinates, LPS or RAS, this one is wanted, if both state theirs as 3D Slicer
+        does (``SPACE=RAS``).
 
     Returns
     -------
-    The mesh in the file's own frame and unit, and messages for the user: what was dropped, and signs of damage.
-    Polygons are split as fans around their first corner; corners of an STL with equal coordinates become one vertex.
+    The mesh in the file's own frame and unit, and messages for the user: what was dropped or turned, signs of damage.
+    Polygons are split by :func:`.triangulated`; corners of an STL with equal coordinates become one vertex.
 
     Raises
     ------
@@ -46,7 +62,7 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
             f"{path}: expected a mesh file {', '.join(_READERS)}, found extension {path.suffix!r}; "
             "export the surface in one of these formats"
         )
-    data = read_content(path, "a mesh file", most=LARGEST_MESH)
+    data = read_content(path, "a mesh file", most=LARGEST_MESH).removeprefix(codecs.BOM_UTF8)
     with np.errstate(invalid="ignore", over="ignore"):  # damaged files hold any number; checked_mesh checks them
         vertices, lengths, corners, messages = reader(data, path.name)
         if (lengths < 3).any():
@@ -58,19 +74,26 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
                 f"{path.name}: expected up to {MOST_FACES:,} triangles, of polygons with up to {MOST_CORNERS:,} "
                 f"corners, found {triangles:,} and {lengths.max():,}; decimate the mesh"
             )
-        mesh, dropped = checked_mesh(vertices, _fan_triangles(lengths, corners), path.name)
-    return mesh, messages + dropped
+        mesh, dropped = checked_mesh(vertices, triangulated(vertices, lengths, corners), path.name)
+    mesh, turned = consistent_winding(mesh, path.name)
+    messages = messages + dropped + turned
+    space = stated_space(path)
+    if like is not None and space and {space, stated_space(like)} == set(SPACES):
+        mesh = TriangleMesh(mesh.vertices * (-1.0, -1.0, 1.0), mesh.faces)
+        messages.append(f"{path.name}: its coordinates are {space}; turned into those of {like.name}")
+    return mesh, messages
 
 
-def _fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Polygons with ``lengths`` (P,) corners each, concatenated in ``corners`` (sum,) -> ``(F, 3)`` triangles."""
-    if (lengths == 3).all():
-        return corners.reshape(-1, 3)
-    per_polygon = np.maximum(lengths - 2, 0)
-    polygon = np.repeat(np.arange(len(lengths)), per_polygon)
-    step = np.arange(len(polygon)) - (np.cumsum(per_polygon) - per_polygon)[polygon]
-    first = (np.cumsum(lengths) - lengths)[polygon]
-    return corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+def stated_space(path: Path) -> str | None:
+    """The patient coordinates that a mesh file states for itself, one of :data:`SPACES`, or ``None``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    found = _SPACE.search(read_beginning(path, "a mesh file", _SPACE_BYTES))
+    return found[1].decode() if found else None
 
 
 # --- STL
@@ -110,7 +133,7 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 def _stl_text_points(data: bytes, where: str) -> np.ndarray:
     """``(F, 3, 3)`` corners of the facets of a text STL; several solids in one file become one mesh."""
-    text = data.lower().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = with_nan(data).lower().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if not re.match(rb"[ \t]*endsolid\b", text.rstrip().rpartition(b"\n")[2]) or b"\0" in data:
         raise InputError(
             f"{where}: expected 'endsolid' in the last line, found the end of the file after {len(data):,} bytes; "

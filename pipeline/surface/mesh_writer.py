@@ -58,6 +58,7 @@ def write_ply(
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
     texture: str | None = None,
+    space: str | None = None,
 ) -> None:
     """Write a binary little endian PLY; the parameters are those of :func:`encoded_ply`.
 
@@ -66,7 +67,7 @@ def write_ply(
     OSError
         The file cannot be written.
     """
-    data = encoded_ply(mesh, colours=colours, normals=normals, uv=uv, texture=texture)
+    data = encoded_ply(mesh, colours=colours, normals=normals, uv=uv, texture=texture, space=space)
     write_bytes_atomically(path, data)
 
 
@@ -77,6 +78,7 @@ def encoded_ply(
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
     texture: str | None = None,
+    space: str | None = None,
 ) -> bytes:
     """The bytes of a binary little endian PLY with float32 coordinates, as BOP stores its models (in mm), signed.
 
@@ -91,12 +93,16 @@ def encoded_ply(
     texture
         Name of the image in the same folder, written as ``comment TextureFile`` (MeshLab's convention); needs ``uv``
         and a :data:`SAFE_NAME`. Readers without textures, such as Blender and Open3D, show ``colours``.
+    space
+        "LPS" or "RAS", patient coordinates, written as 3D Slicer does.
     """
     vertex_count, face_count = len(mesh.vertices), len(mesh.faces)
     vertex_fields = [("xyz", "<f4", 3)]
     header = ["ply", "format binary_little_endian 1.0"]
     if texture is not None:
         header.append(f"comment TextureFile {texture}")
+    if space is not None:
+        header.append(f"comment SPACE={space}")
     header += [f"element vertex {vertex_count}", *(f"property float {axis}" for axis in ("x", "y", "z"))]
     if normals is not None:
         vertex_fields.append(("normal", "<f4", 3))

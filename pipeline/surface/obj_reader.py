@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from ..errors import InputError
-from ..files.numbers import parsed_numbers, unfinished_warnings
+from ..files.numbers import parsed_numbers, unfinished_warnings, with_nan
 
 _AFTER_SLASH = re.compile(rb"(?<=[0-9])/\S*")
 """Of a corner v/vt/vn."""
@@ -26,7 +26,7 @@ def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
     if b"\0" in data:
         raise InputError(f"{where}: expected a text, found binary data; the file is corrupt: copy or export it again")
     # joined lines count as one in the line numbers of messages
-    text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
+    text = with_nan(data).replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
     vertices: list[bytes] = []
     faces: list[bytes] = []
     vertex_lines: list[int] = []

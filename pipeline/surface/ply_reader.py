@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
+from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings, with_nan
 from .mesh import MOST_FACES
 
 _TYPES = {
@@ -78,9 +78,10 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
     size = f"{len(data):,} bytes"
     if order == "ascii":
         messages += unfinished_warnings(data, where)
-        numbers = parsed_numbers(data[start:], np.float64)
+        text = with_nan(data[start:])
+        numbers = parsed_numbers(text, np.float64)
         if numbers is None:
-            line, word = first_wrong_word(data[start:], np.float64)
+            line, word = first_wrong_word(text, np.float64)
             raise InputError(
                 f"{where}: line {len(data[:start].splitlines()) + line + 1}: expected only numbers after the header, "
                 f"found {word!r}; the file is corrupt: copy or export it again"

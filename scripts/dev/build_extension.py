@@ -198,7 +198,7 @@ def sample_case() -> Path:
 
 
 def wheels_for(name: str) -> list[Path]:
-    """The wheels of the extension for a platform: OpenCV, SimpleITK, tomlkit, Embree, and pyfqmr.
+    """The wheels of the extension for a platform: OpenCV, SimpleITK, tomlkit, Embree, pyfqmr, and PyYAML.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def wheels_for(name: str) -> list[Path]:
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "tomlkit"))]
-    of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr"))]
+    of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML"))]
     return [
         *(wheel(requirement, name, PYTHONS[0]) for requirement in stable),
         *(joined([wheel(requirement, name, python) for python in PYTHONS]) for requirement in of_each_python),

@@ -14,6 +14,7 @@ from mathutils import Matrix
 
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_file import read_case
+from oneframe.case.case_update import differing_fields
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid
@@ -272,16 +273,18 @@ def test_the_message_of_a_failed_run_reaches_the_user(opened, job_module, case_p
     assert not job.cancelled
 
 
-def test_a_run_never_writes_the_users_case(opened, job_module, case_path, tmp_path):
+def test_a_run_saves_its_settings_and_nothing_else_with_the_users_case(opened, job_module, case_path, tmp_path):
     """A snapshot beside the dataset holds what the window shows; it is the same bytes for the same case."""
-    text, out = case_path.read_bytes(), tmp_path / "elsewhere" / "out"
+    before, out = read_case(case_path), tmp_path / "elsewhere" / "out"
     opened.oneframe.dataset_out = str(out)
     opened.oneframe.dataset.count = 2
     bpy.ops.oneframe.nudge(axis="x")
     opened.oneframe.landmarks.add().name = "new"
     bpy.ops.oneframe.render_dataset()
     assert followed(job_module, ended).code == 0
-    assert case_path.read_bytes() == text
+    text, saved = case_path.read_bytes(), read_case(case_path)
+    assert differing_fields(before, saved) == ("dataset",)
+    assert saved.dataset["count"] == 2
     snapshot = tmp_path / "elsewhere" / "out.case.toml"
     before, case = snapshot.read_bytes(), read_case(snapshot)
     assert np.array_equal(case.cam_from_mesh, from_scene().cam_from_mesh(opened))

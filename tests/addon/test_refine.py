@@ -141,8 +141,10 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, gat
     bpy.ops.ed.undo_push(message="taken")
     assert np.array_equal(gather.cam_from_model(opened), found)
     assert refine.is_taken(opened)
-    assert "off by at least" in status(opened)[0]
+    assert "Taken although refused, off by at least" in status(opened)[0]
     message = refine.outcome(opened).message
+    # so Save Case asks
+    assert any(refine.outcome(opened).objection in doubt for doubt in status(opened)[1])
     drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
     solve = importlib.import_module("blender_addon.landmarks.solve")
     assert drawing.current_uncertainty(opened, solve.solution(opened)) is None
@@ -156,7 +158,13 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, gat
     assert case.alignment["refused"] in message
     # also once it is opened again
     bpy.ops.oneframe.open_case(filepath=str(case.path))
+    assert refine.is_taken(bpy.context.scene)
     assert saved(bpy.context.scene, tmp_path / "again.toml").alignment == case.alignment
+    # refined again from there, and not taken: the new refusal is no pose that somebody took
+    with pytest.raises(RuntimeError, match="Refused"):
+        bpy.ops.oneframe.refine()
+    assert not refine.is_taken(bpy.context.scene)
+    assert refine.pose_record(bpy.context.scene)["refused"] == case.alignment["refused"]
 
 
 def evidence_of(scene) -> list[str]:

@@ -206,3 +206,17 @@ def test_thumbnails_are_few_and_regular(count):
         index, picture = kept.nearest(wanted)
         assert abs(index - wanted) <= 2 * apart
         assert (picture == index // 2 % 251).all()
+
+
+def test_the_film_that_is_open_survives_undo(addon, case_path, video):
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    bpy.ops.ed.undo_push(message="opened")
+    bpy.ops.oneframe.nudge(axis="x")
+    bpy.ops.ed.undo_push(message="nudged")
+    bpy.ops.oneframe.open_video(filepath=str(video), from_s=0.4)
+    bpy.ops.ed.undo_push(message="film")
+    film = session.of(bpy.context.scene)
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo):
+        step()
+        assert session.of(bpy.context.scene) is film
+        assert shown_frame.is_shown(bpy.context.scene)

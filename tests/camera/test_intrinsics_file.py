@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -88,7 +89,38 @@ def as_numpy_2(data: bytes) -> bytes:
     return as_numpy_1(data).replace(b"numpy.core", b"numpy._core")
 
 
+def named(names, values=DISTORTION):
+    return dict(zip(names.split(), values, strict=True))
+
+
+def pyyaml(k, **options):
+    table = {"camera_matrix": k.tolist(), "dist_coeff": [list(DISTORTION)], "image_size": list(SIZE)}
+    return yaml.dump(table, **options)
+
+
 ALL = {
+    "opencv xml": lambda k: opencv(k, ".xml"),
+    "pyyaml": pyyaml,
+    "pyyaml, lists in brackets": lambda k: pyyaml(k, default_flow_style=None),
+    "pyyaml, with anchors": lambda k: yaml.dump([{"K": k.tolist(), "size": SIZE, "D": DISTORTION}] * 2),
+    "ros without commas": lambda k: ros(k).replace(", ", " "),
+    "camodocal": lambda k: yaml.dump(
+        {
+            "model_type": "PINHOLE", "image_width": 1920, "image_height": 1080,
+            "distortion_parameters": named("k1 k2 p1 p2 k3"),
+            "projection_parameters": {name: float(value) for name, value in parts(k).items()},
+        }
+    ),
+    "json, named coefficients": lambda k: as_json(
+        K=k.tolist(), size=SIZE, fisheye=False, distortion_coefficients=named("k1 k2 p1 p2 k3")
+    ),
+    "json, radial and tangential": lambda k: as_json(
+        width=1920, height=1080, intrinsics=parts(k), radial_distortion=[*DISTORTION[:2], DISTORTION[4]],
+        tangential_distortion=DISTORTION[2:4], num_radial_distortion_coefficients=3,
+    ),
+    "json, a table of lens": lambda k: as_json(
+        K=k.tolist(), size=SIZE, lens={"distortion": {"model": "Brown-Conrady", "values": DISTORTION}}
+    ),
     "case": case_toml,
     "json K": lambda k: as_json(K=k.tolist(), width=1920, height=1080, dist=[list(DISTORTION)]),
     "json camera_matrix": lambda k: as_json(
@@ -120,6 +152,7 @@ WITHOUT_SIZE = {
         **{str(image): {"cam_K": k.ravel().tolist(), "depth_scale": 1.0} for image in range(3)}
     ),
     "npy": lambda k: saved(np.save, k),
+    "npz without distortion": lambda k: saved(lambda f, v: np.savez(f, Camera_matrix=v, distCoeff=np.zeros((1, 5))), k),
     "npz": lambda k: saved(lambda file, value: np.savez(file, mtx=value, rvecs=np.zeros((4, 3))), k),
     "savetxt": lambda k: "\n".join(" ".join(map(repr, row)) for row in k.tolist()),
     "csv, with a mark": lambda k: "\ufeff" + "\n".join(";".join(map(repr, row)) for row in k.tolist()),
@@ -188,10 +221,25 @@ BAD = {
     "eight coefficients": (as_json(K=K.tolist(), D=[0.1] * 8), "expected a distortion of five coefficients"),
     "fisheye": (
         as_json(K=K.tolist(), D=[0.1] * 4, distortion_model="equidistant"),
-        "expected OpenCV's distortion .* found the model 'equidistant'; undistort",
+        "expected OpenCV's distortion .* found distortion_model = 'equidistant'; undistort",
     ),
+    "a flag of fisheye": (as_json(K=K.tolist(), is_fisheye=True), "found is_fisheye = 'True'; undistort"),
+    "a number as flag of fisheye": ("fisheye_model: 1\n" + ros(K), "found fisheye_model = '1'"),
+    "fisheye without coefficients": (as_json(K=K.tolist(), camera_model="fisheye"), "found camera_model = 'fisheye'"),
+    "a lens of unknown meaning": (
+        as_json(cam={"K": K.tolist()}, lens={"warp": {"dist_poly": [0.1, 0.2]}}),
+        "lens.warp",
+    ),
+    "two distortions": (as_json(K=K.tolist(), k1=0.2, dist=[0.1, 0, 0, 0]), "found two k1"),
+    "an array of distortion": (saved(lambda f, v: np.savez(f, K=v, dist=np.ones(9999)), K), "dist = 'an array"),
+    "XML of another kind": ("<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>", "a document type"),
+    "YAML that grows": (
+        "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else '1'] * 9)}]\n" for i in range(30)),
+        "YAML",
+    ),
+    "words": ("hello\nworld", "found another kind of file"),
     "COLMAP's fisheye": ("1 OPENCV_FISHEYE 640 480 500 500 320 240 0 0 0 0", "found OPENCV_FISHEYE; undistort"),
-    "broken YAML": ("%YAML:1.0\n---\nK: [1, 2\n", "expected YAML as OpenCV writes it"),
+    "broken YAML": ("%YAML:1.0\n---\nK: [1, 2\n", "expected YAML, cannot read it"),
     "broken npz": (saved(np.savez, K)[:-50], "expected an .npz of arrays"),
     "a picture": (b"\x89PNG\r\n\x1a\n\xff\xff", "found another kind of file"),
     "nothing": (b"", "found an empty file"),
@@ -333,3 +381,9 @@ def test_poses_are_read_to_the_last_bit(tmp_path, name):
     assert messages is None
     metres, _ = read_pose(file_of(tmp_path, POSES[name]), mm_per_unit=1000.0)
     assert metres[:3, 3].tolist() == [1250, -3500, 300_000]
+
+
+@pytest.mark.parametrize("name", ["transform_matrix", "c2w", "world_from_cam", "pose"])
+def test_a_pose_under_a_name_that_is_not_ours_is_refused(tmp_path, name):
+    with pytest.raises(InputError, match=f"expected the key cam_from_mesh, found '{name}'; write cam_from_mesh"):
+        read_pose(file_of(tmp_path, as_json(**{name: POSE.tolist()})))

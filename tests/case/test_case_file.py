@@ -212,8 +212,15 @@ def test_any_landmark_and_provenance_is_accepted_or_refused_with_a_message(tmp_p
 
 @pytest.mark.parametrize(
     "content",
-    [b"units = ", b"\x89PNG\r\n\x1a\n", b"\xff\xfe", b"a = " + b"[" * 100_000, b'units = "mm"\nunits = "m"'],
-    ids=["unfinished", "a picture", "not UTF-8", "nested without end", "a key twice"],
+    [
+        b"units = ",
+        b"\x89PNG\r\n\x1a\n",
+        b"\xff\xfe",
+        b"a = " + b"[" * 100_000,
+        b"a." * 40_000,
+        b'units = "mm"\nunits = "m"',
+    ],
+    ids=["unfinished", "a picture", "not UTF-8", "nested without end", "a key of many parts", "a key twice"],
 )
 def test_what_is_not_toml_is_refused(tmp_path, content):
     path = tmp_path / "case.toml"

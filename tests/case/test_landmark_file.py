@@ -25,6 +25,13 @@ def read(folder: Path, text: str) -> tuple[Landmark, ...]:
     return read_landmarks(path)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_names_in_the_encodings_of_spreadsheets(tmp_path, encoding):
+    (tmp_path / "l.csv").write_bytes("name;x;y;z;u;v\r\nSteigbügel – Fußplatte;1;2;3;4;5\r\n".encode(encoding))
+    (landmark,) = read_landmarks(tmp_path / "l.csv")
+    assert landmark.name == "Steigbügel – Fußplatte"
+
+
 def test_spreadsheets_in_any_order_with_other_columns(tmp_path):
     text = (
         "\ufeffV;U;Name ;residual_px;z;y;x\r\n"

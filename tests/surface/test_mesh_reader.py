@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from oneframe.errors import InputError
-from oneframe.surface.mesh import checked_mesh
+from oneframe.surface.mesh import TriangleMesh, checked_mesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.obj_reader import read_obj
+from oneframe.surface.polygons import triangulated
+from oneframe.surface.winding import consistent_winding
 
 TYPE_NAMES = {
     "b": ("char", "int8"),
@@ -41,8 +43,8 @@ def polygon_soups(draw) -> tuple[np.ndarray, list[list[int]]]:
     return vertices, polygons
 
 
-def fans(polygons: list[list[int]]) -> np.ndarray:
-    return np.array([[p[0], p[k], p[k + 1]] for p in polygons for k in range(1, len(p) - 1)])
+def triangles_of(vertices: np.ndarray, polygons: list[list[int]]) -> np.ndarray:
+    return triangulated(vertices, np.array([len(p) for p in polygons]), np.concatenate(polygons))
 
 
 def read_or_refusal(path: Path) -> tuple[np.ndarray, list[str]] | str:
@@ -58,14 +60,14 @@ def read_or_refusal(path: Path) -> tuple[np.ndarray, list[str]] | str:
 
 def checked_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | str:
     try:
-        mesh, _ = checked_mesh(vertices, faces, "expected")
+        mesh, _ = consistent_winding(checked_mesh(vertices, faces, "expected")[0], "expected")
     except InputError as error:
         return str(error)
     return mesh.vertices[mesh.faces]
 
 
 def assert_reads_as(path: Path, vertices: np.ndarray, polygons: list[list[int]]) -> None:
-    found, expected = read_or_refusal(path), checked_triangles(vertices, fans(polygons))
+    found, expected = read_or_refusal(path), checked_triangles(vertices, triangles_of(vertices, polygons))
     if isinstance(expected, str):
         assert isinstance(found, str)
         assert "all with zero area" in found
@@ -113,11 +115,11 @@ def ply_encoded(order: str, elements: list[tuple[str, int, list[tuple]]], commen
 def sample_files() -> dict[str, bytes]:
     """One small valid file per format and variant."""
     vertices = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [2, 2, 13.5], [2, -3, 0.25]])
-    polygons = [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 5, 1]]
-    triangles = vertices[fans(polygons)]
+    polygons = [[0, 3, 2, 1], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 5, 1]]
+    triangles = vertices[triangles_of(vertices, polygons)]
     files = {}
     for order in ("ascii", *ORDERS):
-        for shape, corners in (("mixed", polygons), ("triangles", fans(polygons).tolist())):
+        for shape, corners in (("mixed", polygons), ("triangles", triangles_of(vertices, polygons).tolist())):
             xyz = [(axis, ("f", "float"), None, vertices[:, k]) for k, axis in enumerate("xyz")]
             face = [("vertex_indices", ("i", "int"), ("B", "uchar"), corners)]
             elements = [("vertex", len(vertices), xyz), ("face", len(corners), face)]
@@ -224,10 +226,10 @@ def test_obj_is_read_as_word_by_word(lines):
 @given(polygon_soups(), st.sampled_from([None, b"solid", b"", b"\xff" * 80, b"solid facet normal 0 0 1\n"]))
 def test_stl_keeps_triangles_and_merges_corners(tmp_path, soup, header):
     vertices, polygons = soup
-    triangles = vertices[fans(polygons)]
+    triangles = vertices[triangles_of(vertices, polygons)]
     (tmp_path / "a.stl").write_bytes(stl_text(triangles) if header is None else stl_binary(triangles, header))
     assert_reads_as(tmp_path / "a.stl", vertices, polygons)
-    if isinstance(checked_triangles(vertices, fans(polygons)), np.ndarray):
+    if isinstance(checked_triangles(vertices, triangles_of(vertices, polygons)), np.ndarray):
         mesh, _ = read_mesh(tmp_path / "a.stl")
         assert len(mesh.vertices) == len(np.unique(mesh.vertices, axis=0))
 
@@ -315,3 +317,94 @@ def test_bad_file_is_refused(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=rf"{name}: .*{message}"):
         read_mesh(tmp_path / name)
+
+
+# --- what other programs write
+
+
+@quick
+@given(st.integers(4, 14), st.integers(0, 1000), st.booleans())
+def test_a_simple_polygon_is_covered_once(corners, seed, turned):
+    """Whatever its shape and place in space: no triangle leaves it, and its area is that of the outline."""
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False) * (-1 if turned else 1)
+    flat = rng.uniform(0.2, 1, (corners, 1)) * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    placed = flat @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.normal(size=3)
+    a, b, c = (flat[side] for side in triangulated(placed, np.array([corners]), np.arange(corners)).T)
+    areas = np.cross(b - a, c - a)[:, 2]
+    outline = (flat[:, 0] * np.roll(flat[:, 1], -1) - flat[:, 1] * np.roll(flat[:, 0], -1)).sum()
+    assert (areas * outline > -1e-12).all()
+    np.testing.assert_allclose(areas.sum(), outline, rtol=1e-9)
+
+
+@quick
+@given(st.integers(0, 1000), st.booleans())
+def test_turned_faces_are_turned_back(bumpy_mesh, seed, apart):
+    """Also of a mesh whose faces share no vertices."""
+    rng = np.random.default_rng(seed)
+    vertices, faces = bumpy_mesh.vertices, bumpy_mesh.faces[rng.permutation(len(bumpy_mesh.faces))]
+    if apart:
+        vertices, faces = vertices[faces.ravel()], np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
+    turned = rng.random(len(faces)) < rng.uniform(0, 0.4)
+    mixed = np.where(turned[:, None], faces[:, ::-1], faces)
+    mesh, messages = consistent_winding(TriangleMesh(vertices, mixed), "a.ply")
+    assert np.array_equal(
+        mesh.vertices[mesh.faces], np.where(turned[:, None, None], vertices[mixed][:, ::-1], vertices[faces])
+    )
+    turns = f"a.ply: turned {turned.sum()} of {len(faces)} faces, which were wound against their neighbours"
+    assert messages == ([turns] if turned.any() else [])
+
+
+def test_a_moebius_strip_stays_as_it_is():
+    around = np.arange(6)
+    low, high = np.stack([around, (around + 1) % 6], 1), np.stack([around + 6, (around + 1) % 6 + 6], 1)
+    low[-1, 1], high[-1, 1] = high[-1, 1], low[-1, 1]
+    faces = np.concatenate(
+        [np.stack([low[:, 0], low[:, 1], high[:, 1]], 1), np.stack([low[:, 0], high[:, 1], high[:, 0]], 1)]
+    )
+    vertices = np.random.default_rng(0).normal(size=(12, 3))
+    mesh, (message,) = consistent_winding(TriangleMesh(vertices, faces.astype(np.int32)), "a.ply")
+    assert np.array_equal(mesh.faces, faces)
+    assert "no turn makes them agree" in message
+
+
+@pytest.mark.parametrize("name", ["mesh.obj", "text.stl", "ascii triangles.ply"])
+def test_marks_and_numbers_of_other_programs(tmp_path, name):
+    """A byte order mark; no number, as Microsoft's C library writes it, in a normal and in a vertex of no face."""
+    (tmp_path / name).write_bytes(SAMPLES[name])
+    wanted, _ = read_or_refusal(tmp_path / name)
+    odd = SAMPLES[name].replace(b"facet normal 0 0 1", b"facet normal -1.#IND 1.#QNAN -nan(ind)")
+    odd = odd.replace(b"element vertex 6\n", b"element vertex 7\n")
+    odd = re.sub(rb"(2\.0 -3\.0 0\.25 *\n)", rb"\1-1.#IND00 nan -nan(ind)\n", odd)
+    odd = re.sub(rb"(v 2\.000000 -3\.000000 0\.250000\n)", rb"\1v -1.#IND00 nan -nan(ind)\n", odd)
+    assert odd != SAMPLES[name]
+    (tmp_path / name).write_bytes(b"\xef\xbb\xbf" + odd)
+    found, messages = read_or_refusal(tmp_path / name)
+    assert np.array_equal(found, wanted)
+    assert ["1 of 7 vertices that no face uses" in message for message in messages] == [True] * (name != "text.stl")
+
+
+def test_a_vertex_of_a_face_must_be_a_number(tmp_path):
+    (tmp_path / "a.obj").write_bytes(SAMPLES["mesh.obj"].replace(b"v 4.000000", b"v -1.#IND", 1))
+    with pytest.raises(InputError, match=r"found NaN, infinity or larger in 1 of 6 vertices \(first: vertex 1\)"):
+        read_mesh(tmp_path / "a.obj")
+
+
+@pytest.mark.parametrize("name", ["mesh.obj", "text.stl", "binary.stl", "ascii mixed.ply"])
+def test_meshes_meet_in_the_coordinates_that_both_state(tmp_path, name):
+    def file_of(space: str) -> Path:
+        words = f"3D Slicer output. SPACE={space}".encode()
+        content = SAMPLES[name].replace(b"comment ", b"comment " + words + b"\ncomment ", 1)
+        content = content.replace(b"solid two words", b"solid " + words)
+        content = content.replace(b"solid that is binary" + bytes(7), words)
+        path = tmp_path / f"{space} {name}"
+        path.write_bytes(b"# " + words + b"\n" + content if name.endswith("obj") else content)
+        return path
+
+    given, _ = read_mesh(file_of("RAS"))
+    turned, (message,) = read_mesh(file_of("RAS"), like=file_of("LPS"))
+    assert message == f"RAS {name}: its coordinates are RAS; turned into those of LPS {name}"
+    assert np.array_equal(turned.vertices, given.vertices * (-1, -1, 1))
+    assert np.array_equal(turned.faces, given.faces)
+    for like in ("RAS", ""):
+        assert np.array_equal(read_mesh(file_of("RAS"), like=file_of(like))[0].vertices, given.vertices)

@@ -16,6 +16,7 @@ from oneframe.files.content import write_bytes_atomically
 from oneframe.surface.mesh import TriangleMesh, checked_mesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import material_path, texture_path, write_obj, write_ply
+from oneframe.surface.winding import consistent_winding
 
 SHARED_DATA = Path(__file__).parents[3] / "shared" / "data"
 quick = settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -23,15 +24,18 @@ quick = settings(max_examples=50, suppress_health_check=[HealthCheck.function_sc
 
 @st.composite
 def meshes(draw) -> TriangleMesh:
-    """A mesh that every format gives back as it is: short numbers, all faces with area, all vertices used."""
+    """A mesh that every format gives back: short numbers, all faces with area and wound alike, all vertices used."""
     count = draw(st.integers(3, 12))
     grid = draw(hnp.arrays(np.int32, (count, 3), elements=st.integers(-99, 99), unique=True))
     faces = draw(hnp.arrays(np.int32, (draw(st.integers(1, 15)), 3), elements=st.integers(0, count - 1)))
     vertices = (grid * draw(st.sampled_from([1.0, 0.125, 64.0]))).astype(np.float32)
     try:
-        return checked_mesh(vertices, faces, "drawn")[0]
+        mesh, _ = consistent_winding(checked_mesh(vertices, faces, "drawn")[0], "drawn")
     except InputError:
+        mesh = None
+    if mesh is None or consistent_winding(mesh, "drawn")[1]:
         return TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32))
+    return mesh
 
 
 @quick

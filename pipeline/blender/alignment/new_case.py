@@ -250,7 +250,7 @@ def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: fl
     if message := rounding_message(mesh, surface.mesh.name):
         yield f"note: {message}"
     for structure in surface.structures:
-        found, messages = read_mesh(structure.mesh)
+        found, messages = read_mesh(structure.mesh, like=surface.mesh)
         yield from (f"note: {message}" for message in messages)
         bounds = found.scaled(mm_per_unit).bounds
         if doubt := place_doubt(bounds, mesh.bounds, structure.name, surface.mesh.name):

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...errors import InputError
-from ...images.image_check import LARGEST_FRAME, check_image_file
+from ...images.image_check import LARGEST_FRAME, check_image_file, may_have_alpha
 from ...process.own_process import delayed_interrupts
 
 
@@ -25,15 +25,21 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        The file is missing, cut off, or not an image that Blender can read.
+        The file is missing, cut off, or not an image that Blender can read; or Blender has other colours than its own.
     """
     where = where or str(path)
+    if "OCIO" in os.environ:
+        raise InputError(
+            f"{where}: expected Blender with its own colours, found OCIO = {os.environ['OCIO']!r}; start Blender "
+            "without this environment variable"
+        )
     data = check_image_file(path, where, most_pixels=LARGEST_FRAME)
     image = bpy.data.images.new("image", 1, 1)
     try:
         # the bytes that were checked, whatever the file is called and whatever has become of it
         image.source = "FILE"
         image.pack(data=data, data_len=len(data))
+        has_alpha = may_have_alpha(data)
         del data
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
@@ -52,7 +58,7 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         bpy.data.images.remove(image)
     values = values.reshape(height, width, channels)[::-1]
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
-    valid = values[..., 3] > 0 if channels == 4 else np.ones((height, width), dtype=bool)
+    valid = values[..., 3] > 0 if channels == 4 and has_alpha else np.ones((height, width), dtype=bool)
     return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
 
 

@@ -55,7 +55,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         messages = [*messages, *precision_doubts(case.mesh.name, case.camera, mesh, mesh_from_model, cam_from_model)]
     structures = []
     for structure in case.structures:
-        structure_mesh, structure_messages = read_mesh(structure.mesh)
+        structure_mesh, structure_messages = read_mesh(structure.mesh, like=case.mesh)
         centre = mesh_from_model[:3, 3]
         structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
         messages += structure_messages

@@ -24,6 +24,7 @@ from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...process.own_process import delayed_interrupts
 from ...surface.mesh import TriangleMesh
+from ...surface.mesh_reader import stated_space
 from ...surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
@@ -101,7 +102,7 @@ def export_coloured_surface(
         with writing(path):
             write_bytes_atomically(path, data)
         return [*source.messages, *messages]
-    given = given.scaled(1 / loaded.case.mm_per_unit)
+    given, space = given.scaled(1 / loaded.case.mm_per_unit), stated_space(loaded.case.mesh)
     if isinstance(surface_colour, TextureAtlas):
         picture = texture_path(path)
         with writing(picture):
@@ -114,10 +115,13 @@ def export_coloured_surface(
                 # for readers that know no textures in a PLY
                 vertices, _ = baked_colour_of(source, "vertex", unseen=filled)
                 colours = to_uint8(vertices.rgb)  # type: ignore[union-attr]  # vertex colours
-                write_ply(path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture)
+                write_ply(
+                    path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture, space=space
+                )
     else:
         with writing(path):
-            write_ply(path, given, colours=to_uint8(surface_colour.rgb), normals=given.vertex_normals)
+            colours = to_uint8(surface_colour.rgb)
+            write_ply(path, given, colours=colours, normals=given.vertex_normals, space=space)
     return [*source.messages, *messages]
 
 

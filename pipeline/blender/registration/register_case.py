@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...case.case_history import history_path
 from ...case.case_writer import relative_name
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
@@ -34,7 +35,8 @@ from ..render.lettering import text_mask
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
-NAMES = "|".join([*map(re.escape, (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)), FRAME_NAMES])
+HISTORY = history_path(Path(CASE)).name
+NAMES = "|".join([*map(re.escape, (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, HISTORY)), FRAME_NAMES])
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75

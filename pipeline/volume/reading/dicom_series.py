@@ -4,6 +4,7 @@ Only tags of :data:`TAGS` are looked at, and of these only numbers and known wor
 a header may name the patient. File names are not printed either; hospitals write names into them.
 """
 
+import filecmp
 import os
 import re
 from collections.abc import Sequence
@@ -32,6 +33,8 @@ TAGS = {
     "rows": "0028|0010",
     "columns": "0028|0011",
     "spacing": "0028|0030",
+    "bits": "0028|0101",
+    "high bit": "0028|0102",
     "intercept": "0028|1052",
     "slope": "0028|1053",
 }
@@ -44,6 +47,8 @@ MOST_FILES = 50_000
 
 _CT, _ENHANCED_CT = "1.2.840.10008.5.1.4.1.1.2", ("1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.2.2")
 _DIRECTORY = "1.2.840.10008.1.3.10"
+_META_UID = re.compile(rb"\x02\x00(.)\x00UI..([0-9.]*)", re.DOTALL)
+_CLASS_UID = re.compile(rb"(?:\x08\x00\x16\x00|\x00\x08\x00\x16)(?:UI..|.{4})([0-9.]+)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,7 @@ class Slice:
     """A file of a series; ``place`` is ``None`` where the header states no geometry.
 
     ``is_rescaled`` tells whether it states slope and intercept; GDCM takes 1 and 0 for what is missing or no number.
+    ``fault`` says what GDCM reads otherwise than it is written; empty if there is nothing.
     """
 
     path: Path
@@ -94,6 +100,7 @@ class Slice:
     size: tuple[int, int]
     is_grey: bool
     is_rescaled: bool
+    fault: str
 
 
 @dataclass(frozen=True)
@@ -113,7 +120,7 @@ def find_series(folder: Path) -> tuple[Series, ...]:
         No DICOM images, a transfer syntax that cannot be read, multi-frame or damaged files.
     """
     paths = _dicom_paths(folder)
-    found: dict[str, dict[str, tuple[int, Slice]]] = {}
+    found: dict[str, dict[tuple[str, ...], list[tuple[int, Slice]]]] = {}
     for index, (path, group) in enumerate(paths):
         kind = group.get(0x0002, "")
         if kind in _ENHANCED_CT:
@@ -127,15 +134,19 @@ def find_series(folder: Path) -> tuple[Series, ...]:
                 raise _unreadable(f"{folder}: file {index + 1} of {len(paths)} in the order of their names", path)
             continue
         number = int(tags["series number"]) if re.fullmatch(r"-?\d{1,9}", tags["series number"]) else 0
-        # the same slice twice, such as in two copies of a folder, counts once
-        found.setdefault(tags["series"], {}).setdefault(tags["instance"] or str(index), (number, _slice(path, tags)))
+        # identifiers are not always unique
+        same = found.setdefault(tags["series"], {}).setdefault((tags["instance"], tags["position"]), [])
+        # the same file twice, such as in two copies of a folder, counts once
+        if not any(filecmp.cmp(path, other.path, shallow=False) for _, other in same):
+            same.append((number, _slice(path, tags)))
     if not found:
         raise InputError(
             f"{folder}: expected DICOM files (.dcm or without a suffix), found no image in this folder; "
             "give the folder of the series, or a volume as a file"
         )
-    ordered = sorted(found, key=lambda uid: (min(number for number, _ in found[uid].values()), -len(found[uid]), uid))
-    return tuple(_series(index + 1, [part for _, part in found[uid].values()]) for index, uid in enumerate(ordered))
+    parts = {uid: [part for same in alike.values() for part in same] for uid, alike in found.items()}
+    ordered = sorted(parts, key=lambda uid: (min(number for number, _ in parts[uid]), -len(parts[uid]), uid))
+    return tuple(_series(index + 1, [part for _, part in parts[uid]]) for index, uid in enumerate(ordered))
 
 
 def chosen_series(series: Sequence[Series], number: int | None, where: str) -> Series:
@@ -189,6 +200,8 @@ def series_voxels(chosen: Series, corners_mm: np.ndarray | None, folder: str) ->
             )
         if not part.is_grey:
             raise InputError(f"{where}: expected grey slices (MONOCHROME2), found others; it is no CT: choose another")
+        if part.fault:
+            raise InputError(f"{where}: expected {part.fault}; export the original series again")
         places.append(part.place)
     grid, order = stack_of(places, where)
     check_axes(grid.mesh_from_index, where)
@@ -237,7 +250,7 @@ def _unreadable(where: str, path: Path) -> InputError:
 
 
 def _dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
-    """The DICOM files (with a preamble) in a folder and those in it, sorted, and their file meta information."""
+    """The DICOM files in a folder and those in it, sorted, and their file meta information."""
     paths, count = [], 0
     try:
         for parent, folders, names in os.walk(folder):
@@ -260,16 +273,24 @@ def _dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
 
 
 def _file_meta_information(path: Path) -> dict[int, str] | None:
-    """Identifiers in group 0002 by element below 256; ``None`` if the file is not DICOM with a preamble.
+    """Identifiers in group 0002 by element below 256; ``None`` if the file is not DICOM.
 
-    This group is never compressed, so a transfer syntax that cannot be read is named.
+    This group is never compressed, so a transfer syntax that cannot be read is named. Older files have neither it nor
+    the preamble and begin with group 0008, in which the class of the image stands too.
     """
     with open(path, "rb") as file:
         head = file.read(4096)
-    if head[128:132] != b"DICM":
+    if not is_dicom_beginning(head):
         return None
-    found = re.findall(rb"\x02\x00(.)\x00UI..([0-9.]*)", head[132:], re.DOTALL)
-    return {element[0]: value.decode() for element, value in found}
+    found = {element[0]: value.decode() for element, value in _META_UID.findall(head)}
+    if image_class := _CLASS_UID.search(head):
+        found.setdefault(0x0002, image_class[1].decode())
+    return found
+
+
+def is_dicom_beginning(head: bytes) -> bool:
+    """Whether a file's first 132 bytes are those of DICOM, with a preamble or without."""
+    return head[128:132] == b"DICM" or head[:2] in (b"\x02\0", b"\x08\0", b"\0\x02", b"\0\x08")
 
 
 def _reader(path: Path) -> Any:
@@ -314,8 +335,13 @@ def _slice(path: Path, tags: dict[str, str]) -> Slice:
     modality = tags["modality"] if tags["modality"] in MODALITIES else "other"
     is_grey = tags["components"] in ("", "1") and tags["photometry"] in ("", "MONOCHROME2")
     slope, intercept = numbers("slope", 1), numbers("intercept", 1)
-    is_rescaled = slope is not None and intercept is not None and slope[0] != 0
-    return Slice(path, modality, place, (columns, rows), is_grey, is_rescaled)
+    is_rescaled = slope is not None and intercept is not None
+    bits, high_bit, fault = numbers("bits", 1), numbers("high bit", 1), ""
+    if slope is not None and slope[0] == 0:
+        fault = "a Rescale Slope, found 0, which makes all voxels alike"
+    elif bits is not None and high_bit is not None and high_bit[0] != bits[0] - 1:
+        fault = f"voxels from the lowest bit on, found High Bit {high_bit[0]:.0f} of {bits[0]:.0f} Bits Stored"
+    return Slice(path, modality, place, (columns, rows), is_grey, is_rescaled, fault)
 
 
 def _series(number: int, slices: list[Slice]) -> Series:

@@ -111,7 +111,11 @@ def read_header(path: Path) -> VolumeHeader:
     head = read_beginning(path, "a volume", LARGEST_TEXT)
     if not head:
         raise InputError(f"{path}: expected a volume, found an empty file; copy or export it again")
-    stored = (_checked_nifti if suffix.startswith(".nii") else _checked_text)(path, head)
+    matrix = None
+    if suffix.startswith(".nii"):
+        stored, matrix = _checked_nifti(path, head)
+    else:
+        stored = _checked_text(path, head)
     reader = simple_itk().ImageFileReader()
     reader.SetFileName(str(path))
     try:
@@ -125,10 +129,11 @@ def read_header(path: Path) -> VolumeHeader:
             f"{path.name}: expected one number per voxel, found several or another kind (colour, vector, overlapping "
             "segments); save one component; in 3D Slicer, export overlapping segments as a label map"
         )
-    ranks, matrix = len(reader.GetSize()), np.eye(4)
-    matrix[:3, :3] = np.reshape(reader.GetDirection(), (ranks, ranks))[:3, :3] * reader.GetSpacing()[:3]
-    matrix[:3, 3] = reader.GetOrigin()[:3]
-    check_axes(matrix, path.name)
+    if matrix is None:
+        ranks, matrix = len(reader.GetSize()), np.eye(4)
+        matrix[:3, :3] = np.reshape(reader.GetDirection(), (ranks, ranks))[:3, :3] * reader.GetSpacing()[:3]
+        matrix[:3, 3] = reader.GetOrigin()[:3]
+        check_axes(matrix, path.name)
     voxel_bytes = int(re.match(r"\d+", pixel)[0]) // 8  # type: ignore[index]
     return VolumeHeader(VoxelGrid(size, matrix), voxel_bytes, stored, _segments(reader))
 
@@ -189,8 +194,11 @@ def _check_nifti_voxels(stored: StoredVoxels, size: int, where: str) -> int:
     return not_finite
 
 
-def _checked_nifti(path: Path, head: bytes) -> StoredVoxels:
-    """Orientation, units and place of the voxels, from the 348 bytes of the header."""
+def _checked_nifti(path: Path, head: bytes) -> tuple[StoredVoxels, np.ndarray]:
+    """Place of the voxels, and their ``mesh_from_index``, from the 348 bytes of the header.
+
+    ITK takes the spacing beside an sform from pixdim, where it need not be that of the sform.
+    """
     where, compressed = path.name, head[:2] == b"\x1f\x8b"
     if compressed:
         try:
@@ -212,16 +220,24 @@ def _checked_nifti(path: Path, head: bytes) -> StoredVoxels:
     mm = _NIFTI_UNITS.get(head[123] & 7)
     if mm is None:
         raise InputError(f"{where}: expected lengths in mm, found no unit of length; correct xyzt_units")
-    if sform > 0:
-        matrix = np.vstack([rows * mm, [0, 0, 0, 1]])
-        check_axes(matrix, where)
-        if qform > 0:
-            _check_agreement(np.diag([mm, mm, mm, 1]) @ _qform(head, order), matrix, size, where)
+    by_qform, by_sform = np.diag([mm, mm, mm, 1]) @ _qform(head, order), np.vstack([rows * mm, [0, 0, 0, 1]])
+    matrix = by_sform if sform > 0 else by_qform
+    check_axes(matrix, where)
+    if qform > 0 and sform > 0:
+        _check_agreement(by_qform, by_sform, size, where)
+    slope, intercept = struct.unpack_from(order + "2f", head, 112)
+    is_scaled = np.isfinite(slope) and slope != 0
+    if not (np.isfinite(intercept) if is_scaled else intercept == 0 or not np.isfinite([slope, intercept]).any()):
+        raise InputError(
+            f"{where}: expected a scale of the voxels, found scl_slope {slope:g} with scl_inter {intercept:g}, which "
+            "programs read in different ways; correct them, or export it again"
+        )
     if not 352 <= start < 2**31 or bits <= 0:
         raise unreadable(where)
     stored = int(np.prod(size, dtype=object)) * bits // 8
     floats = order + _NIFTI_FLOATS[datatype] if datatype in _NIFTI_FLOATS else ""
-    return StoredVoxels(path, int(start), stored, compressed, floats)
+    # NIfTI's axes point to the right and the front
+    return StoredVoxels(path, int(start), stored, compressed, floats), np.diag([-1.0, -1.0, 1.0, 1.0]) @ matrix
 
 
 def _qform(head: bytes, order: str) -> np.ndarray:

@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...files.content import read_beginning
 from ..simple_itk import simple_itk
 from ..volume import Volume, VoxelGrid, box_corners, box_slices
-from .dicom_series import SeriesInfo, chosen_series, find_series, series_voxels
+from .dicom_series import SeriesInfo, chosen_series, find_series, is_dicom_beginning, series_voxels
 from .header_checks import check_memory
 from .volume_header import VolumeHeader, check_stored, read_header, unreadable, volume_suffix
 from .voxel_values import ValueSurvey
@@ -85,7 +85,7 @@ def is_dicom(path: Path) -> bool:
     InputError
         It cannot be read.
     """
-    return read_beginning(path, "a volume", 132)[128:] == b"DICM"
+    return is_dicom_beginning(read_beginning(path, "a volume", 132))
 
 
 def file_voxels(

@@ -1,5 +1,9 @@
 """Frames of every format are read as their code values, whatever the file's name."""
 
+import os
+import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -8,6 +12,7 @@ import pytest
 from PIL import Image
 
 from oneframe.blender.bridge.image import read_image
+from oneframe.errors import InputError
 
 WIDTH, HEIGHT = 40, 30
 SUFFIXES = {"PNG": ".PNG", "TIFF": ".TIF", "BMP": ".BMP"}
@@ -75,3 +80,38 @@ def test_jpeg_as_any_other_reader(tmp_path, mode):
     wanted = np.asarray(Image.open(path).convert("RGB"))
     colours, _ = read_image(path)
     assert np.abs(colours * 255 - wanted).max() < (3 if mode != "CMYK" else 6)
+
+
+@pytest.mark.parametrize("alpha", [0, 255])
+def test_the_fourth_byte_of_a_bmp_without_a_mask_is_no_alpha(tmp_path, alpha):
+    image = np.dstack([codes(3, 8), np.full((HEIGHT, WIDTH), alpha, np.uint8)])
+    size = image.nbytes
+    header = b"BM" + struct.pack("<IHHIIiiHHIIiiII", 54 + size, 0, 0, 54, 40, WIDTH, HEIGHT, 1, 32, 0, size, 0, 0, 0, 0)
+    (tmp_path / "frame.bmp").write_bytes(header + image[::-1, :, [2, 1, 0, 3]].tobytes())
+    assert_read(tmp_path / "frame.bmp", image[..., :3], 8)
+
+
+def test_what_follows_the_end_of_a_jpeg_does_not_count(tmp_path, rng):
+    whole = cv2.imencode(".jpg", cv2.GaussianBlur(codes(3, 8), (0, 0), 4))[1].tobytes()
+    path = tmp_path / "frame.jpg"
+    path.write_bytes(whole)
+    wanted, _ = read_image(path)
+    path.write_bytes(whole + bytes(rng.integers(0, 255, 200_000, np.uint8)))
+    assert np.array_equal(read_image(path)[0], wanted)
+    path.write_bytes(whole[:-20] + bytes(200_000))
+    with pytest.raises(InputError, match="the file is cut off"):
+        read_image(path)
+
+
+def test_colours_do_not_depend_on_the_environment(tmp_path):
+    code = "import sys, pathlib; {}from oneframe.blender.bridge.image import read_image; read_image(pathlib.Path('{}'))"
+    cv2.imwrite(str(tmp_path / "frame.png"), codes(3, 8))
+
+    def run(before: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-c", code.format(before, tmp_path / "frame.png")]
+        environment = os.environ | {"OCIO": "ocio://cg-config-latest"}
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+    assert run("").returncode == 0
+    # as in the program, Blender has its colours already
+    assert "frame.png: expected Blender with its own colours, found OCIO = " in run("import bpy; ").stderr

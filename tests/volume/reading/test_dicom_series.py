@@ -11,6 +11,7 @@ from oneframe.volume.reading.volume_reader import list_series, read_volume
 from tests.volume.solids import check_crop
 
 pytest.importorskip("SimpleITK")
+pydicom = pytest.importorskip("pydicom")
 
 
 @settings(max_examples=12)
@@ -140,6 +141,57 @@ def test_slices_without_a_rescale_among_others_are_refused(write_series, tmp_pat
     write_series(tmp_path, SeriesInstanceUID="1.2.3")
     write_series(tmp_path, 1, number=4, origin=(-10, 20.5, 307.2), SeriesInstanceUID="1.2.3", **lost)
     with pytest.raises(InputError, match=r"Slope and Intercept in all slices .* 1 of 9 "):
+        read_volume(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("tags", "found"),
+    [({"RescaleSlope": 0}, "found 0, which"), ({"BitsStored": 12}, "found High Bit 15 of 12 Bits Stored")],
+)
+def test_slices_that_gdcm_reads_otherwise_than_written_are_refused(write_series, tmp_path, tags, found):
+    write_series(tmp_path, **tags)
+    with pytest.raises(InputError, match=found):
+        read_volume(tmp_path)
+
+
+@pytest.mark.parametrize("alike", [(3, 4), (6, 7), range(8)])
+def test_slices_that_share_an_identifier_are_told_apart_by_position(write_series, tmp_path, alike):
+    values = write_series(tmp_path)
+    order = np.argsort([pydicom.dcmread(path).ImagePositionPatient[2] for path in sorted(tmp_path.iterdir())])
+    for index in alike:
+        path = sorted(tmp_path.iterdir())[order[index]]
+        dataset = pydicom.dcmread(path)
+        dataset.SOPInstanceUID = dataset.file_meta.MediaStorageSOPInstanceUID = "1.2.3"
+        dataset.save_as(path)
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+
+
+def test_two_images_of_one_identifier_at_one_place_are_refused(write_series, tmp_path):
+    write_series(tmp_path, SeriesInstanceUID="1.2", SOPInstanceUID="1.2.3")
+    write_series(tmp_path, seed=1, number=4, SeriesInstanceUID="1.2", SOPInstanceUID="1.2.3")
+    with pytest.raises(InputError, match="found 8 places with several"):
+        read_volume(tmp_path)
+
+
+@pytest.mark.parametrize("implicit", [True, False])
+@pytest.mark.parametrize("with_meta", [True, False])
+def test_files_without_a_preamble_are_read(write_series, tmp_path, implicit, with_meta):
+    """As older scanners and planning systems write them; one that cannot be read is not left out."""
+    values = write_series(tmp_path)
+    for path in tmp_path.iterdir():
+        dataset = pydicom.dcmread(path)
+        uid = pydicom.uid.ImplicitVRLittleEndian if implicit else pydicom.uid.ExplicitVRLittleEndian
+        dataset.file_meta.TransferSyntaxUID, dataset.preamble = uid, None
+        if with_meta:
+            pydicom.dcmwrite(path, dataset, implicit_vr=implicit, little_endian=True)
+        else:
+            del dataset.file_meta
+            dataset.save_as(path, implicit_vr=implicit, little_endian=True)
+    assert not any(path.read_bytes()[128:132] == b"DICM" for path in tmp_path.iterdir())
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+    path = min(tmp_path.iterdir())
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(InputError, match="damaged or cut off"):
         read_volume(tmp_path)
 
 

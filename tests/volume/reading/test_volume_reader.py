@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.transforms import rotation_from_vector, transform_points
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
 from oneframe.volume.reading.volume_header import read_header
 from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.volume import Volume
@@ -119,6 +119,22 @@ def test_nifti_of_nibabel_with_left_and_right_as_it_says_in_mm_and_metres(tmp_pa
     np.testing.assert_allclose(volume.grid.mesh_from_index[:3, 3], [30, -10, 5], atol=1e-5)
     np.testing.assert_allclose(volume.grid.mesh_from_index[:3, :3], np.diag([-0.5, -0.5, 0.8]), atol=1e-6)
     assert not volume.grid.is_left_handed
+
+
+@pytest.mark.parametrize("zooms", [(1, 1, 1), (0.5, 0.55, 0.6), (0, 0, 0), (-1, 2, np.nan)])
+def test_the_sform_alone_says_where_voxels_lie(tmp_path, zooms):
+    """ITK takes the spacing of pixdim, which nibabel's set_zooms leaves at odds with it."""
+    affine = rigid(rotation_from_vector(np.array([0.3, -0.2, 2.0])), [10, 20, 30]) @ np.diag([0.5, -0.55, 0.6, 1])
+    path = patched(patched(nifti(tmp_path / "ct.nii", None, affine), 80, "3f", *zooms), 252, "2h", 0, 2)
+    grid = read_volume(path).grid
+    np.testing.assert_allclose(grid.mesh_from_index, LPS_FROM_RAS @ affine, atol=1e-5)
+
+
+@pytest.mark.parametrize(("slope", "intercept"), [(0, -1024), (np.nan, 5), (np.inf, 1), (1, np.nan)])
+def test_a_scale_that_programs_read_in_different_ways_is_refused(tmp_path, slope, intercept):
+    path = patched(nifti(tmp_path / "ct.nii"), 112, "2f", slope, intercept)
+    with pytest.raises(InputError, match="expected a scale of the voxels, found scl_slope"):
+        read_volume(path)
 
 
 @pytest.mark.parametrize("suffix", [".nii.gz", ".mha"])

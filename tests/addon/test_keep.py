@@ -1,0 +1,139 @@
+"""Nothing of a pose is lost: undo of a step through a queue, and what is not saved when Blender ends."""
+
+import importlib
+
+import bpy
+import numpy as np
+import pytest
+
+from blender_addon.state import from_scene
+from oneframe.case.case_file import read_case
+from oneframe.case.case_history import earlier_poses, history_path
+from tests.addon.test_case_queue import move, pose, queue  # noqa: F401
+
+
+@pytest.fixture
+def autosave(addon):
+    return importlib.import_module("blender_addon.setup.autosave")
+
+
+@pytest.fixture
+def session(addon, queue):  # noqa: F811
+    """A queue with its first frame checked, and the undo steps of a user."""
+
+    def step(name, **settings):
+        getattr(bpy.ops.oneframe, name)(**settings)
+        bpy.ops.ed.undo_push(message=name)
+
+    bpy.ops.ed.undo_push(message="opened")
+    step("queue_check")
+    step("queue_step", step=-1)
+    return queue, step
+
+
+def test_undo_of_a_step_brings_the_frames_files_back(session):
+    folder, step = session
+    path = folder / "frame" / "case.toml"
+    checked, checked_pose = path.read_bytes(), pose()
+    move([1.0, 0.0, 0.0])
+    bpy.ops.ed.undo_push(message="a stray key")
+    step("queue_step")
+    moved = path.read_bytes()
+    assert moved != checked
+    (earlier,) = earlier_poses(path)
+    assert "checked" in earlier.alignment
+    bpy.ops.ed.undo()
+    assert (path.read_bytes(), history_path(path).exists()) == (checked, False)
+    bpy.ops.ed.redo()
+    assert path.read_bytes() == moved
+    assert len(earlier_poses(path)) == 1
+    bpy.ops.ed.undo()
+    bpy.ops.ed.undo()
+    assert path.read_bytes() == checked
+    assert np.array_equal(pose(), checked_pose)
+    # scene and file agree: nothing is saved over
+    step("queue_step")
+    assert path.read_bytes() == checked
+    # a check as well
+    bpy.ops.ed.undo()
+    bpy.ops.ed.undo()
+    bpy.ops.ed.undo()
+    bpy.ops.ed.undo()
+    assert "checked" not in read_case(path).alignment
+    # what another program wrote meanwhile stays
+    path.write_text(path.read_text() + "# mine\n")
+    bpy.ops.ed.redo()
+    assert "# mine" in path.read_text()
+
+
+def test_hands_replace_a_checked_pose_after_a_question_only(session):
+    question = importlib.import_module("blender_addon.setup.save_case").replaced_pose
+    scene, path = bpy.context.scene, session[0] / "frame" / "case.toml"
+    assert question(scene, path) == ""
+    move([1.0, 0.0, 0.0])
+    assert "was checked" in question(scene, path)
+    importlib.import_module("blender_addon.state.pose_evidence").remember(scene, {"method": "refined"}, pose())
+    assert question(scene, path) == ""
+
+
+def test_what_is_not_saved_is_kept_aside_and_restored(session, autosave):
+    path = session[0] / "frame" / "case.toml"
+    kept = autosave.aside(path)
+    autosave.flush()
+    assert not kept.exists()
+    move([1.0, 0.0, 0.0])
+    bpy.ops.oneframe.landmark_set(name="here", pixel=(10, 10))
+    moved = pose()
+    autosave.flush()
+    assert kept.exists()
+    text = path.read_bytes()
+    # as after a kill: another session opens the case
+    autosave._written.clear()
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    assert not np.array_equal(pose(), moved)
+    autosave.flush()
+    assert kept.exists()
+    assert bpy.ops.oneframe.restore_unsaved(filepath=str(kept)) == {"FINISHED"}
+    assert np.allclose(pose(), moved, atol=1e-12)
+    assert [entry.name for entry in bpy.context.scene.oneframe.landmarks] == ["here"]
+    assert (path.read_bytes(), bpy.context.scene.oneframe.case_path) == (text, str(path))
+    bpy.ops.oneframe.save_case(filepath=str(path))
+    assert not kept.exists()
+    assert np.allclose(read_case(path).cam_from_mesh[0, 3], from_scene.cam_from_mesh(bpy.context.scene)[0, 3])
+
+
+def test_an_unanswered_pose_goes_into_the_history_and_a_discarded_one_ends(session, autosave):
+    path = session[0] / "frame" / "case.toml"
+    kept = autosave.aside(path)
+    move([1.0, 0.0, 0.0])
+    autosave.flush()
+    autosave._written.clear()
+    left = read_case(kept).cam_from_mesh
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    move([0.0, 1.0, 0.0])
+    autosave.flush()
+    assert np.array_equal(earlier_poses(path)[0].cam_from_mesh, left)
+    bpy.ops.oneframe.open_case(filepath=str(path), discard=True)
+    assert not kept.exists()
+
+
+def test_a_case_that_was_never_saved_comes_back_without_a_file(addon, autosave, write_tiny_case, tmp_path):
+    case = write_tiny_case(tmp_path / "case")
+    bpy.ops.oneframe.load_frame(filepath=str(case.with_name("frame.png")))
+    bpy.ops.oneframe.load_camera(filepath=str(case))
+    bpy.ops.oneframe.load_surface(filepath=str(case.with_name("surface.ply")))
+    autosave.flush()
+    assert autosave._left() is None
+    assert not autosave._written
+    bpy.ops.oneframe.nudge(axis="x")
+    moved = pose()
+    autosave.flush()
+    (kept,) = autosave._written
+    autosave._written.clear()
+    bpy.ops.oneframe.open_case(filepath=str(case))
+    assert autosave._left() == kept
+    bpy.ops.oneframe.restore_unsaved(filepath=str(kept))
+    assert np.allclose(pose(), moved, atol=1e-12)
+    assert not bpy.context.scene.oneframe.case_path
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "mine.toml"))
+    assert autosave._left() is None

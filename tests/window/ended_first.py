@@ -1,0 +1,45 @@
+"""A queue of three frames: one is checked, the next is being aligned when Blender ends, by kill or by its window."""
+
+import json
+import os
+import signal
+
+import bpy
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe.case_queue import queued
+from bl_ext.user_default.oneframe.setup import autosave
+from bl_ext.user_default.oneframe.state import from_scene
+
+SHIFT_PX = 14
+
+
+def scenario(user):
+    yield from user.open_case()
+    scene = bpy.context.scene
+    for name in ("later", "last"):
+        (user.folder / f"{name}.png").write_bytes((user.case.parent / "frame.png").read_bytes())
+    with user.context():
+        files = [{"name": "later.png"}, {"name": "last.png"}]
+        bpy.ops.oneframe.queue_frames("EXEC_DEFAULT", True, directory=str(user.folder), files=files)
+    assert len(queued.queue_of(scene)) == 3
+    poses = {}
+    for number in range(2):
+        entry = queued.queue_of(scene)[number]
+        x, y = user.middle()
+        yield from user.drag((x, y), (x + SHIFT_PX, y))
+        poses[str(entry.path)] = from_scene.cam_from_mesh(scene).tolist()
+        if number == 0:
+            yield from user.key("PAGE_DOWN", user.middle(), alt=True)
+            yield from user.until(lambda: queued.position(scene) == 1, "the next frame")
+    (user.folder / "poses.json").write_text(json.dumps(poses))
+    if os.environ["ONEFRAME_END"] == "killed":
+        yield autosave.PERIOD_S + 1
+        os.kill(os.getpid(), signal.SIGKILL)
+    # at once, as the window's cross does
+    yield from user.key("Q", user.middle(), ctrl=True)
+    yield 0.7
+    yield from user.picture("1_quitting")
+    yield from user.key("D")
+    yield 20

@@ -1,0 +1,34 @@
+"""The next start: one question, Restore, and the pose that nobody had saved is there."""
+
+import json
+
+import bpy
+import numpy as np
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
+from bl_ext.user_default.oneframe.setup import autosave
+from bl_ext.user_default.oneframe.setup.open_case import unsaved_parts
+from bl_ext.user_default.oneframe.state import from_scene
+
+
+def scenario(user):
+    left = autosave._left()
+    poses = json.loads((left.parents[3] / "folder" / "poses.json").read_text())
+    yield from user.move(user.middle())
+    yield autosave.START_S + 1
+    yield from user.picture("1_question")
+    yield from user.key("R")
+    yield from user.until(lambda: bpy.context.scene.oneframe.case_path, "the case")
+    yield from user.redraw()
+    yield from user.picture("2_restored")
+    scene = bpy.context.scene
+    for path, pose in poses.items():
+        found = from_scene.cam_from_mesh(scene) if path == scene.oneframe.case_path else read_case(path).cam_from_mesh
+        assert np.array_equal(found, pose), path
+    assert unsaved_parts(scene) == ("pose", "landmarks")
+    with user.context():
+        bpy.ops.oneframe.save_case(filepath=scene.oneframe.case_path)
+    assert unsaved_parts(scene) == ()
+    assert not left.exists()

@@ -1,0 +1,31 @@
+"""Blender ends in the middle of a queue: nothing is lost but what was done in the last two seconds."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.window import session
+from tests.window.conftest import PICTURES
+
+pytestmark = pytest.mark.window
+
+HERE = Path(__file__).parent
+TIMEOUT_S = 600
+
+
+@pytest.mark.parametrize("end", ["killed", "closed"])
+def test_what_was_not_saved_is_offered_at_the_next_start(end, blender, resources, sample, tmp_path, monkeypatch):
+    monkeypatch.setenv("ONEFRAME_END", end)
+    before = tmp_path / "before"
+
+    def play(name, folder, **given):
+        folder.mkdir()
+        pictures = PICTURES / f"ended_{end}_{name}"
+        scenario = HERE / f"ended_{name}.py"
+        return session.play_scenario(blender, scenario, folder=folder, pictures=pictures, timeout_s=TIMEOUT_S, **given)
+
+    # it writes no result
+    with pytest.raises(AssertionError, match=r"^Blender ended with "):
+        play("first", before, resources=resources, case=sample)
+    facts = play("second", tmp_path / "after", resources=before / "resources", case=sample)
+    print(facts)

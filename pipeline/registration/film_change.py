@@ -1,4 +1,4 @@
-"""Places of the surface that a film shows as the aligned frame does, and then no longer: bone that is drilled meanwhile.
+"""Places of the surface that a film shows as the aligned frame does, and then no longer: bone that is drilled.
 
 Where a frame agrees with its pose is counted by blocks of the aligned frame's image. Instruments, blood and glare come
 and go; where a surface is steep, agreement comes and goes with the direction of view. So a place has changed if it
@@ -48,7 +48,7 @@ class FilmChange:
         """What to think of it."""
         return (
             f"from frame {self.since} on, {self.share:.0%} of what the case's frame shows no longer looks as it did: is "
-            f"bone being removed? Its depth and structures there are those before; no later frame gives colour"
+            "bone being removed? Depths and structures there are those before; no later frame gives colour"
         )
 
 

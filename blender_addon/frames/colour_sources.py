@@ -33,9 +33,9 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         scene = context.scene
         registered, path = found.of(scene), scene.oneframe.case_path
         candidates = (
-            [each for each in registered.candidates if registered.is_accepted(each.number)] if registered else []
+            [] if registered is None else [each for each in registered.candidates if registered.may_colour(each.number)]
         )
-        if not candidates:
+        if registered is None or not candidates:
             raise InputError("expected frames that are found, there are none; press Register Frames")
         if not path:
             raise InputError("expected a case with a file, beside which the frames go; press Save Case first")

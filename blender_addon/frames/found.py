@@ -9,6 +9,7 @@ from ..class_registration import class_registration, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
 from ..pipeline.registration.colour_sources import Candidate, candidate_of
+from ..pipeline.registration.film_change import FilmAgreement, FilmChange
 from ..pipeline.registration.register import RegisteredFrame, judged_together
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..state import another_frame, from_scene
@@ -31,9 +32,11 @@ class FoundFrames:
     frames
         Position in the film's list of scores -> what was found, without the fit.
     candidates
-        Frames that may colour the surface, of which :meth:`is_accepted` knows.
+        Frames that may colour the surface, if :meth:`may_colour` says so.
     alone
         The frames as each was found alone; how they are judged together is in ``frames``.
+    change
+        What the film no longer shows as the case's frame does.
     """
 
     film: FilmSession
@@ -41,6 +44,7 @@ class FoundFrames:
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     candidates: list[Candidate] = field(default_factory=list)
     alone: dict[int, RegisteredFrame] = field(default_factory=dict)
+    change: FilmChange | None = None
 
     def register(self, registrar: CaseRegistrar, progress: Callable[[float], None]) -> None:
         """Register all scored frames of the film; in any thread.
@@ -51,6 +55,7 @@ class FoundFrames:
             The film has frames of another shape, or the case's frame shows too little texture.
         """
         positions = {score.index: at for at, score in enumerate(self.film.scores.frames)}
+        agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
         with registrar.frames(self.film.path) as (_, frames):
             for frame in frames:
                 if frame.number not in positions:
@@ -58,21 +63,25 @@ class FoundFrames:
                 found = registrar.register(frame)
                 if (candidate := candidate_of(frame.number, frame.image, found)) is not None:
                     self.candidates.append(candidate)
+                if found.fit is not None and found.verdict.state == ACCEPTED:
+                    agreement.add(frame.number, found.fit)
                 self.alone[positions[frame.number]] = replace(found, fit=None)
                 self.frames = dict(zip(self.alone, judged_together(list(self.alone.values())), strict=True))
                 progress(len(self.frames) / len(positions))
+        self.change = agreement.change()
 
-    def is_accepted(self, number: int) -> bool:
-        """Whether a frame of the film is."""
-        numbers = (
-            self.film.scores.frames[at].index for at, found in self.frames.items() if found.verdict.state == ACCEPTED
-        )
-        return number in numbers
+    def may_colour(self, number: int) -> bool:
+        """Whether a frame of the film is accepted, and shows the surface as the case's frame does."""
+        if self.change is not None and number >= self.change.since:
+            return False
+        accepted = (at for at, found in self.frames.items() if found.verdict.state == ACCEPTED)
+        return number in {self.film.scores.frames[at].index for at in accepted}
 
     def summary(self) -> str:
         """How many frames are found, doubtful and lost."""
         states = [each.verdict.state for each in self.frames.values()]
-        return ", ".join(f"{states.count(state)} {word}" for state, word in WORDS.items())
+        counts = ", ".join(f"{states.count(state)} {word}" for state, word in WORDS.items())
+        return counts if self.change is None else f"{counts}; {self.change.words()}"
 
 
 latest: FoundFrames | None = None

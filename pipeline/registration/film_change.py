@@ -47,8 +47,8 @@ class FilmChange:
     def words(self) -> str:
         """What to think of it."""
         return (
-            f"from frame {self.since} on, {self.share:.0%} of what the case's frame shows no longer looks as it did: is "
-            "bone being removed? Depths and structures there are those before; no later frame gives colour"
+            f"from frame {self.since} on, {self.share:.0%} of what the case's frame shows no longer looks as it did: "
+            "is bone being removed? Depths and structures there are those before; no later frame gives colour"
         )
 
 

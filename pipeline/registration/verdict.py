@@ -74,7 +74,7 @@ def judge(
 
 
 class Blocks(NamedTuple):
-    """Columns and rows ``(B, 2)`` of blocks; ``(B,)`` bool, whether enough pixels tell of one, and whether it agrees."""
+    """Columns and rows ``(B, 2)`` of blocks; ``(B,)`` bool, whether enough pixels tell of it, and whether it agrees."""
 
     places: np.ndarray
     known: np.ndarray
@@ -82,7 +82,7 @@ class Blocks(NamedTuple):
 
 
 def agreeing_blocks(fit: FlowFit, pixels: np.ndarray) -> Blocks:
-    """Where a frame agrees with its pose: the blocks in which pixels ``(N, 2)`` lie that stand for the fit's points."""
+    """Where a frame agrees with its pose: blocks in which pixels ``(N, 2)`` lie that stand for the fit's points."""
     blocks, block = blocks_of(pixels)
     count, agreeing = np.bincount(block), np.bincount(block, weights=fit.residuals_px < AGREEING_PX)
     places, known = np.zeros((blocks, 2), int), count >= LEAST_PIXELS

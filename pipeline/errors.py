@@ -1,5 +1,8 @@
 """The exceptions whose messages are for the user; any other exception is a defect of the program."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 LONGEST_MESSAGE = 1200
 """Characters; what was found in a file may be as long as the file."""
 
@@ -23,3 +26,12 @@ class RunError(RuntimeError):
 
     Finished results are kept; the message says how to continue. Scripts exit with code 3.
     """
+
+
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Let the messages of errors inside the block begin with the one of several things that they are about."""
+    try:
+        yield
+    except (InputError, RunError) as error:
+        raise type(error)(f"{name}: {error}") from None

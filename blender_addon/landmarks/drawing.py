@@ -11,7 +11,7 @@ from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.keymap import LANDMARK_TOOL, active_tool
 from ..ui.strokes import Colour, Strokes
-from ..view.zoom import free_rectangle
+from ..view.zoom import STATUS_PX, free_rectangle
 from . import gestures, next_click, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution
@@ -155,7 +155,10 @@ def _draw_next_step(context: bpy.types.Context) -> None:
     """Say in the middle of an empty view what comes next."""
     strokes, text = Strokes(), workbench.next_step(context.scene)
     low, high = free_rectangle(context.area)
-    strokes.text((low + high) / 2 - np.array([strokes.width_of(text) / 2, 0.0]), text, INCOMPLETE)
+    at = (low + high) / 2
+    for line in strokes.wrapped(text, 0.9 * float(high[0] - low[0])):
+        strokes.text(at - [strokes.width_of(line) / 2, 0.0], line, INCOMPLETE)
+        at = at - [0.0, STATUS_PX * strokes.unit]
     strokes.draw()
 
 
@@ -174,10 +177,13 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     if xy[1] - region.y < low[1]:
         # the strip of a video has the pointer
         return
-    at = np.array(xy) + np.array([18, -26]) * strokes.unit
-    # not under the sidebar
-    room = region.x + high[0] - strokes.width_of(text) - 6 * strokes.unit
-    strokes.text(np.array([min(at[0], room), at[1]]), text, INCOMPLETE)
+    at, margin, row = np.array(xy) + np.array([18, -26]) * strokes.unit, 6 * strokes.unit, STATUS_PX * strokes.unit
+    lines = strokes.wrapped(text, float(high[0] - low[0]) - 2 * margin)
+    # not under the sidebar, nor below the view
+    right = region.x + high[0] - max(map(strokes.width_of, lines)) - margin
+    at = np.array([min(at[0], right), max(at[1], region.y + low[1] + margin + row * (len(lines) - 1))])
+    for number, line in enumerate(lines):
+        strokes.text(at - [0.0, number * row], line, INCOMPLETE)
     strokes.draw()
 
 

@@ -33,7 +33,9 @@ DRAG_MAGNIFICATION = 3.0
 MIN_MAGNIFICATION = 1.5
 """Least magnification relative to the camera view; a view that is zoomed in further shows no loupe."""
 
-SIZE_PX = 180
+SIZE_PX, LARGEST_SHARE = 180, 0.4
+"""At interface scale 1, and of the view's free width and height."""
+
 DISTANCE_PX = 28
 """Distance of the loupe from the pointer."""
 
@@ -93,7 +95,7 @@ def _draw(
     context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, *, in_frame: bool, shows_surface: bool
 ) -> None:
     scene = context.scene
-    size = round(SIZE_PX * context.preferences.system.ui_scale)
+    size = size_in(context.area)
     # Blender draws cursors in pixels of the window
     left, below, *_ = gpu.state.viewport_get()
     dragged = gestures.running() is not None
@@ -130,6 +132,12 @@ def _draw(
             u, v = frame_view.px_from_region(at)
             strokes.text(low + 6 * strokes.unit, f"{u:.1f}, {v:.1f} px", WHITE)
         strokes.draw()
+
+
+def size_in(area: bpy.types.Area) -> int:
+    """Width and height of the loupe in a view, px."""
+    low, high = free_rectangle(area)
+    return round(min(SIZE_PX * bpy.context.preferences.system.ui_scale, LARGEST_SHARE * float((high - low).min())))
 
 
 def corner(area: bpy.types.Area, at: np.ndarray, size: int, avoided: Sequence[np.ndarray]) -> np.ndarray:

@@ -25,6 +25,7 @@ from ..ui.operator import (
     Reporting,
     SavesFile,
     available,
+    report_error,
 )
 from ..ui.question import Asking
 from ..ui.step_panel import show
@@ -153,7 +154,7 @@ class _OnOneLandmark(bpy.types.Operator):
         try:
             found = landmark_under(context, event)
         except InputError as error:
-            self.report({"ERROR"}, str(error))
+            report_error(self, str(error))
             return {"CANCELLED"}
         if found is None:
             if self.result_without_landmark == {"CANCELLED"}:
@@ -214,7 +215,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
                 return self.execute(context)
             record = pose_evidence.remembered(scene) or {}
         except InputError as error:
-            self.report({"ERROR"}, str(error))
+            report_error(self, str(error))
             return {"CANCELLED"}
         error_px = record.get("error_px")
         off = f", off by about {format_two_digits(error_px)} px" if isinstance(error_px, float) else ""

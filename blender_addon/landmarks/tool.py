@@ -28,7 +28,7 @@ KEYS = (
 class _AsksForPoints(ViewTool):
     @staticmethod
     def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        pin = "    Ctrl + Drag: Pull with a Pin" if active_tool(context) == TOOL and shows_frame(context) else ""
+        pin = "    Ctrl + Drag: Pin" if active_tool(context) == TOOL and shows_frame(context) else ""
         layout.label(text=instruction(context) + pin)
 
 

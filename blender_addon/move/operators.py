@@ -13,7 +13,7 @@ from ..state.events import redraw
 from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh, set_cam_from_model
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import MOVE_TOOL, TOOLS, Key, ViewTool, keys
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
 
 AXES = [
     ("x", "Right", "Shift to the right in the image"),
@@ -143,7 +143,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting):
         try:
             self._begin(context)
         except InputError as error:
-            self.report({"ERROR"}, str(error))
+            report_error(self, str(error))
             return {"CANCELLED"}
         self._last = self._pointer(context, event)
         self._pose = self._start_pose
@@ -227,10 +227,9 @@ class MoveTool(ViewTool):
     bl_cursor = "DEFAULT"
 
     @staticmethod
-    def draw_settings(_context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        layout.label(
-            text="Drag: Shift    Ctrl: Tilt    Alt: Roll    Ctrl + Alt: Depth    Arrow Keys: 1 px of the Frame"
-        )
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
+        text = "Drag: Shift    Ctrl: Tilt    Alt: Roll    Ctrl + Alt: Depth    Arrow Keys: 1 px of the Frame"
+        layout.label(text=text if shows_frame(context) else "Look through the frame's camera (Numpad 0)")
 
 
 register, unregister = class_registration(

@@ -23,7 +23,7 @@ from ..setup.alignment_record import pose_record
 from ..state import from_scene, image_evidence, pose_evidence
 from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
 from ..ui.step_panel import show
 from .preview import BackgroundPreview, RefinementPreview, preview_text, take
 
@@ -88,7 +88,7 @@ class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, RefinementPreview):
         try:
             self.show_result(context, _refused(context.scene), from_scene.cam_from_model(context.scene))
         except InputError as error:
-            self.report({"ERROR"}, str(error))
+            report_error(self, str(error))
             return {"CANCELLED"}
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}

@@ -15,7 +15,7 @@ from ..state import pose
 from ..state.events import redraw
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import NAVIGATION, InBackground, show_status
-from ..ui.operator import OperatorResult
+from ..ui.operator import OperatorResult, report_error
 from ..ui.step_panel import show
 from ..video import shown_frame
 
@@ -100,7 +100,7 @@ class Preview(bpy.types.Operator):
         if message:
             self.report({"INFO"}, message)
         if error:
-            self.report({"ERROR"}, error)
+            report_error(self, error)
         redraw()
         return {outcome}
 

@@ -3,7 +3,6 @@
 What is in doubt follows it in red. It draws only, and looks at no file that has not changed.
 """
 
-import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -32,6 +31,10 @@ from .preview import error_text, preview_text
 
 PLAIN: Colour = (1.0, 1.0, 1.0, 1.0)
 DOUBT: Colour = (1.0, 0.45, 0.35, 1.0)
+NAVIGATION_PX = 90.0
+"""Width of Blender's navigation in the upper right corner of a view, at interface scale 1."""
+LARGEST_SHARE = 0.35
+"""Of the view's height, for texts on top of it."""
 CONTRADICTION = 10.0
 """RMS of the pins in units of the click noise from which on they cannot be meant so."""
 
@@ -148,15 +151,33 @@ def _draw() -> None:
         return  # the sidebar says what is wrong with the pose
     strokes = Strokes()
     low, high = uncovered_rectangle(context.area)
-    at = np.array([low[0] + 10 * strokes.unit, high[1] - 16 * strokes.unit])
-    first = DOUBT if is_refused else PLAIN
-    lines = (line, first), *((text, PLAIN) for text in task), *((text, DOUBT) for text in in_doubt)
-    for text, colour in lines:
-        room = (high[0] - at[0] - 10 * strokes.unit) / max(strokes.width_of(text), 1.0)
-        for each in textwrap.wrap(text, max(20, int(len(text) * room)), drop_whitespace=True):
+    margin, row = 10 * strokes.unit, STATUS_PX * strokes.unit
+    at = np.array([low[0] + margin, high[1] - 16 * strokes.unit])
+    room = high[0] - at[0] - margin - (NAVIGATION_PX * strokes.unit if _has_navigation(context) else 0.0)
+    most = max(2, int(LARGEST_SHARE * (high[1] - low[1]) / row))
+    texts = (
+        (line, DOUBT if is_refused else PLAIN),
+        *((text, DOUBT) for text in in_doubt),
+        *((text, PLAIN) for text in task),
+    )
+    for number, (text, colour) in enumerate(texts):
+        lines = strokes.wrapped(text, room)
+        if len(lines) > most:
+            if number:
+                break  # what is in doubt stands in the sidebar too
+            lines = [*lines[: most - 1], f"{lines[most - 1]} ..."]
+        most -= len(lines)
+        for each in lines:
             strokes.text(at, each, colour)
-            at = at - [0.0, STATUS_PX * strokes.unit]
+            at = at - [0.0, row]
     strokes.draw()
+
+
+def _has_navigation(context: bpy.types.Context) -> bool:
+    """Whether Blender draws its balls and icons for navigation in the corner."""
+    space = context.space_data
+    is_shown = isinstance(space, bpy.types.SpaceView3D) and space.show_gizmo and space.show_gizmo_navigate
+    return is_shown and context.preferences.view.mini_axis_type == "GIZMO"
 
 
 register, unregister = class_registration(__name__, drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL"))

@@ -13,7 +13,7 @@ from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 from ..state.events import areas
-from .operator import Messages, OperatorResult, Reporting, open_beside
+from .operator import Messages, OperatorResult, Reporting, open_beside, report_error
 
 POLL_SECONDS = 0.1
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
@@ -143,7 +143,7 @@ class InBackground(Reporting):
         try:
             self._background = BackgroundWork(self.work(context))
         except (InputError, RunError) as error:
-            self.report({"ERROR"}, self.worded(str(error)))
+            report_error(self, self.worded(str(error)))
             return {"CANCELLED"}
         self._began = time.monotonic()
         self._next_shown = self._began

@@ -1,6 +1,7 @@
 """Base classes of the add-on's operators: an error becomes one message in the status bar and changes nothing."""
 
 import os
+import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
@@ -14,6 +15,10 @@ from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 from ..state.events import redraw
 from ..state.scene_files import usual_folder
+from .panel import CHARACTER_PX
+
+MARGIN_CHARACTERS, MOST_CHARACTERS = 20, 90
+"""Of a line in a popup: what stays free of the window's width, and the longest one."""
 
 Messages = Iterable[str] | None
 """Messages for the status bar."""
@@ -27,6 +32,16 @@ def available(operator: type[bpy.types.Operator], condition: bool, missing: str)
     if not condition:
         operator.poll_message_set(missing)
     return condition
+
+
+def report_error(operator: bpy.types.Operator, message: str) -> None:
+    """Report an error in lines that fit into the window: Blender opens a popup for it, which breaks none."""
+    window = bpy.context.window
+    if not bpy.app.background and window is not None:
+        most = int(window.width / bpy.context.preferences.system.ui_scale / CHARACTER_PX)
+        # the status bar shows all of it in one line
+        message = " \n".join(textwrap.wrap(message, max(20, min(most - MARGIN_CHARACTERS, MOST_CHARACTERS))))
+    operator.report({"ERROR"}, message)
 
 
 class Reporting(bpy.types.Operator):
@@ -50,11 +65,11 @@ class Reporting(bpy.types.Operator):
         try:
             messages = call()
         except (InputError, RunError) as error:
-            self.report({"ERROR"}, self.worded(str(error)))
+            report_error(self, self.worded(str(error)))
             return {"CANCELLED"}
         except OSError as error:
             # a full disk, a folder that does not exist or may not be written to
-            self.report({"ERROR"}, f"{error.filename or self.bl_label}: {error.strerror or error}")
+            report_error(self, f"{error.filename or self.bl_label}: {error.strerror or error}")
             return {"CANCELLED"}
         for message in messages or ():
             self.report({"INFO"}, message)

@@ -78,6 +78,17 @@ class Strokes:
         blf.size(FONT, TEXT_SIZE * self.unit)
         return float(blf.dimensions(FONT, text)[0])
 
+    def wrapped(self, text: str, room: float) -> list[str]:
+        """The lines of a text, none wider than ``room`` px but a word that is."""
+        lines = [""]
+        for number, word in enumerate(text.split(" ")):
+            longer = f"{lines[-1]} {word}" if number else word
+            if lines[-1].strip() and self.width_of(longer) > room:
+                lines.append(word)
+            else:
+                lines[-1] = longer
+        return lines
+
     def draw(self) -> None:
         """Draw everything: all dark lines first, so that none covers a coloured one."""
         gpu.state.blend_set("ALPHA")

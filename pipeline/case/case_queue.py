@@ -35,8 +35,8 @@ class NewFrame:
 
 
 def queued_cases(folder: Path) -> tuple[Path, ...]:
-    """The case files of a queue, by name."""
-    return tuple(sorted(folder.glob(f"*/{CASE}")))
+    """The case files of a queue, by name; those in hidden folders are none of it."""
+    return tuple(path for path in sorted(folder.glob(f"*/{CASE}")) if not path.parent.name.startswith("."))
 
 
 def state_of(case: Case) -> str:
@@ -99,7 +99,7 @@ def cases_of_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> lis
 
 
 def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
-    image, path = frame.image, folder / frame.image.stem / CASE
+    image, path = frame.image, folder / case_name(frame.image) / CASE
     present = like if path == like.path else read_case(path, posed=False) if path.exists() else None
     if present is not None and os.path.realpath(present.image) != os.path.realpath(image):
         raise InputError(f"{path}: expected the case of {image.name}, found one of another frame")
@@ -108,6 +108,19 @@ def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
         like, path=path, image=image, camera=camera, video=frame.video, posed=False, frames=(), landmarks=(),
         alignment={},
     )  # fmt: skip
+
+
+def case_name(image: Path) -> str:
+    """The name of the case of a frame in a queue, its folder's.
+
+    Raises
+    ------
+    InputError
+        The name of the image begins with a dot: the folder would be hidden, or no folder of the queue.
+    """
+    if image.name.startswith("."):
+        raise InputError(f"{image}: expected a name that does not begin with a dot, for a case; rename the image")
+    return image.stem
 
 
 def _first_doubled(names: Iterable[str]) -> str:

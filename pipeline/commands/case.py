@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..camera.intrinsics_file import read_camera, typed_camera
         from ..case.case_file import Structure, read_case
         from ..case.case_folder import CASE
-        from ..case.case_queue import NewFrame, add_frames
+        from ..case.case_queue import NewFrame, add_frames, case_name
         from ..case.surface_folder import RECORD
         from ..surface.structure_colour import structure_colour
         from ..volume.bone.structures import name_of_file
@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError(
                 f"command line: --{name.replace('_', '-')}: expected one frame with it, found {len(others) + 1}"
             )
-    out = arguments.out / frame.stem if others else arguments.out
+    out = arguments.out / case_name(frame) if others else arguments.out
     output = own_output()
     structures: list[Structure] = []
     for text in arguments.structures:

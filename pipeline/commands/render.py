@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..dataset.options import add_option_arguments
-from ..errors import InputError
+from ..errors import InputError, naming
 from ..process.arguments import (
     add_cluster_arguments,
     at_least,
@@ -23,6 +24,7 @@ from ..progress import LINE_SECONDS
 
 if TYPE_CHECKING:
     # --help must not wait for numpy
+    from ..blender.dataset.job import Job
     from ..dataset.run.elsewhere import Elsewhere
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
@@ -115,18 +117,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     with explained_imports():
-        from ..blender.dataset.job import Job
         from ..blender.dataset.run import run as render
         from ..blender.dataset.run import work
         from ..case.alignment_record import INITIAL_GUESS
-        from ..case.case_file import read_case
-        from ..dataset.options import merged_options
-        from ..dataset.run.run_folder import parse_shard
         from ..files.outputs import check_folder
-    case = read_case(arguments.case)
-    options = merged_options(case.dataset, arguments, arguments.case)
-    check_folder(arguments.out, case.input_files() | ({} if options.poses is None else {"poses": Path(options.poses)}))
-    job = Job(case, arguments.out, options, parse_shard(arguments.shard))
+    job = _job(arguments)
+    case = job.case
+    check_folder(arguments.out, _read_by(job))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output, threads=arguments.threads)
         return
@@ -146,38 +143,68 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
         )
 
 
+def _job(arguments: argparse.Namespace) -> "Job":
+    with explained_imports():
+        from ..blender.dataset.job import Job
+        from ..case.case_file import read_case
+        from ..dataset.options import merged_options
+        from ..dataset.run.run_folder import parse_shard
+    case = read_case(arguments.case)
+    options = merged_options(case.dataset, arguments, arguments.case)
+    return Job(case, arguments.out, options, parse_shard(arguments.shard))
+
+
+def _read_by(job: "Job") -> dict[str, Path]:
+    """What a job reads, by what it is."""
+    poses = {} if job.options.poses is None else {"poses": Path(job.options.poses)}
+    return job.case.input_files() | poses
+
+
 def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     """Render the aligned cases of a queue, each as its own command would; then join what is complete."""
     with explained_imports():
+        from ..blender.dataset.job import open_job
         from ..case.case_file import read_case
         from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
         from ..dataset.joined_scenes import join_scenes
-        from ..dataset.layout import CASES, CHECKSUMS
+        from ..dataset.layout import CASES, CHECKSUMS, SCENES
+        from ..dataset.run.same_run import check_description
         from ..files.outputs import check_own_folder, made_folder, writing
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
     if not paths:
         raise InputError(f"{arguments.case}: expected a case file, or a queue: a folder of cases; found no case in it")
-    check_own_folder(out, f"bop|{CASES}", {f"case {path.parent.name}": path for path in paths})
-    datasets = {}
+    own: dict[str, argparse.Namespace] = {}
+    read: dict[str, Path] = {}
     for path in paths:
         name = path.parent.name
-        if (state := state_of(read_case(path, posed=False))) not in (ALIGNED, CHECKED):
-            output.write(f"{name}: left out, it is {state}\n")
-            continue
-        output.write(f"{name}: {state}\n")
-        datasets[name] = out / CASES / name
-        here = {"case": path, "out": datasets[name]}
-        argv = [*arguments.argv, "--queued-case", str(path), "--out", str(datasets[name])]
-        _render_case(argparse.Namespace(**vars(arguments) | here | {"argv": argv}), output)
-    if not datasets:
+        with naming(name):
+            state = state_of(read_case(path, posed=False))
+            if state not in (ALIGNED, CHECKED):
+                output.write(f"{name}: left out, it is {state}\n")
+                continue
+            here = {"case": path, "out": out / CASES / name}
+            argv = [*arguments.argv, "--queued-case", str(path), "--out", str(here["out"])]
+            own[name] = argparse.Namespace(**vars(arguments) | here | {"argv": argv})
+            job = _job(own[name])
+            opened = open_job(job)
+            check_description(job.out, opened.description, opened.given_poses)
+            read |= {f"{what} of {name}": file for what, file in _read_by(job).items()}
+            output.write(f"{name}: {state}\n")
+    if not own:
         raise InputError(f"{arguments.case}: expected cases that are aligned or checked, found none; align them first")
+    check_own_folder(out, "|".join(("bop", CASES, re.escape(SCENES))), read)
+    datasets = {name: each.out for name, each in own.items()}
+    for number, (name, each) in enumerate(own.items(), start=1):
+        output.write(f"{name}: rendering, {number} of {len(own)}\n")
+        with naming(name):
+            _render_case(each, output)
     if unfinished := [name for name, folder in datasets.items() if not (folder / CHECKSUMS).exists()]:
         output.write(f"not joined yet: {', '.join(unfinished)} unfinished\n")
         return
     with writing(made_folder(out / "bop")):
         join_scenes(datasets, out / "bop")
-    output.write(f"{out / 'bop'}: the scenes of {len(datasets)} cases\n")
+    output.write(f"{out / 'bop'}: the scenes of {len(datasets)} cases, listed in {out / SCENES}\n")
 
 
 @contextmanager

@@ -7,12 +7,13 @@ import re
 import secrets
 import stat
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import InputError
+from .system_lock import BUSY, lock_by_system
 
 LARGEST_TEXT = 1 << 20
 """Bytes; a longer file cannot be one of settings, so the user chose it by mistake."""
@@ -261,19 +262,48 @@ def names_in(folder: Path) -> list[str]:
 def _partial_file(path: Path) -> Iterator[BinaryIO]:
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    # a name of 255 bytes is the longest that most file systems take
-    partial = path.with_name(f".partial-{secrets.token_hex(8)}-{path.name[-50:]}")
     try:
-        try:
-            stream = open(partial, "xb")  # noqa: SIM115  # closed below
-        except OSError as error:
-            # the message names the file that was asked for
-            error.filename = str(path)
-            raise
+        stream = _locked_partial(path)
+    except OSError as error:
+        # the message names the file that was asked for
+        error.filename = str(path)
+        raise
+    try:
         with stream:
             yield stream
     finally:
-        partial.unlink(missing_ok=True)
+        Path(stream.name).unlink(missing_ok=True)
+
+
+def _locked_partial(path: Path) -> BinaryIO:
+    """A new temporary file, locked as long as it is open: :func:`remove_abandoned` tells it by that."""
+    while True:
+        # a name of 255 bytes is the longest that most file systems take
+        stream = open(path.with_name(f".partial-{secrets.token_hex(8)}-{path.name[-50:]}"), "xb")  # noqa: SIM115  # closed by the caller
+        try:
+            _lock(stream)
+            taken = not os.path.exists(stream.name)
+        except OSError as error:
+            taken = error.errno in BUSY
+        if not taken:
+            return stream
+        # another process has found it before it was locked
+        stream.close()
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove the temporary files of :func:`written_file` in a folder whose processes were killed."""
+    for name in names_in(folder):
+        if partial_name(name) is not None:
+            with suppress(OSError), open(folder / name, "r+b", opener=regular_file) as stream:
+                _lock(stream)
+                (folder / name).unlink()
+
+
+def _lock(stream: BinaryIO) -> None:
+    # Windows removes no open files, and lets nobody else write to locked ones
+    if os.name != "nt":
+        lock_by_system(stream.fileno(), shared=False)
 
 
 def _replace_durably(streams: Mapping[Path, BinaryIO]) -> None:
@@ -281,7 +311,9 @@ def _replace_durably(streams: Mapping[Path, BinaryIO]) -> None:
     for stream in streams.values():
         stream.flush()
         _flush(stream.fileno())
-        stream.close()  # Windows replaces no open files
+        if os.name == "nt":
+            stream.close()  # Windows replaces no open files
+    # locked until they have their names
     for path, stream in streams.items():
         os.replace(path.with_name(Path(stream.name).name), path)
     for folder in {path.parent for path in streams}:

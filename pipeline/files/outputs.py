@@ -15,12 +15,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import InputError, RunError
+from .content import remove_abandoned
 
 _DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
 
 def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
-    """Check before any work that every output may be written.
+    """Check before any work that every output may be written, and remove what killed runs have left beside it.
 
     Parameters
     ----------
@@ -52,6 +53,7 @@ def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
             if path.parent not in folders:
                 _check_folder(path)
                 folders.add(path.parent)
+                remove_abandoned(path.parent)
 
 
 def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> None:
@@ -77,6 +79,7 @@ def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> No
     protected = _Inputs(inputs)
     with writing(folder):
         found = sorted(os.listdir(folder)) if folder.exists() else []
+        remove_abandoned(folder)
     for name in found:
         if not (re.fullmatch(names, name) or name.startswith(".") or name in _DESKTOP_FILES):
             raise InputError(

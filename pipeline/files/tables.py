@@ -83,12 +83,12 @@ def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table as CSV in UTF-8 with line feeds, whole or not at all."""
+    """Write a table as CSV in UTF-8 with line feeds, whole or not at all; what is no Unicode in a name with escapes."""
     lines = io.StringIO(newline="")
     table = csv.writer(lines, lineterminator="\n")
     table.writerow(header)
     table.writerows(rows)
-    write_bytes_atomically(path, lines.getvalue().encode())
+    write_bytes_atomically(path, lines.getvalue().encode(errors="backslashreplace"))
 
 
 def check_levels(value: object) -> None:

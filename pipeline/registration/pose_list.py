@@ -46,7 +46,8 @@ def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit:
     """
     text = json.dumps(list(entries), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     with writing(folder / POSES):
-        write_bytes_atomically(folder / POSES, text.encode())
+        # names of files that are no Unicode as JSON's escapes, with which Python finds them again
+        write_bytes_atomically(folder / POSES, text.encode(errors="backslashreplace"))
     with writing(folder / ESTIMATES):
         write_bytes_atomically(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
 

@@ -292,6 +292,19 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     assert (alpha()[well_inside & (u < edge - 1), 3] == 0).all()
 
 
+@given(
+    st.lists(st.text("abcdefgh|", max_size=12), min_size=1, max_size=20).map(" ".join),
+    st.floats(10, 400),
+)
+def test_lines_over_the_view_fit_and_lose_nothing(text, room):
+    from blender_addon.ui.strokes import Strokes
+
+    strokes = Strokes(unit=1.0)
+    lines = strokes.wrapped(text, room)
+    assert " ".join(lines) == text
+    assert all(strokes.width_of(line) <= room or " " not in line.strip() for line in lines)
+
+
 def test_view_operators_are_disabled_in_other_views(in_view, scene):
     in_view.region_3d.view_perspective = "PERSP"
     for operator in OPERATORS:

@@ -99,3 +99,12 @@ def test_the_state_is_what_the_case_says(like, tmp_path, record, state):
     assert state_of(case) == NEW
     update_case(path, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True, alignment=record))
     assert state_of(read_case(path)) == state
+
+
+def test_names_that_would_leave_the_queue_or_hide_in_it_are_refused(like, tmp_path):
+    for name in ("...png", ".a.png", "..png"):
+        image = tmp_path / name
+        image.write_bytes(like.image.read_bytes())
+        with pytest.raises(InputError, match="does not begin with a dot"):
+            add_frames(tmp_path / "queue", like, [NewFrame(image)])
+    assert not (tmp_path / "queue").exists()

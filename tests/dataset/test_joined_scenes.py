@@ -1,6 +1,8 @@
 """A queue rendered at once: what its own command makes of each case, and all of it as one dataset that BOP reads."""
 
 import json
+import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import cv2
@@ -14,8 +16,9 @@ from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.joined_scenes import join_scenes
 from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid
-from tests.tree import different_files
+from tests.tree import different_files, tree
 
 OPTIONS = ("--count", "2", "--workers", "2", "--engine", "raster", "--cone-deg", "20")
 
@@ -48,7 +51,9 @@ def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_comman
     with pytest.raises(InputError, match="give one of the datasets of this queue"):
         check_dataset(bop)
     model = read_mesh(bop / "models" / "obj_000001.ply")[0].vertices
-    assert (bop / "scenes.csv").read_text().split() == ["scene_id,case", "0,a", "1,b"]
+    # names may be those of patients
+    assert not (bop / "scenes.csv").exists()
+    assert (tmp_path / "out" / "scenes.csv").read_text().split() == ["scene_id,obj_id,case", "0,1,a", "1,1,b"]
     read = set()
     for scene in sorted((bop / "train_synt").iterdir()):
         truth, cameras = (json.loads((scene / f"scene_{name}.json").read_text()) for name in ("gt", "camera"))
@@ -66,9 +71,59 @@ def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_comman
     targets = json.loads((bop / "test_targets_bop19.json").read_text())
     assert {(each["scene_id"], each["im_id"]) for each in targets} == read == {(0, 0), (0, 1), (1, 0), (1, 1)}
 
-    info = tmp_path / "out" / "cases" / "b" / "models" / "models_info.json"
-    info.unlink()
-    info.write_text("{}")
-    with pytest.raises(InputError, match=r"expected the surface of .*a, found another one"):
-        join_scenes({name: tmp_path / "out" / "cases" / name for name in ("a", "b")}, bop)
-    assert (bop / "models" / "models_info.json").read_text() != "{}"
+    joined = tree(bop)
+    datasets = {name: tmp_path / "out" / "cases" / name for name in ("a", "b")}
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: join_scenes(datasets, bop), range(8)))
+    assert tree(bop) == joined
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["bop", "cases", "scenes.csv"]
+
+
+@pytest.mark.render
+def test_another_surface_is_another_object(queue, tmp_path, run_command, render_command):
+    """Of the same vertices, and so of the same box: other faces, which depth shows."""
+    case = read_case(queue / "b" / "case.toml")
+    mesh = read_mesh(case.mesh)[0]
+    write_ply(tmp_path / "other.ply", replace(mesh, faces=mesh.faces[: len(mesh.faces) // 2]))
+    write_case(case.path, replace(case, mesh=tmp_path / "other.ply"))
+    (queue / "c" / "case.toml").write_bytes((queue / "b" / "case.toml").read_bytes().replace(b"b.png", b"a.png"))
+    shutil.copytree(queue / "a", queue / ".hidden")
+    bop = tmp_path / "out" / "bop"
+    ended = run_command(render_command(queue, "--out", tmp_path / "out", *OPTIONS))
+    assert ended.returncode == 0, ended.stderr
+    rows = (tmp_path / "out" / "scenes.csv").read_text().split()
+    assert rows == ["scene_id,obj_id,case", "0,1,a", "1,2,b", "2,2,c"]
+    for folder in ("models", "models_eval"):
+        assert json.loads((bop / folder / "models_info.json").read_text()).keys() == {"1", "2"}
+        assert sorted(path.name for path in (bop / folder).glob("*.ply")) == ["obj_000001.ply", "obj_000002.ply"]
+    assert len(read_mesh(bop / "models" / "obj_000002.ply")[0].faces) == len(mesh.faces) // 2
+    for scene, number in enumerate((1, 2, 2)):
+        folder = bop / "train_synt" / f"{scene:06d}"
+        own = json.loads((folder / "scene_gt.json").read_text())
+        assert {entry["obj_id"] for (entry,) in own.values()} == {number}
+        coco = json.loads((folder / "scene_gt_coco.json").read_text())
+        assert {each["id"] for each in coco["categories"]} == {number}
+        assert {each["category_id"] for each in coco["annotations"]} == {number}
+        alone = tmp_path / "out" / "cases" / "abc"[scene] / "train_synt" / "000000"
+        for table in ("scene_gt", "scene_camera", "scene_gt_info", "scene_gt_coco"):
+            here, there = (json.loads((path / f"{table}.json").read_text()) for path in (folder, alone))
+            assert here == there or (number == 2 and table in ("scene_gt", "scene_gt_coco"))
+    targets = json.loads((bop / "test_targets_bop19.json").read_text())
+    assert {(each["scene_id"], each["obj_id"]) for each in targets} == {(0, 1), (1, 2), (2, 2)}
+
+
+@pytest.mark.render
+def test_a_queue_is_read_before_anything_is_rendered(queue, tmp_path, run_command, render_command):
+    for change, message in (
+        (lambda text: text.replace("size = [", "size = [1"), "error: b: case.toml: "),
+        (lambda text: text.replace("../../case/b.png", "../../case/missing.png"), "error: b: "),
+        (lambda text: text + "[dataset]\ncount = 0\n", "error: b: "),
+    ):
+        path = queue / "b" / "case.toml"
+        text = path.read_text()
+        path.write_text(change(text))
+        ended = run_command(render_command(queue, "--out", tmp_path / "out", *OPTIONS[2:]))
+        path.write_text(text)
+        assert ended.returncode == 2
+        assert ended.stderr.startswith(message), ended.stderr
+        assert not (tmp_path / "out").exists()

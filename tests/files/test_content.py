@@ -1,5 +1,7 @@
 """Every file is read by one ladder of errors, each of which says what was expected, what was found, where and why."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -7,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.files.content import read_content, reading, write_bytes_atomically
+from oneframe.files.content import (
+    content_named,
+    is_content_named,
+    read_content,
+    reading,
+    remove_abandoned,
+    write_bytes_atomically,
+    written_file,
+)
 from oneframe.files.numbers import WrittenFloat
 from oneframe.files.tables import parsed_json, parsed_toml
 
@@ -85,3 +95,52 @@ def test_integers_are_those_that_toml_holds():
     assert parsed_toml("a = -9223372036854775807", "a") == {"a": -(2**63) + 1}
     with pytest.raises(InputError, match="an integer of more than 64 bits"):
         parsed_toml("a = [{b = 9223372036854775808}]", "a")
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from oneframe.files.content import written_file
+with written_file(Path(sys.argv[1])) as stream:
+    stream.write(b"half")
+    stream.flush()
+    os.kill(os.getpid(), 9)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_what_a_killed_process_has_left_goes_and_what_a_living_one_writes_stays(tmp_path):
+    target = tmp_path / "poses.json"
+    subprocess.run([sys.executable, "-c", KILLED, str(target)], check=False)
+    (left,) = tmp_path.iterdir()
+    (tmp_path / ".partial-mine").touch()
+    with written_file(target) as stream:
+        stream.write(b"whole")
+        remove_abandoned(tmp_path)
+        assert not left.exists()
+        assert Path(stream.name).exists()
+    assert target.read_bytes() == b"whole"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".partial-mine", "poses.json"]
+    # others are written by the thousand while somebody cleans up
+    cleaner = "import sys\nfrom pathlib import Path\nfrom oneframe.files.content import remove_abandoned\n"
+    cleaner += "print(flush=True)\nwhile True: remove_abandoned(Path(sys.argv[1]))"
+    process = subprocess.Popen([sys.executable, "-c", cleaner, str(tmp_path)], stdout=subprocess.PIPE)
+    process.stdout.readline()
+    try:
+        for number in range(300):
+            write_bytes_atomically(target, str(number).encode())
+    finally:
+        process.kill()
+        process.wait()
+    assert target.read_bytes() == b"299"
+
+
+def test_names_of_content(tmp_path):
+    path = content_named(tmp_path / "frame_000001.png", b"pixels")
+    path.write_bytes(b"pixels")
+    assert path.parent == tmp_path
+    assert is_content_named(path)
+    for name in ("frame_000001.png", "scan-20240131.png", "missing-0123abcd.png"):
+        if not name.startswith("missing"):
+            (tmp_path / name).write_bytes(b"pixels")
+        assert not is_content_named(tmp_path / name)

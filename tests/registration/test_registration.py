@@ -1,6 +1,7 @@
 """Registered frames: right poses of frames that no view of the bank shows, none of a mirrored or another surface."""
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -374,6 +375,23 @@ def test_an_image_that_cannot_be_used_is_a_refused_frame(mesh, tmp_path):
     with pytest.raises(InputError, match=r"0 empty\.png: .* empty.*; nor can any other frame be used"):
         dispatch(["register", *map(str, (tmp_path / "case.toml", folder, "--out", tmp_path / "none"))])
     assert not (tmp_path / "none").exists()
+
+
+def test_a_folder_of_distorted_images_with_odd_names_is_a_list_of_photographs(mesh, tmp_path):
+    pose = seen_from(8, 5)
+    write_case(tmp_path, mesh, SOURCE)
+    text = (tmp_path / "case.toml").read_text()
+    (tmp_path / "case.toml").write_text(text.replace("[pose]", "distortion = [0.05, 0.0, 0.0, 0.0]\n[pose]"))
+    frames = tmp_path / os.fsdecode(b"\xfframes")
+    frames.mkdir()
+    image = encode_png(np.rint(255 * photograph(mesh, pose)).astype(np.uint8))
+    (frames / os.fsdecode(b"pat\xefent.png")).write_bytes(image)
+    (entry,) = registered(tmp_path, frames.name, tmp_path / "out", "--every", "1000000000000")
+    assert entry["state"] != REFUSED
+    case = read_case(tmp_path / "case.toml")
+    (photographed,), _ = read_photographs(tmp_path / "out" / "poses.json", case)
+    assert photographed.image.read_bytes() == image
+    assert photographed.distortion == case.distortion
 
 
 def test_the_command_corrects_the_source(mesh, tmp_path):

@@ -172,5 +172,12 @@ def test_the_page_shows_the_picture_and_what_the_case_states(addon, overlay, cas
     bpy.ops.oneframe.open_case(filepath=str(case_path))
     bpy.ops.oneframe.save_record(filepath=str(tmp_path / "window.png"))
     assert (tmp_path / "window.png").read_bytes() == page.read_bytes()
+    record = case_path.with_name("surface_made_by.json")
+    for damaged in (b"\xff\xfe", b"{", b"[1, 2]", b""):
+        record.write_bytes(damaged)
+        refused = overlay(case_path, "--page", "--out", page)
+        assert refused.returncode == 2
+        assert refused.stderr.startswith(f"error: {record}: expected")
+    record.unlink()
     refused = overlay(case_path, "--page", "--video", page, "--poses", page, "--out", picture)
     assert "expected no --video" in refused.stderr

@@ -136,7 +136,7 @@ def magnify(user, scene):
     with user.context():
         bpy.ops.wm.tool_set_by_id(name=loupe.TOOL)
     image, _ = read_image(Path(bpy.path.abspath(scene.oneframe.frame_path)))
-    size = round(loupe.SIZE_PX * bpy.context.preferences.system.ui_scale)
+    size = loupe.size_in(user.area)
     region, best = user.region(), []
     for pixel in ((300.0, 300.0), (420.0, 500.0)):
         yield from user.move(user.of_pixel(*pixel))

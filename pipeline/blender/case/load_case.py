@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...alignment.manual.initial_pose import initial_pose
-from ...camera.distortion import Distortion, undistort
+from ...camera.distortion import Distortion, checked_distortion, undistort
 from ...camera.pinhole import PinholeCamera
 from ...case.alignment_record import INITIAL_GUESS
 from ...case.case_file import Case
@@ -23,6 +23,9 @@ from ...poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ...surface.mesh_reader import read_mesh
 from ...transforms import inverse_rigid
 from ..bridge.image import read_image
+
+DISTORTION = "distortion"
+"""Key of an entry in a list of photographs."""
 
 
 def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
@@ -66,14 +69,16 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
 def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
     """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file, or ``null``: left out.
 
+    Photographs as the lens took them have its ``"distortion"`` in their entry, as in the case file.
+
     Returns
     -------
-    The photographs, undistorted and of the case's camera; and messages about what was corrected.
+    The photographs, of the case's camera; and messages about what was corrected.
 
     Raises
     ------
     InputError
-        As :func:`.read_poses`, or an entry names no image.
+        As :func:`.read_poses`, an entry names no image, or its distortion is none.
     """
     poses, messages = read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=case.mm_per_unit)
     entries: Any = parsed_json(read_content(path, "a list of photographs"), path.name)
@@ -84,8 +89,15 @@ def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[st
             raise InputError(
                 f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image {image!r}'
             )
+    lenses = [
+        checked_distortion(entry[DISTORTION], case.camera, f"{path.name}: entry {number}: {DISTORTION}")
+        if DISTORTION in entry
+        else None
+        for number, entry in enumerate(entries)
+    ]
     return [
-        UnreadFrame(path.parent / i, case.camera, None, pose) for i, pose in zip(images, poses, strict=True)
+        UnreadFrame(path.parent / image, case.camera, lens, pose)
+        for image, lens, pose in zip(images, lenses, poses, strict=True)
     ], messages
 
 

@@ -13,13 +13,16 @@ from ...case.case_file import Case, read_case
 from ...case.case_folder import CASE
 from ...case.case_queue import queued_cases
 from ...case.loaded_case import LoadedCase
-from ...errors import InputError
+from ...errors import InputError, naming
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
 from ...projection.z_buffer import rasterise_depth
 from ...transforms import rotation_angle_deg, transform_points
 from ..alignment.overlay_picture import frame_overlay
 from ..case.load_case import load_case
+
+SAME_MM = 1e-3
+"""Vertices that are nearer to each other are the same: copies of a mesh are in single precision."""
 
 HEADER = ("case", "angle_deg", "shift_mm", "px", "expected_px")
 """Of the table: a row is an :class:`Agreement`."""
@@ -59,7 +62,7 @@ def paired_cases(first: Path, second: Path) -> list[tuple[str, Case, Case]]:
     Raises
     ------
     InputError
-        There are none, a case cannot be read, or two of one name differ in frame size or K.
+        There are none, a case cannot be read, or two of one name differ in frame size, K or distortion.
     """
     if first.is_file() and second.is_file():
         pairs = [(first.stem, read_case(first), read_case(second))]
@@ -68,13 +71,16 @@ def paired_cases(first: Path, second: Path) -> list[tuple[str, Case, Case]]:
         for path in queued_cases(first):
             name = path.parent.name
             if (same := second / name / CASE).is_file():
-                one, other = read_case(path, posed=False), read_case(same, posed=False)
+                with naming(name):
+                    one, other = read_case(path, posed=False), read_case(same, posed=False)
                 pairs += [(name, one, other)] if one.posed and other.posed else []
     if not pairs:
         raise InputError(f"{first}, {second}: expected cases of the same names with a pose in both, found none")
     for name, one, other in pairs:
-        if one.camera != other.camera:
-            raise InputError(f"{name}: expected the same K and frame size in both, found others in {second}")
+        if (one.camera, one.distortion) != (other.camera, other.distortion):
+            raise InputError(
+                f"{name}: expected the same K, distortion and frame size in both, found others in {second}"
+            )
     return pairs
 
 
@@ -101,10 +107,36 @@ def agreement(name: str, one: LoadedCase, other: LoadedCase) -> Agreement:
 
 
 def agreements(pairs: Sequence[tuple[str, Case, Case]]) -> Iterator[tuple[Agreement, LoadedCase, LoadedCase]]:
-    """Each pair's agreement, with its cases."""
+    """Each pair's agreement, with its cases.
+
+    Raises
+    ------
+    InputError
+        A case cannot be loaded, or the two are not of one photograph and one surface.
+    """
     for name, *cases in pairs:
-        one, other = (load_case(case) for case in cases)
+        with naming(name):
+            one, other = (load_case(case) for case in cases)
+            _check_alike(one, other)
         yield agreement(name, one, other), one, other
+
+
+def _check_alike(one: LoadedCase, other: LoadedCase) -> None:
+    """Check that two cases show the same photograph, where neither masks it, and the same surface."""
+    shown = one.frame.valid & other.frame.valid
+    if not np.array_equal(to_uint8(one.frame.image)[shown], to_uint8(other.frame.image)[shown]):
+        raise InputError(
+            f"expected the same photograph in both, found other pixels in {other.case.image}; leave the case out"
+        )
+    here, there = (case.surface.mesh.moved(case.surface.mesh_from_model[:3, 3]) for case in (one, other))
+    if not (
+        np.array_equal(here.faces, there.faces)
+        and here.vertices.shape == there.vertices.shape
+        and np.allclose(here.vertices, there.vertices, rtol=0, atol=SAME_MM)
+    ):
+        raise InputError(
+            f"expected the same surface in both, found another one in {other.case.mesh}; leave the case out"
+        )
 
 
 def pair_picture(one: LoadedCase, other: LoadedCase) -> np.ndarray:

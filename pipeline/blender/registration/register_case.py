@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import count as counted
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from ...registration.verdict import ACCEPTED
 from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
+from ..case.load_case import DISTORTION
 from ..render.lettering import text_mask
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
 
@@ -141,6 +142,10 @@ def register_case(
         pose_entry(image, each.number, found, surface.mesh_from_model, units)
         for image, each, found in zip(images, evidence, registered, strict=True)
     ]
+    if images[0] and loaded.case.distortion is not None:
+        entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
+    if images[0] and loaded.case.distortion is not None:
+        entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
     made_folder(out / POSES)
     for name in (ESTIMATES, SHEET, FILM, PAGE):
         # what shows other poses
@@ -193,7 +198,7 @@ def _write_film(
 ) -> None:
     """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
     with Film(source, every=every, width=WIDEST) as film:
-        poses: list[np.ndarray | None] = [None] * (film.info.frames * every)
+        poses: list[np.ndarray | None] = [None] * (max(each.number for each in evidence) + 1)
         marks = dict[int, FrameMark]()
         for each in evidence:
             poses[each.number] = each.cam_from_model

@@ -18,7 +18,7 @@ from ...projection.silhouette import SilhouetteEdges
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
 from ..identity import poses_hash
-from ..layout import RECORD, SCENES, SPLIT, WORK, ViewPaths, advice_without_record
+from ..layout import CASES, RECORD, SPLIT, WORK, ViewPaths, advice_without_record
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
 from .comparison import require_equal, require_rotation
@@ -117,7 +117,7 @@ def check_dataset(
     InputError
         Not a dataset at all, or one of another format.
     """
-    has_views = (root / SPLIT).is_dir() and not (root / SCENES).exists()
+    has_views = (root / SPLIT).is_dir() and not (root.parent / CASES).is_dir()
     if not (root / RECORD).exists() and not has_views:
         raise InputError(
             f"{root}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(root)}"

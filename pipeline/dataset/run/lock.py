@@ -11,8 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-BUSY = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}
-"""What system calls answer where another process has the lock; anything else means that there are no locks."""
+from ...files.system_lock import BUSY, lock_by_system
 
 
 class Busy(Exception):
@@ -71,27 +70,6 @@ class FileLock:
         except OSError as error:
             if error.errno in BUSY:
                 raise Busy from None
-
-
-def lock_by_system(descriptor: int, shared: bool) -> None:
-    """Take an advisory lock on an open file, shared or not; OSError at once if it cannot."""
-    if os.name == "nt":
-        import msvcrt
-
-        os.lseek(descriptor, 0, os.SEEK_SET)
-        # msvcrt has no shared locks: the lock files of the shards keep them apart
-        if not shared:
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        return
-    import fcntl
-
-    kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB
-    try:
-        fcntl.flock(descriptor, kind)
-    except OSError as error:
-        if error.errno in BUSY:
-            raise
-        fcntl.lockf(descriptor, kind)  # some mounts only have locks of POSIX
 
 
 def wait_for(condition: Callable[[], bool], seconds: float) -> bool:

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from oneframe.blender.alignment.overlay_picture import frame_overlay
+from oneframe.blender.bridge.image import read_image
 from oneframe.blender.case.load_case import load_case
-from oneframe.blender.evaluation.agreement import agreement, pair_picture, paired_cases
+from oneframe.blender.evaluation.agreement import agreement, agreements, pair_picture, paired_cases
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import NewFrame, add_frames, queued_cases
 from oneframe.case.case_update import update_case
+from oneframe.errors import InputError
 from oneframe.images.contact_sheet import GAP_PX
 from oneframe.images.pixel_values import to_uint8
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
 
 DEVIATIONS = {"standard_deviation_deg": [0.2, 0.3, 0.1], "standard_deviation_mm": [0.1, 0.2, 1.0]}
@@ -90,3 +95,31 @@ def test_the_picture_shows_both_overlays(case):
     height, width = shown.shape[:2]
     for left in (GAP_PX, width + 2 * GAP_PX):
         assert np.array_equal(picture[GAP_PX : GAP_PX + height, left : left + width], shown)
+
+
+def test_other_photographs_and_surfaces_are_told_by_what_they_hold(case, tmp_path):
+    """Under the same names; a mask, a copy in other bytes and meshes in metres make no difference."""
+    (tmp_path / "other").mkdir()
+    image, mesh = read_image(case.image)[0], read_mesh(case.mesh)[0]
+    codes = to_uint8(image)
+    masked = np.dstack([codes, np.full(codes.shape[:2], 255, np.uint8)])
+    masked[:8, :, 3] = 0
+    masked[:8, :, :3] = 0
+    paths = {name: tmp_path / "other" / name for name in ("frame.png", "surface.ply")}
+
+    def found(pixels=codes, surface=mesh, unit=1.0):
+        paths["frame.png"].write_bytes(encode_png(pixels))
+        write_ply(paths["surface.ply"], surface.scaled(1 / unit))
+        other = replace(case, image=paths["frame.png"], mesh=paths["surface.ply"], mm_per_unit=unit)
+        return next(agreements([("a", case, other)]))[0]
+
+    for same in ({}, {"pixels": masked}, {"unit": 1000.0}):
+        assert found(**same).px == pytest.approx(0, abs=1e-3)
+    other_faces = replace(mesh, faces=np.roll(mesh.faces[:-1], 1, axis=0))
+    for other, message in (
+        ({"pixels": codes[:, ::-1].copy()}, "a: expected the same photograph"),
+        ({"surface": other_faces}, "a: expected the same surface"),
+        ({"surface": mesh.moved(np.array([0.0, 0.0, 0.1]))}, "a: expected the same surface"),
+    ):
+        with pytest.raises(InputError, match=message):
+            found(**other)

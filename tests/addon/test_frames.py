@@ -111,7 +111,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
             ("take_proposal", {}),
             ("landmark_set", {"point": (0, 0, 0)}),
         ):
-            with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Esc"):
+            with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Back to Case Frame"):
                 getattr(bpy.ops.oneframe, name)(**given)
     bpy.ops.oneframe.case_frame()
     assert another_frame.seen(scene) is None

@@ -124,7 +124,9 @@ def replaced_pose(scene: bpy.types.Scene, path: Path) -> str:
         return ""
     how = "checked" if "checked" in saved.alignment else "found in the image or other frames"
     name = f"{path.parent.name}/{path.name}"
-    return f"The pose in {name} was {how}, the one in view was not. Replace it? Undo brings it back into view."
+    return (
+        f"The pose in {name} was {how}, the one in view was not. Replace it? Cancel keeps it; undo brings it into view."
+    )
 
 
 def _doubts(scene: bpy.types.Scene) -> tuple[str, ...]:

@@ -146,7 +146,7 @@ class NeedsAlignment(bpy.types.Operator):
         return available(cls, from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
 
 
-def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
+def call(name: str, context: str = "EXEC_DEFAULT", *, undo: bool = False, **settings: object) -> None:
     """Run another operator of the add-on; ``name`` is its ``bl_idname`` without the prefix.
 
     Parameters
@@ -155,6 +155,8 @@ def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
         The operator and its properties.
     context
         As in ``bpy.ops``: without the operator's dialog, or ``"INVOKE_DEFAULT"``.
+    undo
+        Whether it is an undo step of its own, if it is one by itself.
 
     Raises
     ------
@@ -163,7 +165,7 @@ def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
     """
     operators: Any = getattr(bpy.ops, "oneframe")  # noqa: B009  # Blender's type stubs do not know the add-on's
     try:
-        getattr(operators, name)(context, **settings)
+        getattr(operators, name)(context, undo, **settings)
     except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
         raise InputError(str(error).removeprefix("Error: ").strip()) from None
 

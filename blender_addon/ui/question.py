@@ -57,7 +57,7 @@ class ONEFRAME_OT_ask(Asking):
 
     def run(self, context: bpy.types.Context) -> Messages:
         name, way, settings = json.loads(self.command)
-        call(name, way, **settings)
+        call(name, way, undo=True, **settings)
         return ()
 
 

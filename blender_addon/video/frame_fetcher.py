@@ -8,11 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ..pipeline.errors import InputError
-from ..pipeline.video.film_reader import Film
+from ..pipeline.video.film_reader import WIDEST, Film
 from ..pipeline.video.frame_scores import FrameScore
-
-FULL_WIDTH = 1 << 20
-"""No film is wider."""
 
 AHEAD = 4
 """Frames decoded with the one asked for, in the direction of the last step: the start of a decoder takes longer."""
@@ -84,9 +81,8 @@ class FrameFetcher:
     def _decode(self, at: int) -> None:
         first, last = (at - AHEAD, at) if at == self._before - 1 else (at, at + AHEAD)
         first, last = max(first, 0), min(last, len(self._frames) - 1)
-        # times are rounded in the file; half a millisecond is less than any frame lasts
-        begin, end = self._frames[first].time_s - 5e-4, self._frames[last].time_s + 5e-4
-        with Film(self._path, from_s=max(begin, 0.0), to_s=end, width=FULL_WIDTH) as film:
+        numbers = self._frames[first].index, self._frames[last].index + 1
+        with Film(self._path, numbers=numbers, width=WIDEST) as film:
             for frame in film:
                 position = self._positions.get(frame.index)
                 if position is None:

@@ -128,6 +128,8 @@ def run(arguments: argparse.Namespace) -> int:
         output.write(f"the case{images}: {out / CASE}\n")
     elif (out / CASE).exists():
         output.write(f"note: {out / CASE} is of an earlier run: its pose may be another than these frames go by\n")
+    if found.evidence.cut_off:
+        output.write(f"note: {found.evidence.cut_off}\n")
     reasons, counts = found.evidence.reasons, found.evidence.counts
     if not counts[ACCEPTED]:
         output.write(

@@ -86,6 +86,8 @@ class RegistrationEvidence:
         Whether the frames follow each other.
     change
         What a film no longer shows as the case's frame does, if anything.
+    cut_off
+        A sentence if the film is cut off, else empty.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -95,6 +97,7 @@ class RegistrationEvidence:
     alignment: Mapping[str, object]
     is_film: bool
     change: FilmChange | None = None
+    cut_off: str = ""
 
     @property
     def counts(self) -> dict[str, int]:

@@ -95,6 +95,7 @@ def _limits(evidence: RegistrationEvidence) -> str:
     error = record.get("error_px")
     own = f"; it states {format_two_digits(error)} px" if isinstance(error, float) else "; it states no error"
     lines = [
+        *([f"The video's {evidence.cut_off.removeprefix('the ')}."] if evidence.cut_off else []),
         f"All poses follow the case's own one: where that is off, all are off by as much{own}. "
         "Look at its overlay first.",
         *([f"The case's pose itself is in doubt: {record['doubt']}"] if "doubt" in record else []),

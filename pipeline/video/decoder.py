@@ -1,199 +1,242 @@
-"""Frame-accurate decoding of single video frames, in the child process of the reader. Needs ``cv2``.
+"""Decodes a film, or a part of it, frame by frame, in the child process of the reader. Needs ``av`` and ``cv2``.
 
-Frames are counted from 0 in display order. The frame count and the seeking of containers are unreliable, so neither is
-trusted. Instead the timestamps of all packets are read, without decoding, which takes milliseconds. They give the
-number of frames and the timestamp of the requested one. After a seek, frames are decoded up to exactly that timestamp.
-Where timestamps are not unique, all frames are decoded and counted.
-
-OpenCV converts all video to RGB with the matrix of BT.601, so colours of BT.709 video (most high definition) are off by
-a few code values.
-
-FFmpeg recognises a file by its content whatever its name is. Among what it knows are single images, and playlists,
-which name other files. OpenCV passes no list of permitted formats on to it.
+Frames are counted from 0 as a player shows them: in display order, without those that an edit list hides and those
+before the first one that can be decoded. Frame counts and seeking of containers are unreliable, so neither is trusted.
+The times of all packets are read, without decoding, which takes milliseconds; a packet is a frame as far as the first
+decoded ones bear that out, else all are decoded to learn their times. After a seek a frame's own time says which it is.
+Where packets have no times of their own, as in AVI with B-frames, frames are decoded from the beginning and counted.
 """
 
 import json
-import struct
-from collections.abc import Iterator
-from itertools import pairwise
+from bisect import bisect_left
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, pairwise
 from pathlib import Path
 
+import av
 import cv2
-import numpy as np
+from av.container import InputContainer
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
 
 from ..errors import InputError
-from ..files.content import read_beginning
-from ..images.image_check import SIGNATURES
+from .container import frames_of, opened, packets_of
+from .picture import Converter, comb_ratio
 
-PICTURE_HEAD = struct.Struct("<QII")
-"""Number of a frame, width, height; then its pixels."""
+_LEADS_S = (2.0, 10.0, 60.0)
+"""How long before a frame a seek aims, tried in turn; then decoding starts at the beginning."""
 
-_LEADS_S = (0.0, 2.0, 10.0, 60.0, float("inf"))
-"""How long before the frame a seek aims, tried in turn; the last starts at the beginning without a seek."""
+_FIRST = 10
+"""Frames that are decoded to see whether each packet is one."""
 
-_LOOKED_AT = 1024
+_LONGEST_S = 172_800.0
+"""No film lasts two days: a header that says so was never completed."""
 
-_IMAGE_BRANDS = (b"avif", b"avis", b"heic", b"heix", b"heim", b"heis", b"mif1", b"msf1")
-_OTHER_IMAGES = (b"GIF8", b"\x00\x00\x00\x0cjP  ", b"\xff\x4f\xff\x51", b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"P7")
-_PLAYLISTS = (b"#EXTM3U", b"ffconcat", b"<?xml", b"<MPD", b"v=0")
-"""They name other files."""
+_ALIVE = 100
+"""After so many packets or frames of which none is sent, an empty part says that work goes on."""
 
 
-def info(path: Path) -> Iterator[bytes]:
-    """Number of frames as counted, frames per second as the header states, (width, height) as displayed, as JSON.
+def film(
+    path: Path, width: int, every: int, from_s: float, to_s: float | None, numbers: Sequence[int] | None
+) -> Iterator[bytes]:
+    """First what the film is, then each frame: a line of JSON, and a small RGB picture if it has the size of the first.
+
+    The line has number, time in s, comb ratio, and width and height in px.
+
+    Parameters
+    ----------
+    path
+        The video.
+    width
+        Of the small pictures; a smaller video stays as it is.
+    every
+        Only every so many frames.
+    from_s, to_s
+        Only frames displayed from ... to before these times; to the end if ``to_s`` is ``None``.
+    numbers
+        Instead of the times: number of the first frame, and the one after the last.
 
     Raises
     ------
     InputError
-        Not a video, or its first frame cannot be decoded.
+        Not a video, frames too large to use, or none of these numbers or between these times.
     """
-    frames = len(packet_times_ms(path))
-    capture = open_video(path)
-    height, width = decoded_frame(capture, path, 0).shape[:2]
-    found = {"frames": frames, "fps": float(capture.get(cv2.CAP_PROP_FPS)), "size_wh": [width, height]}
-    yield json.dumps(found).encode()
+    survey = yield from _surveyed(path)
+    first, last = survey.between(from_s, to_s) if numbers is None else survey.checked(*numbers)
+    converter, size_wh, small_wh = Converter(), (0, 0), (0, 0)
+    for index, frame in survey.frames(first):
+        if index >= last:
+            return
+        if index < first or (index - first) % every:
+            if index % _ALIVE == 0:
+                yield b""
+            continue
+        coded = converter.rgb(frame, exact=max(frame.width, frame.height) <= width)
+        image = converter.upright(coded, frame)
+        height_px, width_px = image.shape[:2]
+        if size_wh == (0, 0):
+            size_wh, small_wh = (width_px, height_px), _small_size(width_px, height_px, width)
+            yield survey.info(first, last, size_wh, small_wh)
+        described = index, survey.times_s[index], comb_ratio(coded[..., 1]), width_px, height_px
+        head = json.dumps(described).encode() + b"\n"
+        if (width_px, height_px) != size_wh:
+            yield head
+            continue
+        small = image if small_wh == size_wh else cv2.resize(image, small_wh, interpolation=cv2.INTER_AREA)
+        yield head + small.tobytes()
 
 
-def frame(path: Path, index: int) -> Iterator[bytes]:
-    """Frame ``index``: :data:`PICTURE_HEAD`, then ``(H, W, 3)`` uint8 RGB.
+@dataclass(frozen=True)
+class _Survey:
+    """What is known of a film before its frames are decoded.
 
-    Raises
-    ------
-    InputError
-        Not a video, no such frame, or one that cannot be decoded.
+    Attributes
+    ----------
+    path
+        The film.
+    numbers
+        Time of a frame in ticks of the stream -> its number; empty where frames must be counted.
+    times_s
+        Of the frames in display order, from the beginning of the film as players count it.
+    fps
+        As the header states; 0 if it does not.
+    missing_s
+        How much shorter the film is than its header promises; 0 where that may be rounding, or where it lies.
     """
-    yield picture_bytes(index, _frame(path, index))
 
+    path: Path
+    numbers: dict[int, int]
+    times_s: list[float]
+    fps: float
+    missing_s: float
 
-def picture_bytes(index: int, image: np.ndarray) -> bytes:
-    """A full frame and its number, as bytes."""
-    return PICTURE_HEAD.pack(index, image.shape[1], image.shape[0]) + image.tobytes()
+    def info(self, first: int, last: int, size_wh: tuple[int, int], small_wh: tuple[int, int]) -> bytes:
+        """For the reader."""
+        return json.dumps(
+            {
+                "frames": last - first,
+                "fps": self.fps,
+                "size_wh": size_wh,
+                "small_wh": small_wh,
+                "unique_times": bool(self.numbers),
+                "missing_s": self.missing_s,
+                "span_s": self.times_s[last - 1] - self.times_s[first],
+            }
+        ).encode()
 
+    def between(self, from_s: float, to_s: float | None) -> tuple[int, int]:
+        """Number of the first frame between two times, and the one after the last."""
+        first = bisect_left(self.times_s, from_s)
+        last = len(self.times_s) if to_s is None else bisect_left(self.times_s, to_s)
+        if first >= last:
+            raise InputError(
+                f"{self.path.name}: expected frames from {from_s:g} s to "
+                f"{'the end' if to_s is None else f'{to_s:g} s'}, found none; the film is {self.times_s[-1]:.2f} s long"
+            )
+        return first, last
 
-def _frame(path: Path, index: int) -> np.ndarray:
-    timestamps_ms = packet_times_ms(path)
-    count = len(timestamps_ms)
-    if not 0 <= index < count:
-        raise InputError(
-            f"{path.name}: expected a frame from 0 to {count - 1}, found {index}; the file has {count} frames"
-        )
-    # packets come in decoding order
-    timestamps_ms.sort()
-    if all(one < other for one, other in pairwise(timestamps_ms)):
+    def checked(self, first: int, last: int) -> tuple[int, int]:
+        """The same two numbers."""
+        frames = len(self.times_s)
+        if not 0 <= first < last <= frames:
+            wrong = first if not 0 <= first < frames else last - 1
+            raise InputError(
+                f"{self.path.name}: expected a frame from 0 to {frames - 1}, found {wrong}; the file has {frames} "
+                f"frames"
+            )
+        return first, last
+
+    def frames(self, first: int) -> Iterator[tuple[int, VideoFrame]]:
+        """Numbered frames, from number ``first`` or one before it on; damaged ones are left out."""
         for lead_s in _LEADS_S:
-            capture = open_video(path)
-            if _advanced_to(capture, timestamps_ms[index], lead_s):
-                return decoded_frame(capture, path, index, grabbed=True)
-    return _read_by_counting(path, index, count)
+            if not self.numbers or self.times_s[first] - self.times_s[0] <= lead_s:
+                break
+            with opened(self.path) as (container, stream):
+                numbered = self._sought(container, stream, first, lead_s)
+                begun = next(numbered, None)
+                if begun is not None and begun[0] <= first:
+                    yield begun
+                    yield from numbered
+                    return
+        with opened(self.path) as (container, stream):
+            yield from self._numbered(frames_of(container, stream))
+
+    def _sought(
+        self, container: InputContainer, stream: VideoStream, first: int, lead_s: float
+    ) -> Iterator[tuple[int, VideoFrame]]:
+        try:
+            container.seek(list(self.numbers)[first] - round(lead_s / stream.time_base), stream=stream)
+        except av.FFmpegError:
+            return
+        yield from self._numbered(frames_of(container, stream))
+
+    def _numbered(self, frames: Iterator[VideoFrame]) -> Iterator[tuple[int, VideoFrame]]:
+        if not self.numbers:
+            yield from zip(range(len(self.times_s)), frames, strict=False)
+            return
+        for frame in frames:
+            if (number := self.numbers.get(frame.pts)) is not None:
+                yield number, frame
 
 
-def open_video(path: Path) -> cv2.VideoCapture:
-    """Open a video file, of the known containers only.
-
-    Raises
-    ------
-    InputError
-        It cannot be opened.
-    """
-    check_container(path)
-    # every thread holds frames of its own
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
-    if not capture.isOpened():
-        raise unopened(path)
-    # OpenCV 4.11 does not turn frames as the header says unless told to
-    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
-    return capture
-
-
-def packet_times_ms(path: Path) -> list[float]:
-    """Display timestamps of the video's packets in file order; one packet is one frame.
-
-    Raises
-    ------
-    InputError
-        Not a video, or one without frames.
-    """
-    capture = open_video(path)
-    # raw packets, not decoded
-    capture.set(cv2.CAP_PROP_FORMAT, -1)
-    timestamps_ms = []
-    while capture.grab():
-        timestamps_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
-    if not timestamps_ms:
-        raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
-    return timestamps_ms
+def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
+    with opened(path) as (container, stream):
+        shown, decoding_times, read = [], [], 0
+        for read, packet in enumerate(packets_of(container, stream)):
+            if packet.size and not packet.is_discard:
+                shown.append(packet.pts)
+                decoding_times.append(packet.dts)
+            if read % _ALIVE == 0:
+                yield b""
+        if not shown:
+            raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
+        fps, tick_s = float(stream.guessed_rate or 0), float(stream.time_base)
+        promised_s = float((stream.duration or 0) * stream.time_base or (container.duration or 0) / av.time_base)
+        # the last one is empty
+        lost_s = (stream.frames - read) / fps if stream.frames and fps else None
+        start_s = None if container.start_time is None else container.start_time / av.time_base
+    times = yield from _times_of_frames(path, _in_order(shown))
+    ticks = times or _in_order(decoding_times)
+    if ticks:
+        begin_s = ticks[0] * tick_s if start_s is None or not times else min(start_s, ticks[0] * tick_s)
+        times_s = [tick * tick_s - begin_s for tick in ticks]
+    else:
+        times_s = [number / (fps or 25.0) for number in range(len(shown))]
+    found_s = times_s[-1] - times_s[0]
+    missing_s = promised_s - found_s if lost_s is None else lost_s
+    missing_s = missing_s if 0.1 * found_s + 0.25 < missing_s < _LONGEST_S else 0.0
+    return _Survey(path, {time: number for number, time in enumerate(times)}, times_s, fps, missing_s)
 
 
-def _advanced_to(capture: cv2.VideoCapture, time_ms: float, lead_s: float) -> bool:
-    """Seek, and decode up to the frame displayed at ``time_ms``; false if the seek ended after it."""
-    start_ms = time_ms - lead_s * 1000
-    if start_ms > 0:
-        capture.set(cv2.CAP_PROP_POS_MSEC, start_ms)
-    while capture.grab():
-        now_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
-        if now_ms >= time_ms:
-            return bool(now_ms == time_ms)
-    return False
+def _times_of_frames(path: Path, of_packets: list[int]) -> Generator[bytes, None, list[int]]:
+    """Times of the frames in display order, given those of the packets; none where frames must be counted."""
+    if not of_packets:
+        return []
+    with opened(path) as (container, stream):
+        first = [frame.pts for frame in islice(frames_of(container, stream), _FIRST)]
+    if not first:
+        return of_packets
+    begin = bisect_left(of_packets, first[0])
+    if of_packets[begin : begin + len(first)] == first:
+        return of_packets[begin:]
+    # some packets are no frames of their own: hidden ones, or single fields
+    times = []
+    with opened(path) as (container, stream):
+        for number, frame in enumerate(frames_of(container, stream)):
+            times.append(frame.pts)
+            if number % _ALIVE == 0:
+                yield b""
+    return _in_order(times)
 
 
-def _read_by_counting(path: Path, index: int, frames: int) -> np.ndarray:
-    """Decode and count all frames; refuse if any is lost, since it may precede the requested one."""
-    capture, image, count = open_video(path), None, 0
-    while capture.grab():
-        if count == index:
-            image = decoded_frame(capture, path, index, grabbed=True)
-        count += 1
-    if image is None or count != frames:
-        raise _undecodable_frame(path, index)
-    return image
+def _in_order(times: Sequence[int | None]) -> list[int]:
+    """Times from the first to the last; none at all unless all are there and unique."""
+    known = sorted(time for time in times if time is not None)
+    return known if len(known) == len(times) and all(one < other for one, other in pairwise(known)) else []
 
 
-def decoded_frame(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed: bool = False) -> np.ndarray:
-    """The next frame, or the one just grabbed, ``(H, W, 3)`` uint8 RGB.
-
-    Raises
-    ------
-    InputError
-        It cannot be decoded.
-    """
-    ok, image = capture.retrieve() if grabbed else capture.read()
-    if not ok or image is None or image.dtype != np.uint8 or image.ndim != 3:
-        raise _undecodable_frame(path, index)
-    return np.ascontiguousarray(image[..., ::-1])
-
-
-def _undecodable_frame(path: Path, index: int) -> InputError:
-    return InputError(
-        f"{path.name}: cannot decode frame {index}; the file is damaged or cut off: copy it again, or use another frame"
-    )
-
-
-def check_container(path: Path) -> None:
-    """Refuse what is no container of video, before anything decodes it.
-
-    Raises
-    ------
-    InputError
-        No such file, an empty one, an image, or a file of another kind.
-    """
-    start = read_beginning(path, "a video", _LOOKED_AT)
-    if not start:
-        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
-    if _is_image(start):
-        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
-    if start.lstrip().startswith(_PLAYLISTS):
-        raise unopened(path)
-
-
-def unopened(path: Path) -> InputError:
-    """The error for a file that is no video, or a damaged one."""
-    return InputError(
-        f"{path.name}: expected a video, cannot open it; it is cut off, without pictures, or in an unknown format: "
-        "copy it again, or convert it to MP4 (H.264)"
-    )
-
-
-def _is_image(start: bytes) -> bool:
-    if start.startswith((*SIGNATURES, *_OTHER_IMAGES)):
-        return True
-    return start[8:12] in _IMAGE_BRANDS if start[4:8] == b"ftyp" else start[:4] == b"RIFF" and start[8:12] == b"WEBP"
+def _small_size(width_px: int, height_px: int, width: int) -> tuple[int, int]:
+    if width_px <= width:
+        return width_px, height_px
+    return width, max(1, round(height_px * width / width_px))

@@ -16,7 +16,7 @@ from typing import BinaryIO, cast
 from ..errors import InputError
 
 PART_SECONDS = 120.0
-"""Longest wait for a part: the first one of a film comes when the whole file has been looked through."""
+"""Longest wait for a part; an empty one comes now and then as long as there is nothing else to send."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 """Its name is that of the folder: ``pipeline`` in a checkout and in the add-on, ``oneframe`` where it is installed."""
@@ -29,26 +29,24 @@ class DecodingError(RuntimeError):
     """The child gave no answer: it crashed, or hung."""
 
 
-def decoded_apart(task: str, path: Path, *arguments: float | int | None) -> Iterator[bytes]:
-    """The parts that a generator of :mod:`.decoder` or :mod:`.film_decoder` yields; close the iterator to end early.
+def decoded_apart(path: Path, *arguments: object) -> Iterator[bytes]:
+    """The parts that :func:`.decoder.film` yields, without empty ones; close the iterator to end early.
 
     Parameters
     ----------
-    task
-        Name of the generator.
     path, arguments
         What it gets.
 
     Raises
     ------
     InputError
-        Raised by the generator.
+        Raised by it.
     DecodingError
         The process crashed, or a part took too long.
     """
     places = [*filter(None, sys.path), str(_PACKAGE.parent)]
     with subprocess.Popen(
-        [sys.executable, "-P", "-m", f"{_PACKAGE.name}.video.decoding_process", task, str(path), json.dumps(arguments)],
+        [sys.executable, "-P", "-m", f"{_PACKAGE.name}.video.decoding_process", str(path), json.dumps(arguments)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -67,7 +65,8 @@ def decoded_apart(task: str, path: Path, *arguments: float | int | None) -> Iter
                     raise InputError(content.decode())
                 if kind != _VALUE or len(content) < length:
                     raise DecodingError(f"its decoder crashes, or takes longer than {PART_SECONDS:g} s")
-                yield content
+                if content:
+                    yield content
         finally:
             child.kill()
 
@@ -79,8 +78,8 @@ def undecodable(path: Path, error: DecodingError) -> InputError:
     )
 
 
-def _answer(task: str, name: str, arguments: str) -> None:
-    """In the child: write what the generator yields to the standard output, part by part."""
+def _answer(name: str, arguments: str) -> None:
+    """In the child: write what the decoder yields to the standard output, part by part."""
     out = os.fdopen(os.dup(1), "wb")
     # libraries print what they like
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -94,10 +93,9 @@ def _answer(task: str, name: str, arguments: str) -> None:
 
     faulthandler.dump_traceback_later(PART_SECONDS, exit=True)
     try:
-        from . import decoder, film_decoder
+        from .decoder import film
 
-        tasks = (decoder.info, decoder.frame, film_decoder.film)
-        for part in {each.__name__: each for each in tasks}[task](Path(name), *json.loads(arguments)):
+        for part in film(Path(name), *json.loads(arguments)):
             write(_VALUE, part)
         write(_END, b"")
     except InputError as error:

@@ -13,10 +13,12 @@ import numpy as np
 
 from ..errors import InputError
 from .decoding_process import DecodingError, decoded_apart, undecodable
-from .film_decoder import FRAME_HEAD
 
 SMALL_WIDTH = 480
 """Width in px of the small pictures."""
+
+WIDEST = 1 << 16
+"""No film is wider: its frames come at their own size."""
 
 MOST = 200
 """Thumbnails that are kept."""
@@ -55,6 +57,13 @@ class FilmInfo:
     missing_s: float
     span_s: float = 0.0
 
+    @property
+    def cut_off(self) -> str:
+        """A sentence if the file is cut off, without its name; else empty."""
+        if not self.missing_s > 0:
+            return ""
+        return f"the file is cut off: it ends {self.missing_s:.1f} s before its header says; what is there is used"
+
 
 @dataclass(frozen=True)
 class FilmFrame:
@@ -65,7 +74,7 @@ class FilmFrame:
     index
         Counted from 0 in display order.
     time_s
-        As the container states.
+        As the container states, from its beginning.
     comb
         Difference of neighbouring rows over that of rows of one field, at full resolution.
     image
@@ -88,22 +97,41 @@ class Film:
         every: int = 1,
         from_s: float = 0.0,
         to_s: float | None = None,
+        numbers: tuple[int, int] | None = None,
         width: int = SMALL_WIDTH,
     ) -> None:
         """Start decoding; leave the context to stop. Pictures wider than ``width`` px come in this width.
 
+        Parameters
+        ----------
+        path
+            The video.
+        every
+            Only every so many frames.
+        from_s, to_s
+            Only frames displayed from ... to before these times.
+        numbers
+            Instead of the times: number of the first frame, and the one after the last.
+        width
+            Of the pictures, px.
+
         Raises
         ------
         InputError
-            No file, not a video, no frames between these times, or frames too large.
+            No file, not a video, none of these frames, or frames too large.
         """
         self.path = Path(path)
-        self._parts = decoded_apart("film", self.path, width, every, from_s, to_s)
+        self._parts = decoded_apart(self.path, width, every, from_s, to_s, numbers)
         try:
             first = next(self._parts, None)
         except DecodingError as error:
             raise undecodable(self.path, error) from None
         if first is None:
+            if numbers is not None:
+                raise InputError(
+                    f"{self.path.name}: cannot decode frame {numbers[0]}; the file is damaged or cut off: copy it "
+                    f"again, or use another frame"
+                )
             raise InputError(f"{self.path.name}: expected a video, cannot decode any frame of it; copy it again")
         found = json.loads(first)
         self.info = FilmInfo(
@@ -117,6 +145,8 @@ class Film:
         )
         self.broken = False
         """Whether decoding ended before the end."""
+        self.other_sizes: dict[int, tuple[int, int]] = {}
+        """Number -> (width, height) of frames that are left out so far because they have not the size of the first."""
 
     def __enter__(self) -> "Film":
         return self
@@ -128,13 +158,24 @@ class Film:
         """End the process that decodes."""
         self._parts.close()  # type: ignore[attr-defined]
 
+    def problem(self, index: int) -> str:
+        """Why a frame before the present one has not come, in a short sentence."""
+        if index not in self.other_sizes:
+            return "it cannot be decoded"
+        (width, height), film_wh = self.other_sizes[index], self.info.size_wh
+        return f"it has {width}x{height} px, the film's first frame {film_wh[0]}x{film_wh[1]}"
+
     def __iter__(self) -> Iterator[FilmFrame]:
         width, height = self.info.small_wh
         try:
             for part in self._parts:
-                index, time_ms, comb = FRAME_HEAD.unpack_from(part)
-                pixels = np.frombuffer(part, np.uint8, 3 * width * height, FRAME_HEAD.size)
-                yield FilmFrame(index, time_ms / 1000, comb, pixels.reshape(height, width, 3))
+                begin = part.index(b"\n") + 1
+                index, time_s, comb, *size_wh = json.loads(part[:begin])
+                if tuple(size_wh) != self.info.size_wh:
+                    self.other_sizes[index] = tuple(size_wh)
+                    continue
+                pixels = np.frombuffer(part, np.uint8, 3 * width * height, begin)
+                yield FilmFrame(index, time_s, comb, pixels.reshape(height, width, 3))
         except DecodingError:
             # what could be decoded is used
             self.broken = True

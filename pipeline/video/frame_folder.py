@@ -206,12 +206,11 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
     ]
     if len(frames) < info.frames:
         lines.append(
-            f"note: the file is damaged or cut off: {len(frames)} of {info.frames} frames can be decoded; they are used"
+            f"note: {len(frames)} of {info.frames} frames are used: the file is damaged or cut off, or the others have "
+            f"another size"
         )
-    elif info.missing_s > 0:
-        lines.append(
-            f"note: the file is cut off: it ends {info.missing_s:.1f} s before its header says; what is there is used"
-        )
+    elif info.cut_off:
+        lines.append(f"note: {info.cut_off}")
     if scores.circle is not None:
         circle = scores.circle
         lines.append(

@@ -30,7 +30,7 @@ from oneframe.files.outputs import check_outputs
 
 WHEEL_TAGS = {
     "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
-    "macos-arm64": ("macosx_13_0_arm64",),
+    "macos-arm64": ("macosx_14_0_arm64",),
     "macos-x64": ("macosx_13_0_x86_64",),
     "windows-x64": ("win_amd64",),
 }
@@ -198,7 +198,7 @@ def sample_case() -> Path:
 
 
 def wheels_for(name: str) -> list[Path]:
-    """The wheels of the extension for a platform: OpenCV, SimpleITK, tomlkit, Embree, pyfqmr, and PyYAML.
+    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, tomlkit, Embree, pyfqmr, and PyYAML.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def wheels_for(name: str) -> list[Path]:
         As :func:`wheel`.
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
-    stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "tomlkit"))]
+    stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av=", "tomlkit"))]
     of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML"))]
     return [
         *(wheel(requirement, name, PYTHONS[0]) for requirement in stable),

@@ -44,6 +44,7 @@ from oneframe.transforms import (
     turned_about,
 )
 from tests.alignment.test_refinement import hills
+from tests.video.difficult_films import write_images
 
 CAMERA = PinholeCamera(320, 240, 1500.0, 1500.0, 159.5, 119.5)
 SOURCE = rigid(rotation_from_vector(np.array([np.pi, 0.0, 0.0])), np.array([0.0, 0.0, 300.0]))
@@ -375,6 +376,23 @@ def test_an_image_that_cannot_be_used_is_a_refused_frame(mesh, tmp_path):
     with pytest.raises(InputError, match=r"0 empty\.png: .* empty.*; nor can any other frame be used"):
         dispatch(["register", *map(str, (tmp_path / "case.toml", folder, "--out", tmp_path / "none"))])
     assert not (tmp_path / "none").exists()
+
+
+def test_of_a_film_frames_of_another_size_are_refused_and_its_end_is_missed(mesh, tmp_path, capfd):
+    write_case(tmp_path, mesh, SOURCE)
+    image = np.rint(255 * photograph(mesh, seen_from(4, 0))).astype(np.uint8)
+    stills = {"whole": [image] * 3, "half": [cv2.resize(image, (160, 120))] * 3}
+    parts = {name: write_images(tmp_path / f"{name}.h264", images).read_bytes() for name, images in stills.items()}
+    (tmp_path / "film.h264").write_bytes(parts["whole"] + parts["half"] + parts["whole"])
+    found = registered(tmp_path, "film.h264", tmp_path / "out")
+    assert [entry["state"] for entry in found] == [ACCEPTED] * 3 + [REFUSED] * 3 + [ACCEPTED] * 3
+    assert found[4]["reason"] == "it has 160x120 px, the film's first frame 320x240"
+
+    film = write_images(tmp_path / "cut.mkv", [image] * 60)
+    film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
+    dispatch(["register", *map(str, (tmp_path / "case.toml", film, "--out", tmp_path / "cut", "--every", "9"))])
+    assert "note: the file is cut off: it ends " in capfd.readouterr().out
+    assert b"The video&#x27;s file is cut off" in (tmp_path / "cut" / "registration.html").read_bytes()
 
 
 def test_a_folder_of_distorted_images_with_odd_names_is_a_list_of_photographs(mesh, tmp_path):

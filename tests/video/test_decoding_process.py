@@ -44,11 +44,11 @@ def test_a_decoder_that_hangs_ends_itself(tmp_path, monkeypatch):
     )
     decoder = copied / "video" / "decoder.py"
     decoder.write_text(
-        decoder.read_text() + "\n\ndef frame(path, index):\n    import time\n    time.sleep(600)\n    yield b''\n"
+        decoder.read_text() + "\n\ndef film(path):\n    import time\n    time.sleep(600)\n    yield b''\n"
     )
     child = copied / "video" / "decoding_process.py"
     child.write_text(child.read_text().replace("PART_SECONDS = 120.0", "PART_SECONDS = 1.0"))
     monkeypatch.setattr(decoding_process, "_PACKAGE", copied)
     monkeypatch.setattr(sys, "path", [place for place in sys.path if not (place and (copied / place).exists())])
     with pytest.raises(DecodingError):
-        next(decoded_apart("frame", path, 3))
+        next(decoded_apart(path))

@@ -1,4 +1,4 @@
-"""A queue of three frames: one is checked, the next is being aligned when Blender ends, by kill or by its window."""
+"""A queue: frames are checked, one in the middle is being aligned when Blender ends, by kill or by its window."""
 
 import json
 import os
@@ -12,27 +12,32 @@ from bl_ext.user_default.oneframe.case_queue import queued
 from bl_ext.user_default.oneframe.setup import autosave
 from bl_ext.user_default.oneframe.state import from_scene
 
+FRAMES = int(os.environ.get("ONEFRAME_FRAMES", "3"))
 SHIFT_PX = 14
 
 
 def scenario(user):
     yield from user.open_case()
     scene = bpy.context.scene
-    for name in ("later", "last"):
-        (user.folder / f"{name}.png").write_bytes((user.case.parent / "frame.png").read_bytes())
+    files = [{"name": f"later_{number:02}.png"} for number in range(1, FRAMES)]
+    for file in files:
+        (user.folder / file["name"]).write_bytes((user.case.parent / "frame.png").read_bytes())
     with user.context():
-        files = [{"name": "later.png"}, {"name": "last.png"}]
         bpy.ops.oneframe.queue_frames("EXEC_DEFAULT", True, directory=str(user.folder), files=files)
-    assert len(queued.queue_of(scene)) == 3
+    assert len(queued.queue_of(scene)) == FRAMES
+    if os.environ["ONEFRAME_END"] == "closed":
+        # what is kept at the end, it alone
+        bpy.app.timers.unregister(autosave._tick)
     poses = {}
-    for number in range(2):
+    middle = FRAMES // 2
+    for number in range(middle + 1):
         entry = queued.queue_of(scene)[number]
         x, y = user.middle()
         yield from user.drag((x, y), (x + SHIFT_PX, y))
         poses[str(entry.path)] = from_scene.cam_from_mesh(scene).tolist()
-        if number == 0:
+        if number < middle:
             yield from user.key("PAGE_DOWN", user.middle(), alt=True)
-            yield from user.until(lambda: queued.position(scene) == 1, "the next frame")
+            yield from user.until(lambda now=number: queued.position(scene) == now + 1, "the next frame")
     (user.folder / "poses.json").write_text(json.dumps(poses))
     if os.environ["ONEFRAME_END"] == "killed":
         yield autosave.PERIOD_S + 1

@@ -14,13 +14,11 @@ from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...images.legend import put_border
 from ...poses.pose_file import read_frame_poses
-from ...video.film_reader import Film, FilmFrame, FilmInfo
+from ...video.film_reader import WIDEST, Film, FilmFrame, FilmInfo
 from ..render.lettering import text_mask
 from ..render.video import stream_video
 from .overlay_picture import OverlayPainter
 
-WIDEST = 1 << 16
-"""Frames are decoded at their own size."""
 PLAUSIBLE_FPS = 1.0, 240.0
 DEFAULT_FPS = 25.0
 
@@ -103,8 +101,8 @@ def opened_film(
         if camera.size_wh != loaded.frame.camera.size_wh:
             width, height = loaded.frame.camera.size_wh
             messages.append(f"{video.name}: {size_wh[0]}x{size_wh[1]} px, the K of {width}x{height} is scaled to it")
-        if film.info.missing_s > 0:
-            messages.append(f"{video.name}: the file is cut off, {film.info.missing_s:.1f} s are missing at its end")
+        if film.info.cut_off:
+            messages.append(f"{video.name}: {film.info.cut_off}")
         yield film, found, messages
 
 

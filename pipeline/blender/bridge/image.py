@@ -28,7 +28,9 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         The file is missing, cut off, or not an image that Blender can read; or Blender has other colours than its own.
     """
     where = where or str(path)
-    if "OCIO" in os.environ:
+    # a distribution's Blender names its own configuration so
+    own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement"), "config.ocio")
+    if "OCIO" in os.environ and Path(os.environ["OCIO"]) != own:
         raise InputError(
             f"{where}: expected Blender with its own colours, found OCIO = {os.environ['OCIO']!r}; start Blender "
             "without this environment variable"

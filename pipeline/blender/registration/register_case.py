@@ -158,12 +158,13 @@ def register_case(
     sheet = contact_sheet(shown, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
+    cut_off = ""
     if not source.is_dir():
 
         def drawn_film(share: float) -> None:
             progress(int((1 + share) * count), 2 * count)
 
-        _write_film(loaded, source, out / FILM, evidence, every, drawn_film)
+        cut_off = _write_film(loaded, source, out / FILM, evidence, every, drawn_film)
     sources: tuple[UnreadFrame, ...] = ()
     if candidates:
         mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
@@ -178,6 +179,7 @@ def register_case(
         loaded.case.alignment or {},
         is_film=not source.is_dir(),
         change=change,
+        cut_off=cut_off,
     )
     return Registration(known, sources)
 
@@ -195,8 +197,11 @@ def _write_film(
     evidence: Sequence[FrameEvidence],
     every: int,
     progress: Callable[[float], None],
-) -> None:
-    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
+) -> str:
+    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked.
+
+    Returns a sentence if the film is cut off, else an empty one.
+    """
     with Film(source, every=every, width=WIDEST) as film:
         poses: list[np.ndarray | None] = [None] * (max(each.number for each in evidence) + 1)
         marks = dict[int, FrameMark]()
@@ -207,6 +212,7 @@ def _write_film(
             marks[each.number] = FrameMark(each.opacity, codes, words)
         drawing, written = OverlayFilm(loaded, film, poses, explained=True, marks=marks), counted(1)
         drawing.write(out, lambda: progress(next(written) / drawing.count))
+        return film.info.cut_off
 
 
 def _webp(tile: np.ndarray) -> bytes:

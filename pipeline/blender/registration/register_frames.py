@@ -127,7 +127,8 @@ class CaseRegistrar:
     def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:
         """Open a folder of images or a video: how many frames there are, and the frames.
 
-        An image that cannot be read, or has other proportions than K's, comes with its problem.
+        A frame that cannot be read, and an image of other proportions than K's or a frame of another size than the
+        film's first one, comes with its problem.
 
         Raises
         ------
@@ -143,7 +144,7 @@ class CaseRegistrar:
             return
         with Film(source, every=every, width=self.camera.width) as film:
             self._case.camera.for_images(film.info.size_wh, source.name)
-            yield film.info.frames, (self._undistorted("", each.index, each.image) for each in film)
+            yield film.info.frames, self._of_film(film, every)
 
     def full_frames(
         self,
@@ -183,6 +184,15 @@ class CaseRegistrar:
             return
         with Film(source, width=self._case.camera.width) as film:
             yield from ((each.index, each.image) for each in film if each.index in numbers)
+
+    def _of_film(self, film: Film, every: int) -> Iterator[FurtherFrame]:
+        due = 0
+        for each in film:
+            yield from (self._unusable("", number, film.problem(number)) for number in range(due, each.index, every))
+            yield self._undistorted("", each.index, each.image)
+            due = each.index + every
+        rest = range(due, film.info.frames * every, every)
+        yield from (self._unusable("", number, film.problem(number)) for number in rest)
 
     def _of_image(self, number: int, path: Path) -> FurtherFrame:
         try:

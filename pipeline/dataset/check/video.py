@@ -31,7 +31,6 @@ def check_video(root: Path, description: Description, mesh: TriangleMesh | None)
         They are not as they should be, or a file is damaged.
     """
     poses, camera = read_video_poses(root), description.camera
-    # the reader would take a playlist, and open what it names
     if read_beginning(root / VIDEO, "a video", 8, VIDEO)[4:] != b"ftyp":
         raise InputError(f"{VIDEO}: expected an MP4 video, found another file")
     info = video_info(root / VIDEO)

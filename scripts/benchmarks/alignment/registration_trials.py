@@ -160,9 +160,9 @@ class Registration:
         )  # fmt: skip
 
     def together(self, trials: Iterable[RegistrationTrial]) -> list[RegistrationTrial]:
-        """The next trials, judged as the frames of one set."""
-        begin, trials = len(self._found), list(trials)
-        verdicts = (each.verdict for each in judged_together(self._found[begin:]))
+        """The latest trials, judged as the frames of one set."""
+        trials = list(trials)
+        verdicts = (each.verdict for each in judged_together(self._found[-len(trials) :]))
         return [
             replace(trial, state=verdict.state, probability=verdict.probability)
             for trial, verdict in zip(trials, verdicts, strict=True)

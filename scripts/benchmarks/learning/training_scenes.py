@@ -15,6 +15,7 @@ from oneframe.files.content import write_bytes_atomically
 from oneframe.files.tables import parsed_json
 from oneframe.reader import Dataset, open_dataset
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
+from oneframe.video.film_reader import WIDEST, Film
 
 from ..published import bloster_cases
 
@@ -106,13 +107,15 @@ def bloster_scene(data: Path, folder: Path) -> TrainingScene:
 def _clean_frames(case: Path) -> list[dict]:
     """The held-out photographs and the odd frames of the film that nothing spoils, written as pictures."""
     listed = parsed_json((case / HELD_OUT).read_bytes(), HELD_OUT)
-    film = cv2.VideoCapture(str(case / FILM))
-    for frame in parsed_json((case / FILM_POSES).read_bytes(), FILM_POSES):
-        image = film.read()[1]
-        if frame["frame"] % 2 and not frame["disturbance"]:
-            name = f"held_out/film_{frame['frame']:03d}.png"
-            cv2.imwrite(str(case / name), cv2.resize(image, MICROSCOPE.size_wh, interpolation=cv2.INTER_CUBIC))
-            listed.append({"image": name, "cam_from_mesh": frame["cam_from_mesh"]})
+    frames = {frame["frame"]: frame for frame in parsed_json((case / FILM_POSES).read_bytes(), FILM_POSES)}
+    with Film(case / FILM, width=WIDEST) as film:
+        for each in film:
+            frame = frames[each.index]
+            if each.index % 2 and not frame["disturbance"]:
+                name = f"held_out/film_{each.index:03d}.png"
+                image = cv2.resize(each.image, MICROSCOPE.size_wh, interpolation=cv2.INTER_CUBIC)
+                cv2.imwrite(str(case / name), image[..., ::-1])
+                listed.append({"image": name, "cam_from_mesh": frame["cam_from_mesh"]})
     return listed
 
 

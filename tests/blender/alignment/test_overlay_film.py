@@ -15,8 +15,7 @@ from oneframe.case.case_file import Structure
 from oneframe.errors import InputError
 from oneframe.sample.distance_field import tube
 from oneframe.transforms import rigid
-from oneframe.video.film_reader import Film
-from tests.blender.dataset.test_job import as_tagged
+from oneframe.video.film_reader import WIDEST, Film
 from tests.video.surgical_film import write_film
 from tests.video.test_frame_reader import SIZE, with_uneven_times
 
@@ -64,11 +63,8 @@ def written(path, loaded, poses, out, **options):
 
 
 def decoded(path) -> tuple[float, list[np.ndarray]]:
-    capture = cv2.VideoCapture(str(path))
-    fps, images = capture.get(cv2.CAP_PROP_FPS), []
-    while (read := capture.read())[0]:
-        images.append(as_tagged(read[1]))
-    return fps, images
+    with Film(path, width=WIDEST) as film:
+        return film.info.fps, [frame.image.astype(float) for frame in film]
 
 
 def error_of(image: np.ndarray, expected: np.ndarray) -> float:

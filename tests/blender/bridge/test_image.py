@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bpy
 import cv2
 import numpy as np
 import pytest
@@ -107,11 +108,14 @@ def test_colours_do_not_depend_on_the_environment(tmp_path):
     code = "import sys, pathlib; {}from oneframe.blender.bridge.image import read_image; read_image(pathlib.Path('{}'))"
     cv2.imwrite(str(tmp_path / "frame.png"), codes(3, 8))
 
-    def run(before: str) -> subprocess.CompletedProcess[str]:
+    def run(before: str, configuration: str = "ocio://cg-config-latest") -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-c", code.format(before, tmp_path / "frame.png")]
-        environment = os.environ | {"OCIO": "ocio://cg-config-latest"}
+        environment = os.environ | {"OCIO": configuration}
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
     assert run("").returncode == 0
     # as in the program, Blender has its colours already
     assert "frame.png: expected Blender with its own colours, found OCIO = " in run("import bpy; ").stderr
+    own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement"), "config.ocio")
+    assert own.is_file()
+    assert run("import bpy; ", str(own)).returncode == 0

@@ -1,0 +1,134 @@
+"""Opens the container of a film, in the child process of the reader. Needs ``av`` (PyAV, which brings FFmpeg).
+
+FFmpeg recognises a file by its content whatever its name is. Among what it knows are single images, and playlists,
+which name other files: containers of films alone are permitted, and no way to any other file.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import av
+import av.logging
+from av.container import Flags, InputContainer
+from av.packet import Packet
+from av.stream import Disposition
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+from ..errors import InputError
+from ..files.content import read_beginning
+from ..images.image_check import LARGEST_FRAME, SIGNATURES
+
+_CONTAINERS = (
+    "3g2,3gp,asf,av1,avi,dirac,dv,flv,gxf,h263,h264,hevc,ivf,m4v,matroska,mj2,mjpeg,mov,mp4,mpeg,mpegts,mpegvideo,mxf,nut,obu,ogg,"
+    "rm,vc1,webm,wtv,yuv4mpegpipe"
+)
+
+_NO_FILM = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition.still_image
+"""Streams of pictures that no player shows as a film: a cover, above all."""
+
+_MOST_ERRORS = 100
+"""Of reading a damaged container."""
+
+_LOOKED_AT = 1024
+
+_IMAGE_BRANDS = (b"avif", b"avis", b"heic", b"heix", b"heim", b"heis", b"mif1", b"msf1")
+_OTHER_IMAGES = (b"GIF8", b"\x00\x00\x00\x0cjP  ", b"\xff\x4f\xff\x51", b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"P7")
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
+    """The container of a film, and in it the stream that a player shows.
+
+    Raises
+    ------
+    InputError
+        No such file, not a film, one whose frames are too large, or whose codec FFmpeg does not know.
+    """
+    _check_beginning(path)
+    with open(path, "rb") as file:
+        try:
+            options = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
+            container = av.open(file, options=options, metadata_errors="replace")
+        except av.FFmpegError:
+            raise _unopened(path) from None
+        with container:
+            # times that FFmpeg makes up are no times
+            container.flags &= ~Flags.gen_pts.value
+            stream = _shown_stream(container, path)
+            if stream.width * stream.height > LARGEST_FRAME:
+                raise InputError(
+                    f"{path.name}: expected frames of at most {LARGEST_FRAME / 1e6:.1f} million pixels, found "
+                    f"{stream.width}x{stream.height}; scale the video down"
+                )
+            # frames may change their size
+            stream.codec_context.options = {"max_pixels": str(LARGEST_FRAME)}
+            # every thread holds frames of its own
+            stream.thread_type, stream.thread_count = "NONE", 1
+            yield container, stream
+
+
+def packets_of(container: InputContainer, stream: VideoStream) -> Iterator[Packet]:
+    """Packets of a stream in the order of the file, of a damaged one those that can be read; the last one is empty."""
+    for _ in range(_MOST_ERRORS):
+        try:
+            yield from container.demux(stream)
+            return
+        except av.FFmpegError:
+            continue
+
+
+def frames_of(container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
+    """Frames in display order; those that cannot be decoded are left out."""
+    for packet in packets_of(container, stream):
+        try:
+            frames = packet.decode()
+        except av.FFmpegError:
+            continue
+        yield from frames
+
+
+def _shown_stream(container: InputContainer, path: Path) -> VideoStream:
+    """The default one, and of several the largest, as FFmpeg's own program chooses."""
+    streams = [stream for stream in container.streams.video if not stream.disposition & _NO_FILM]
+    if not streams:
+        raise _unopened(path)
+    known = [stream for stream in streams if stream.codec_context is not None]
+    if not known:
+        raise InputError(
+            f"{path.name}: expected a video in a codec that FFmpeg decodes, found {_codec_of(container)}; convert it "
+            f"to MP4 (H.264) with the program of the recorder or the camera"
+        )
+    return max(known, key=lambda each: (bool(each.disposition & Disposition.default), each.width * each.height))
+
+
+def _codec_of(container: InputContainer) -> str:
+    """What FFmpeg says of a codec that it cannot decode, such as ``unknown (XYZ9 / 0x395A5958)``."""
+    level = av.logging.get_level()
+    av.logging.set_level(av.logging.INFO)
+    words = re.search(r"Video: ([^,]*)", container.dumps_format())
+    av.logging.set_level(level)
+    return words[1].replace("none", "unknown") if words else "unknown"
+
+
+def _check_beginning(path: Path) -> None:
+    start = read_beginning(path, "a video", _LOOKED_AT)
+    if not start:
+        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
+    if _is_image(start):
+        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
+
+
+def _unopened(path: Path) -> InputError:
+    return InputError(
+        f"{path.name}: expected a video, cannot open it; it is cut off, without pictures, or in an unknown format: "
+        "copy it again, or convert it to MP4 (H.264)"
+    )
+
+
+def _is_image(start: bytes) -> bool:
+    if start.startswith((*SIGNATURES, *_OTHER_IMAGES)):
+        return True
+    return start[8:12] in _IMAGE_BRANDS if start[4:8] == b"ftyp" else start[:4] == b"RIFF" and start[8:12] == b"WEBP"

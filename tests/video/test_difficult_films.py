@@ -1,0 +1,141 @@
+"""Films as recorders, telephones and editors write them: numbers, times, colours and turns as players show them."""
+
+import numpy as np
+import pytest
+
+from oneframe.errors import InputError
+from oneframe.video.film_reader import WIDEST, Film
+from oneframe.video.frame_reader import read_video_frame
+from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, write_frames
+
+B_FRAMES = {"bf": "3", "g": "12"}
+ALTERNATE = {"auto-alt-ref": "1", "lag-in-frames": "16", "b": "1000000"}
+WAYS = {
+    "h264.avi": ("libx264", B_FRAMES),
+    "xvid.avi": ("mpeg4", {"bf": "2"}),
+    "plain.h264": ("libx264", B_FRAMES),
+    "a.ts": ("libx264", B_FRAMES),
+    "open.mkv": ("libx265", {"x265-params": "log-level=error:keyint=10:open-gop=1"}),
+    "refreshed.mp4": ("libx264", {"x264-params": "intra-refresh=1:keyint=30"}),
+    "a.mpg": ("mpeg2video", {"bf": "2"}),
+    "hidden.webm": ("libvpx", ALTERNATE),
+    "av1.mp4": ("libsvtav1", {"preset": "12", "svtav1-params": "fast-decode=1"}),
+}
+
+
+def frames_of(path, **options) -> list:
+    with Film(path, width=WIDEST, **options) as film:
+        return list(film)
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_numbers_are_those_of_a_player(tmp_path, name):
+    codec, options = WAYS[name]
+    path = write_frames(tmp_path / name, 80, codec, **options)
+    frames = frames_of(path)
+    assert [frame.index for frame in frames] == [number_of(frame.image) for frame in frames] == list(range(80))
+    assert [frame.time_s for frame in frames] == pytest.approx(np.arange(80) / 25, abs=2e-3)
+    for index in (0, 7, 79):
+        assert np.array_equal(read_video_frame(path, index), frames[index].image)
+    part = frames_of(path, numbers=(70, 74))
+    assert [frame.index for frame in part] == [number_of(frame.image) for frame in part] == [70, 71, 72, 73]
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mov"])
+def test_what_an_edit_list_hides_is_no_frame(tmp_path, suffix):
+    whole = write_frames(tmp_path / "whole.mp4", 60, **B_FRAMES)
+    path = copied(tmp_path / f"cut.{suffix}", [whole], from_s=0.92, use_editlist="1")
+    assert b"elst" in path.read_bytes()
+    frames = frames_of(path)
+    assert [number_of(frame.image) for frame in frames] == list(range(23, 60))
+    assert [frame.index for frame in frames] == list(range(37))
+    assert number_of(read_video_frame(path, 7)) == 30
+    with pytest.raises(InputError, match="expected a frame from 0 to 36"):
+        read_video_frame(path, 37)
+
+
+COLOURS = [
+    *[("libx264", "yuv420p", matrix, stated) for matrix in (1, 2, 5, 6, 7, 9) for stated in (1, 2)],
+    ("libx264", "yuv444p", 1, 1), ("libx265", "yuv420p10le", 9, 1), ("libx264", "yuvj420p", 2, 2),
+    ("mjpeg", "yuvj422p", 2, 2), ("ffv1", "bgr0", 0, 2), ("ffv1", "yuv420p", 2, 1),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("codec", "pixels", "matrix", "colour_range"), COLOURS)
+def test_colours_are_those_that_the_film_states(tmp_path, codec, pixels, matrix, colour_range):
+    quality = {
+        "libx264": {"qp": "1"},
+        "libx265": {"x265-params": "log-level=error:qp=1"},
+        "mjpeg": {"qmin": "1", "qmax": "1"},
+    }
+    how = {"pixels": pixels, "matrix": matrix, "colour_range": colour_range, **quality.get(codec, {})}
+    path = write_frames(tmp_path / "film.mkv", 2, codec, **how)
+    assert np.abs(colours_of(frames_of(path)[1].image) - PATCHES).max() <= 2
+    with Film(path, width=100) as film:
+        assert np.abs(colours_of(next(iter(film)).image) - PATCHES).max() <= 3
+
+
+def test_a_film_without_a_matrix_is_of_its_size(tmp_path):
+    # one of them would be 20 codes off
+    for size_wh in ((720, 576), (1280, 720)):
+        path = write_frames(tmp_path / f"{size_wh[0]}.mp4", 1, size_wh=size_wh, qp="1")
+        assert np.abs(colours_of(read_video_frame(path, 0)) - PATCHES).max() <= 2
+
+
+def test_a_film_is_turned_and_mirrored_as_it_says(tmp_path):
+    plain = write_frames(tmp_path / "plain.mp4", 3)
+    image = read_video_frame(plain, 2)
+    for degrees in (0, 90, 180, 270):
+        for mirrored in (False, True):
+            turn = {"degrees": degrees, "hflip": mirrored}
+            turned = np.rot90(image, degrees // 90)
+            shown = read_video_frame(copied(tmp_path / f"{degrees}{mirrored}.mp4", [plain], turn=turn), 2)
+            assert np.array_equal(shown, turned[:, ::-1] if mirrored else turned), turn
+
+
+def test_a_cover_is_no_film(tmp_path):
+    cover = write_frames(tmp_path / "cover.mp4", 1, "mjpeg", (640, 480), pixels="yuvj420p")
+    film = write_frames(tmp_path / "film.mp4", 30)
+    path = copied(tmp_path / "both.mp4", [cover, film], cover=True)
+    assert [number_of(each.image) for each in frames_of(path)] == [*range(30)]
+    with pytest.raises(InputError, match="without pictures"):
+        Film(copied(tmp_path / "sound.mp4", [cover], cover=True))
+
+
+def test_frames_of_another_size_are_told(tmp_path):
+    parts = [write_frames(tmp_path / f"{at}.h264", 20, size_wh=wh) for at, wh in enumerate([(128, 96), (64, 48)])]
+    path = tmp_path / "film.h264"
+    path.write_bytes(parts[0].read_bytes() + parts[1].read_bytes() + parts[0].read_bytes())
+    with Film(path) as film:
+        assert [number_of(frame.image) for frame in film] == [*range(20)] * 2
+        assert film.other_sizes == dict.fromkeys(range(20, 40), (64, 48))
+        assert film.problem(30) == "it has 64x48 px, the film's first frame 128x96"
+    # alone, a frame is as it is
+    assert read_video_frame(path, 30).shape == (48, 64, 3)
+
+
+def test_a_codec_that_nobody_knows_is_named(tmp_path):
+    path = write_frames(tmp_path / "film.avi", 5, "mjpeg", pixels="yuvj420p")
+    path.write_bytes(path.read_bytes().replace(b"MJPG", b"XYZ9"))
+    with pytest.raises(InputError, match=r"film.avi: expected a video in a codec that FFmpeg decodes, found .*XYZ9"):
+        Film(path)
+
+
+def test_no_other_file_is_opened(tmp_path):
+    write_frames(tmp_path / "film.mp4", 3)
+    lists = {
+        "concat": "ffconcat version 1.0\nfile film.mp4\n",
+        "hls": "#EXTM3U\n#EXTINF:8,\nfilm.mp4\n#EXT-X-ENDLIST\n",
+        "sdp": "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nm=video 5004 RTP/AVP 96\n",
+    }
+    for name, text in lists.items():
+        (tmp_path / f"{name}.mp4").write_text(text)
+        with pytest.raises(InputError, match="cannot open it"):
+            Film(tmp_path / f"{name}.mp4")
+
+
+def test_a_film_has_any_name(tmp_path):
+    path = write_frames(tmp_path / "film.mp4", 3)
+    for name in ("http:film.mp4", "-i %03d [x].mp4", "сон 影.mp4"):
+        path = path.rename(tmp_path / name)
+        assert number_of(read_video_frame(path, 2)) == 2

@@ -13,7 +13,7 @@ from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
 from ..pipeline.errors import InputError
 from ..state import from_scene
-from ..state.camera_view import spaces_of
+from ..state.camera_view import light_shape, spaces_of
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, available
 from . import colouring
@@ -143,10 +143,10 @@ def show_colour(surface: bpy.types.Object) -> None:
     for space in spaces_of(surface):
         shading = space.shading
         if record is not None:
-            shading.light = "FLAT"
+            shading.light, shading.show_cavity = "FLAT", False
             shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
         elif shading.light == "FLAT" and shading.color_type in ("VERTEX", "TEXTURE"):
-            shading.light, shading.color_type = "STUDIO", "OBJECT"
+            light_shape(shading)
 
 
 def _check_object_mode(surface: bpy.types.Object) -> None:

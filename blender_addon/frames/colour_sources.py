@@ -20,7 +20,7 @@ from .operators import NeedsFound
 
 
 class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
-    """Let found frames colour what they show better than the case's frame; Save Case keeps that"""
+    """Let found frames colour what the case's frame did not see; Save Case keeps that"""
 
     bl_label = "Use as Colour Sources"
     # without REGISTER: Adjust Last Operation would do it all again, and cover the strip
@@ -32,9 +32,7 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
     def work(self, context: bpy.types.Context) -> Work:
         scene = context.scene
         registered, path = found.of(scene), scene.oneframe.case_path
-        candidates = (
-            [] if registered is None else [each for each in registered.candidates if registered.may_colour(each.number)]
-        )
+        candidates = [] if registered is None else registered.colouring()
         if registered is None or not candidates:
             raise InputError("expected frames that are found, there are none; press Register Frames")
         if not path:
@@ -47,12 +45,10 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         self._inputs = inputs_of(scene)
 
         def choose(progress: Any) -> tuple[UnreadFrame, ...]:
-            first = registrar.cam_from_model
-            numbers = chosen_sources(registrar.mesh, registrar.camera, first, candidates, count)
+            choice = self._choice = chosen_sources(registrar.mesh, registrar.source, candidates, count)
             progress(0.5)
             made_folder(folder / FRAME)
-            chosen = {each.number: each for each in candidates if each.number in numbers}
-            return tuple(registrar.full_frames(film, folder, chosen, mesh_from_model))
+            return registrar.full_frames(film, folder, [each.candidate for each in choice.frames], mesh_from_model)
 
         return choose
 
@@ -60,13 +56,14 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         scene = context.scene
         check_inputs(scene, self._inputs)
         if not result:
-            raise InputError("no frame shows more of the surface, or shows it better, than the case's own does")
+            raise InputError(self._choice.lines()[-1])
         # those of this film before are replaced
         others = [each for each in from_scene.further_frames(scene) if each.image.parent != self._folder]
         case = from_scene.case(scene, self._folder)
         to_scene.set_further_frames(scene, replace(case, frames=(*others, *result)))
         names = ", ".join(each.image.name for each in result)
-        return (f"{names} colour the surface too; press Vertex Colours to see it, and Save Case to keep it",)
+        said = f"{names} colour the surface too; press Vertex Colours to see it, and Save Case to keep it"
+        return (*self._choice.lines(), said)
 
 
 class ONEFRAME_OT_clear_colour_sources(Reporting):

@@ -8,7 +8,7 @@ import bpy
 from ..class_registration import class_registration, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.errors import InputError
-from ..pipeline.registration.colour_sources import Candidate, candidate_of
+from ..pipeline.registration.colour_sources import Candidate, Candidates
 from ..pipeline.registration.film_change import FilmAgreement, FilmChange
 from ..pipeline.registration.register import RegisteredFrame, judged_together
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
@@ -32,7 +32,7 @@ class FoundFrames:
     frames
         Position in the film's list of scores -> what was found, without the fit.
     candidates
-        Frames that may colour the surface, if :meth:`may_colour` says so.
+        Frames that may colour the surface, of which :meth:`colouring` takes those that still may.
     alone
         The frames as each was found alone; how they are judged together is in ``frames``.
     change
@@ -42,7 +42,7 @@ class FoundFrames:
     film: FilmSession
     inputs: tuple[object, ...]
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
-    candidates: list[Candidate] = field(default_factory=list)
+    candidates: Candidates = field(default_factory=Candidates)
     alone: dict[int, RegisteredFrame] = field(default_factory=dict)
     change: FilmChange | None = None
 
@@ -61,8 +61,7 @@ class FoundFrames:
                 if frame.number not in positions:
                     continue
                 found = registrar.register(frame)
-                if (candidate := candidate_of(frame.number, frame.image, found)) is not None:
-                    self.candidates.append(candidate)
+                self.candidates.add(frame.number, frame.image, frame.valid, found)
                 if found.fit is not None and found.verdict.state == ACCEPTED:
                     agreement.add(frame.number, found.fit)
                 self.alone[positions[frame.number]] = replace(found, fit=None)
@@ -70,12 +69,16 @@ class FoundFrames:
                 progress(len(self.frames) / len(positions))
         self.change = agreement.change()
 
-    def may_colour(self, number: int) -> bool:
-        """Whether a frame of the film is accepted, and shows the surface as the case's frame does."""
-        if self.change is not None and number >= self.change.since:
-            return False
-        accepted = (at for at, found in self.frames.items() if found.verdict.state == ACCEPTED)
-        return number in {self.film.scores.frames[at].index for at in accepted}
+    def colouring(self) -> list[Candidate]:
+        """The frames that are accepted, and show the surface as the case's frame does."""
+        numbers = {
+            self.film.scores.frames[at].index for at, each in self.frames.items() if each.verdict.state == ACCEPTED
+        }
+        return [
+            each
+            for each in self.candidates.frames
+            if each.number in numbers and (self.change is None or each.number < self.change.since)
+        ]
 
     def summary(self) -> str:
         """How many frames are found, doubtful and lost."""

@@ -1,4 +1,4 @@
-"""Where on the surface the next landmark gains most."""
+"""The corner of the surface at which the next landmark gains most."""
 
 import bpy
 import numpy as np
@@ -7,14 +7,21 @@ from ..class_registration import at_end, class_registration
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.alignment.landmarks.degeneracy import UndeterminedPose
 from ..pipeline.alignment.pose_uncertainty import PoseMode
+from ..pipeline.alignment.posterior.corners import WIDTH_PX, corners_in_view
 from ..pipeline.alignment.posterior.next_click import next_click, rough_mode
-from ..pipeline.blender.alignment.surface_object import visible_surface
+from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
+from ..pipeline.surface.decimation import cluster_vertices
+from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.transforms import transform_points
 from ..state import from_scene
 from . import gestures, solve
 from .uncertainty_drawing import is_inner
 
 APART = 0.02
 """Least distance from a landmark, in widths of the frame: another feature."""
+
+_coarse: tuple[tuple, TriangleMesh] | None = None
+"""The surface as finely as its corners need it, and which surface that is."""
 
 _last: tuple[tuple, np.ndarray | None] | None = None
 """The latest answer, and what it was computed from."""
@@ -40,14 +47,29 @@ def best_point(scene: bpy.types.Scene) -> np.ndarray | None:
 
 def _best_point(scene: bpy.types.Scene, pose: np.ndarray) -> np.ndarray | None:
     landmarks, camera, click_sigma_px, _ = solve.evidence(scene)
-    seen = visible_surface(from_scene.surface_of(scene), camera, pose)
-    free = is_inner(seen.pixels, camera)
-    for landmark in complete_landmarks(landmarks).values():
-        free &= np.linalg.norm(seen.pixels - np.array(landmark.pixel), axis=1) > APART * camera.width
-    points = seen.points_model[free]
-    if not len(points):
+    seen = visible_surface(from_scene.surface_of(scene), camera, pose).points_model
+    if not len(seen):
         return None
-    return points[next_click(points, camera, _modes(scene, pose, points), click_sigma_px)]
+    corners = corners_in_view(_coarse_surface(scene), camera, pose)
+    # a surface without corners still has a place that gains most
+    for points in (corners, seen):
+        pixels = camera.project(transform_points(pose, points))
+        free = is_inner(pixels, camera)
+        for landmark in complete_landmarks(landmarks).values():
+            free &= np.linalg.norm(pixels - np.array(landmark.pixel), axis=1) > APART * camera.width
+        if free.any():
+            return points[free][next_click(points[free], camera, _modes(scene, pose, seen), click_sigma_px)]
+    return None
+
+
+def _coarse_surface(scene: bpy.types.Scene) -> TriangleMesh:
+    global _coarse
+    surface = from_scene.surface_of(scene)
+    known = surface.data.session_uid, len(surface.data.vertices), surface.oneframe.mesh_path
+    if _coarse is None or _coarse[0] != known:
+        mesh = edited_mesh(surface)
+        _coarse = known, cluster_vertices(mesh, 2 * mesh.radius / WIDTH_PX)[0]
+    return _coarse[1]
 
 
 def _modes(scene: bpy.types.Scene, pose: np.ndarray, points_model: np.ndarray) -> tuple[PoseMode, ...]:
@@ -63,8 +85,8 @@ def _modes(scene: bpy.types.Scene, pose: np.ndarray, points_model: np.ndarray) -
 
 
 def _forget() -> None:
-    global _last
-    _last = None
+    global _last, _coarse
+    _last = _coarse = None
 
 
 register, unregister = class_registration(__name__, at_end(_forget))

@@ -101,10 +101,16 @@ def _look_at_surface(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> No
 
 
 def show_shape(context: bpy.types.Context) -> None:
-    """Show the shape of a surface without colours, in studio light."""
+    """Show the shape of a surface without colours, see :func:`light_shape`."""
     for area in views(context):
-        shading = area.spaces.active.shading
-        shading.type, shading.light, shading.color_type = "SOLID", "STUDIO", "OBJECT"
+        area.spaces.active.shading.type = "SOLID"
+        light_shape(area.spaces.active.shading)
+
+
+def light_shape(shading: bpy.types.View3DShading) -> None:
+    """Studio light, with ridges bright and valleys dark: what a person recognises on a surface without colours."""
+    shading.light, shading.color_type = "STUDIO", "OBJECT"
+    shading.show_cavity, shading.cavity_type = True, "SCREEN"
 
 
 def spaces_of(surface: bpy.types.Object) -> Iterator[bpy.types.SpaceView3D]:

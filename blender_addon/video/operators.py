@@ -8,6 +8,7 @@ from bpy.props import FloatProperty, IntProperty, StringProperty
 
 from ..class_registration import class_registration, prop
 from ..pipeline.errors import InputError
+from ..pipeline.video.frame_folder import film_notes
 from ..state import camera_view, from_scene, workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Messages, Reporting, available
@@ -92,10 +93,8 @@ def _begin(context: bpy.types.Context, scene: bpy.types.Scene, film: FilmSession
         fit_soon(area)
     frames, info = film.scores.frames, film.scores.info
     found = f"{len(film.best)} best frames" if film.best else "no frame shows anything sharply"
-    messages = [f"{film.path.name}: {len(frames)} frames, {info.size_wh[0]} x {info.size_wh[1]} px; {found}"]
-    if film.scores.broken:
-        messages.append(f"{film.path.name} is damaged or cut off; the frames that can be decoded are used")
-    return messages
+    title = f"{film.path.name}: {len(frames)} frames, {info.size_wh[0]} x {info.size_wh[1]} px; {found}"
+    return [title, *film_notes(film.scores)]
 
 
 class ONEFRAME_OT_video_strip(Reporting):

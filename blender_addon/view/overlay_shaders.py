@@ -58,6 +58,11 @@ void main()
 #else
   /* a light next to the lens, as in a microscope */
   picture = vec4(plain.colour.rgb * (0.15 + 0.85 * abs(facing)), plain.colour.a);
+#ifdef PLAIN
+  /* ridges bright and valleys dark, half as much as in Blender's solid view: it also shows roughness */
+  float bend = clamp(2.0 * (dFdx(n.x) + dFdy(n.y)), -0.5, 0.5);
+  picture.rgb = min(picture.rgb * (1.0 + bend * (1.0 - abs(bend))), 1.0);
+#endif
 #endif
 #ifdef STRUCTURE
   float bone_mm = texelFetch(bone, ivec2(gl_FragCoord.xy), 0).w;

@@ -67,7 +67,7 @@ class Case:
     cam_from_mesh, posed
         4x4, mm: the pose in the file, from the frame of the mesh file, or the identity; whether it has one.
     frames
-        Further frames of the surface, which colour what they show best.
+        Further frames of the surface, which colour what those before did not see.
     structures
         What overlays show in addition to the surface.
     dataset

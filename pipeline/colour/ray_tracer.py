@@ -6,8 +6,8 @@ in a pixel, and where there are so many faces that rays take less time. Everythi
 the depth. The point's pixel in a frame, (x, y, z), is A (u, v, 1) + b / depth, with A and b computed in double
 precision, so that at the frame's own pose each pixel is looked up at its own place.
 
-Of several frames, the one that shows the face best is looked up first, and the next one only where that one did not see
-the point: so the time grows slowly with the frames.
+Of several frames, the first that saw a point colours it: the next one is looked up only where those before did not see
+the point, so the time grows slowly with the frames.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,6 @@ from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
-from .best_view import best_first
 from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .texture_atlas import TextureAtlas
 from .vertex_colours import NEUTRAL, VertexColours
@@ -140,7 +139,7 @@ class RayTracer:
         camera
             Intrinsics of the views.
         colours
-            Sources of the surface's colour, of which the best is taken (:mod:`.best_view`); none for geometry alone.
+            Sources of the surface's colour, of which the first that saw a point is taken; none for geometry alone.
         unseen
             ``(V, 3)`` colours of the vertices for what no frame saw; ``None``: neutral grey.
         samples, pivot_model
@@ -156,7 +155,6 @@ class RayTracer:
         self._mesh, self._camera, self._unseen = mesh, camera, unseen
         self._rays = rays or MeshRays(mesh)
         self._painters = [_Painter(mesh, colour) for colour in colours or (None,)]
-        self._order = best_first(mesh, [source_of(colour) for colour in colours])
         self._pivot_model = None if samples == 1 else pivot_model
         self._pattern = pixel_pattern(samples)
         by_place = unseen is not None or any(isinstance(colour, VertexColours | TextureAtlas) for colour in colours)
@@ -259,17 +257,14 @@ class RayTracer:
         rgb, source = np.zeros((len(hits.face), 3), np.float32), np.zeros(len(hits.face), np.uint8)
         border = np.zeros(len(source), bool)
         left = np.flatnonzero((hits.face >= 0) & hits.front)
-        for order in self._order:
-            best = order[hits.face[left]]
-            for number in range(len(self._painters)):
-                at = left[best == number]
-                if len(at) == 0:
-                    continue
-                colours, seen, near = painted(number, flat.part(at))
-                rgb[at[seen]], source[at[seen]] = colours[seen], number + 1
-                if near is not None:
-                    border[at[near]] = True
-            left = left[source[left] == 0]
+        for number in range(len(self._painters)):
+            if len(left) == 0:
+                break
+            colours, seen, near = painted(number, flat.part(left))
+            rgb[left[seen]], source[left[seen]] = colours[seen], number + 1
+            if near is not None:
+                border[left[near]] = True
+            left = left[~seen]
         self._show_unseen(rgb, hits, source > 0)
         return rgb, source, border
 

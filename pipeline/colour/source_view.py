@@ -157,16 +157,6 @@ class SourceView(PosedFrame):
             seen[start : start + BLOCK] = facing
         return seen
 
-    def resolution(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
-        """``(N,)`` cosine of the angle between ray and normal over the size of a frame's pixel, frame pixels per mm.
-
-        Of ``(N, 3)`` points and unit normals; negative behind the camera, and on one side of the surface.
-        """
-        rays = camera_centre(self.cam_from_model) - points_model
-        cosine = np.einsum("nk,nk->n", rays, normals_model) / np.linalg.norm(rays, axis=1)
-        depth = transform_points(self.cam_from_model, points_model)[:, 2]
-        return np.sqrt(self.camera.fx * self.camera.fy) * cosine / depth
-
     def facing(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
         """``(N, 3)`` points and unit normals -> ``(N,)`` bool: the front side faces the frame's camera."""
         # column by column: numpy is slow at reductions along an axis of three

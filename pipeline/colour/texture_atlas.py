@@ -4,7 +4,7 @@ The upper part of the atlas is the *frame layer*: a cut-out of the frame in whic
 Texel centres are pixel centres there, so baking copies pixels and adds no blur. The layer holds one surface per texel.
 Faces that would read texels of another surface (across a depth step, or behind it), and faces on which the projection
 is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch. Several
-frames have an atlas each, of the faces that they show best, in one image.
+frames have an atlas each, of the faces that those before did not see, in one image.
 
 Every texel has a flag: whether the frame saw its point of the surface. A lookup is the mean over its observed texels.
 Renders ask the reference view whether the point itself was seen. Without that, a lookup counts as observed if all
@@ -22,7 +22,6 @@ from ..projection.rasteriser import Samples, barycentric, nearest_barycentric, r
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, transform_points
 from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
-from .best_view import resolutions
 from .source_view import SourceView
 from .vertex_colours import NEUTRAL
 
@@ -161,8 +160,7 @@ def bake_atlas(
     Parameters
     ----------
     views
-        The frames. A face gets the colours of the one that shows it best (:mod:`.best_view`), and those of the others
-        where that one did not see it.
+        The frames. A point gets the colour of the first one that saw it.
     seen_faces
         ``(F,)`` uint8 of each view, from :func:`classify_faces`.
     unseen
@@ -178,18 +176,17 @@ def bake_atlas(
     if len(views) == 1:
         return _baked(mesh, views, seen_faces[0], unseen, max_size, step)
     seen = np.stack(seen_faces)
-    best = np.where(seen > 0, resolutions(mesh, views), -np.inf).argmax(axis=0)
+    first = (seen > 0).argmax(axis=0)
     atlases = []
-    for number, view in enumerate(views):
-        others = [other for other in views if other is not view]
-        levels = np.where(best == number, seen[number], _ELSEWHERE)
-        atlases.append(_baked(mesh, [view, *others], levels, unseen, max_size, step))
+    for number in range(len(views)):
+        levels = np.where(first == number, seen[number], _ELSEWHERE)
+        atlases.append(_baked(mesh, views[number:], levels, unseen, max_size, step))
     sizes = np.array([atlas.observed.shape[::-1] for atlas in atlases])
     origins, (width, height) = pack_rectangles(sizes, np.zeros(2, np.int64), max_size)
     image, flags = np.full((height, width, 3), NEUTRAL, np.float32), np.zeros((height, width), dtype=bool)
     uv = np.empty((len(mesh.faces), 3, 2))
     for number, (atlas, size, (x, y)) in enumerate(zip(atlases, sizes, origins, strict=True)):
-        part, own = (slice(y, y + size[1]), slice(x, x + size[0])), best == number
+        part, own = (slice(y, y + size[1]), slice(x, x + size[0])), first == number
         image[part], flags[part] = atlas.image, atlas.observed
         uv[own] = (atlas.uv[own] * size + [x, height - y - size[1]]) / [width, height]
     separate, coarse = sum(atlas.separate_charts for atlas in atlases), sum(atlas.coarse_charts for atlas in atlases)

@@ -46,20 +46,18 @@ class VertexColours:
 
 
 def colour_vertices(mesh: TriangleMesh, views: Sequence[SourceView]) -> VertexColours:
-    """Sample the frames at every vertex that they saw, each from the one that shows it best (:mod:`.best_view`).
+    """Sample the frames at every vertex that they saw, each from the first one that did.
 
     A vertex counts as facing the frame if any of its faces does, so that the rim of the visible surface is kept. Those
     beside a depth step get the colour of the pixels that show their surface. The others of a triangle with a colour get
     the mean of their neighbours.
     """
-    first, *others = (_sampled(mesh, view) for view in views)
-    rgb, observed, covered = first
-    if others:
-        best = views[0].resolution(mesh.vertices, mesh.vertex_normals)
-    for view, (own_rgb, seen, found) in zip(views[1:], others, strict=True):
-        own = view.resolution(mesh.vertices, mesh.vertex_normals)
-        better = np.where(seen == observed, found & (~covered | (own > best)), seen)
-        rgb[better], best[better] = own_rgb[better], own[better]
+    rgb, observed, covered = _sampled(mesh, views[0])
+    for view in views[1:]:
+        own_rgb, seen, found = _sampled(mesh, view)
+        # a colour from beside a depth step gives way to one from a frame that saw the vertex
+        better = (seen & ~observed) | (found & ~covered)
+        rgb[better] = own_rgb[better]
         observed |= seen
         covered |= found
     _continue_to_neighbours(rgb, covered, mesh.faces)

@@ -25,8 +25,9 @@ video overlay.mp4: the overlay is the fainter the less sure its pose is, and wha
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
 adjustment: a pose of the case that is some degrees off comes back, with --estimate-focal also a focal length that is
-some percent off, where the frames determine it. --colour-frames chooses accepted frames that show more of the surface,
-or show it better: colours then come from all of them, in the exposure of the case's own.
+some percent off, where the frames determine it. --colour-frames chooses accepted frames, sharp and clear ones, that
+bring the surface's colours nearer to what the other frames show: they colour what the case's own frame did not see, in
+its exposure.
 DIR/case.toml holds the case with the new pose and these frames.
 """
 
@@ -119,6 +120,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
     with writing(out / PAGE):
         write_bytes_atomically(out / PAGE, registration_page(found.evidence, name=out.resolve().name))
+    if found.evidence.colour is not None:
+        output.write("".join(f"{line}\n" for line in found.evidence.colour.lines()))
     if arguments.correct_source or arguments.colour_frames:
         further = (*loaded.case.frames, *found.sources)
         with writing(out / CASE):

@@ -16,7 +16,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import NoReturn, TextIO
+from typing import IO, NoReturn, TextIO
+
+from ..files.system_lock import lock_by_system
 
 STOPPING_SECONDS = 5.0
 """Time that a stopped process has to finish the file that it is writing."""
@@ -29,6 +31,8 @@ STDOUT = "the standard output"
 _received: list[int] = []
 _settled: list[bool] = []
 _temporary: list[str] = []
+_locks: list[IO[bytes]] = []
+_PREFIX, _LOCK = "oneframe-", ".lock"
 
 
 def open_standard_streams() -> None:
@@ -84,12 +88,30 @@ def own_output() -> TextIO:
 def own_temporary_folder() -> None:
     """Let this process, Blender and all child processes put temporary files into one folder, removed at the end.
 
-    Where none can be made, nothing changes, and whoever needs a temporary file fails.
+    Those that killed processes have left are removed. Where none can be made, nothing changes, and whoever needs a
+    temporary file fails.
     """
     with suppress(OSError):
-        folder = os.path.realpath(tempfile.mkdtemp(prefix="oneframe-"))
+        _remove_abandoned(tempfile.gettempdir())
+        folder = os.path.realpath(tempfile.mkdtemp(prefix=_PREFIX))
         _temporary.append(folder)
         tempfile.tempdir = os.environ["TMPDIR"] = folder
+        _locks.append(open(os.path.join(folder, _LOCK), "wb"))  # noqa: SIM115  # as long as this process lives
+        _take(_locks[-1])
+
+
+def _remove_abandoned(folder: str) -> None:
+    """Remove the folders of killed processes, which hold their locks no more."""
+    for entry in os.scandir(folder):
+        if entry.name.startswith(_PREFIX):
+            with suppress(OSError):
+                with open(os.path.join(entry.path, _LOCK), "r+b") as lock:
+                    _take(lock)
+                shutil.rmtree(entry.path, ignore_errors=True)
+
+
+def _take(lock: IO[bytes]) -> None:
+    lock_by_system(lock.fileno(), shared=False)
 
 
 def end_process(code: int) -> NoReturn:
@@ -101,6 +123,8 @@ def end_process(code: int) -> NoReturn:
     for number in ENDING_SIGNALS:
         with suppress(ValueError):  # another thread than the main one
             signal.signal(number, signal.SIG_IGN)
+    for lock in _locks:
+        lock.close()  # Windows removes no open files
     blender = getattr(sys.modules.get("bpy"), "app", None)
     folders = [*_temporary, *([blender.tempdir] if blender else [])]
     for _ in range(3):

@@ -1,117 +1,280 @@
-"""Which registered frames to colour a surface with: those that show most of it better than the ones before.
+"""Which registered frames to colour a surface with, judged by the frames that are left out.
 
-Where a frame shows something else than the surface, such as an instrument or glare, it colours nothing.
+The case's own frame colours what it saw; a further one only what those before it did not see. So it is worth taking if
+it is nearer there to what the other frames show than the mean colour of the surface is. Frames that are blurred, or in
+which something else covers the surface (an instrument, blood, glare), are neither taken nor asked: where they show the
+same points as the case's frame, they do not show the same.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
+from ..colour.exposure import matched_exposures
 from ..colour.source_view import SourceView
+from ..images.pixel_values import sample_bilinear
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
-from .flow_refinement import FlowFit
 from .register import RegisteredFrame
 from .verdict import ACCEPTED
 
-MOST_FACES = 30_000
-MOST_CANDIDATES = 100
-BLOCK_PX, LEAST_PIXELS, LEAST_SHARE = 16, 4, 0.5
-"""Side of the blocks that show the surface or not, pixels that a block needs, and share of them that must agree."""
-AGREEING_PX = 2.0
+MOST_CANDIDATES = 60
+"""Frames that are compared: of more, evenly chosen ones."""
+MOST_JUDGES = 20
+STEP_PX, JUDGED_STEP_PX = 4, 8
+"""Between the pixels that are compared with the case's frame, and with the frames left out."""
+BLOCK_PX, LEAST_PIXELS = 16, 8
+"""Side of the blocks that show the surface or not, and pixels that a block needs to tell."""
+DETAIL_PX, AROUND_PX, COARSE_PX = 1.5, 4.0, 3.0
+"""Standard deviations: finer than the first is detail, its strength is a mean over the second, and colours are compared
+without what is finer than the third."""
+LEAST_SHARPNESS = 0.6
+"""Median strength of a frame's detail, relative to that of the case's frame at the same points: less is blurred."""
+OTHER_COLOUR, MOST_OTHER = 0.25, 0.012
+"""Difference of code values (0..1) of a block that shows something else, and the share of such blocks that covers."""
+LEAST_GAIN = 0.05
+"""Code values, of 255, by which a frame must lower the mean error of the frames left out."""
+BLURRED, COVERED = "blurred", "covered"
 
 
 class Candidate(NamedTuple):
-    """A registered frame: its number, its pose ``(4, 4)``, mm, how sharp it is, and its :func:`hidden_blocks`."""
+    """A registered frame.
+
+    Its number, ``(H, W, 3)`` uint8 undistorted image at the size of registration, ``(H, W)`` bool pixels that may be
+    used, and its pose ``(4, 4)``, mm.
+    """
 
     number: int
+    image: np.ndarray
+    valid: np.ndarray
     cam_from_model: np.ndarray
-    sharpness: float
-    hidden: np.ndarray
 
 
-def candidate_of(number: int, image: np.ndarray, found: RegisteredFrame) -> Candidate | None:
-    """A registered frame, ``(H, W, 3)`` uint8, if it is accepted, so that it may colour the surface."""
-    if found.fit is None or found.verdict.state != ACCEPTED:
-        return None
-    return Candidate(number, found.fit.cam_from_model, _sharpness(image), hidden_blocks(found.fit))
+class Candidates:
+    """Collects the frames that may colour a surface, evenly chosen of all: as many as may be compared."""
+
+    def __init__(self) -> None:
+        self.frames: list[Candidate] = []
+        self._count, self._step = 0, 1
+
+    def add(self, number: int, image: np.ndarray, valid: np.ndarray, found: RegisteredFrame) -> None:
+        """Take the next frame, see :class:`Candidate`, if it is accepted."""
+        if found.cam_from_model is None or found.verdict.state != ACCEPTED:
+            return
+        if self._count % self._step == 0:
+            self.frames.append(Candidate(number, image, valid, found.cam_from_model))
+        self._count += 1
+        if len(self.frames) > MOST_CANDIDATES:
+            del self.frames[1::2]
+            self._step *= 2
 
 
-def _sharpness(image: np.ndarray) -> float:
-    """Mean strength of the finest detail of ``(H, W, 3)`` uint8, relative to the image's brightness."""
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    return float(np.abs(cv2.Laplacian(grey, cv2.CV_32F)).mean() / max(grey.mean(), 1.0))
+@dataclass(frozen=True)
+class ColourFrame:
+    """A frame that is taken.
+
+    Attributes
+    ----------
+    candidate
+        The frame.
+    added
+        Share of what the frames left out show of the surface that it colours and those before it do not, 0..1.
+    error_before, error_after
+        Mean difference of the frames left out from the surface's colours, without and with it, code values of 255.
+    judges
+        Number of frames left out.
+    """
+
+    candidate: Candidate
+    added: float
+    error_before: float
+    error_after: float
+    judges: int
 
 
-def hidden_blocks(fit: FlowFit) -> np.ndarray:
-    """``(h, w)`` bool: the blocks of a frame in which the surface that the aligned frame saw is not to be seen."""
-    height, width = fit.camera.shape_hw
-    agrees, known = (np.zeros((-(-height // BLOCK_PX), -(-width // BLOCK_PX))) for _ in range(2))
-    u, v = (fit.pixels // BLOCK_PX).astype(int).T
-    np.add.at(known, (v, u), 1.0)
-    np.add.at(agrees, (v, u), fit.residuals_px < AGREEING_PX)
-    hidden = (known >= LEAST_PIXELS) & (agrees < LEAST_SHARE * known)
-    # what covers the surface is larger than a block, and ends inside of others
-    opened = cv2.morphologyEx(hidden.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-    return cv2.dilate(opened, np.ones((3, 3), np.uint8)) > 0
+@dataclass(frozen=True)
+class ColourChoice:
+    """What was chosen: the frames, in the order in which they colour, and how many could not be taken.
+
+    Attributes
+    ----------
+    frames
+        The one first that helps most.
+    compared
+        Number of accepted frames that were compared.
+    blurred, covered
+        Those of them that are blurred, and in which something covers the surface.
+    """
+
+    frames: tuple[ColourFrame, ...]
+    compared: int
+    blurred: int
+    covered: int
+
+    def lines(self) -> list[str]:
+        """What each frame brought, in sentences."""
+        lines = [
+            f"frame {each.candidate.number} colours {100 * each.added:.1f} % more of what {each.judges} frames left "
+            f"out show: their mean difference from the surface's colours is {each.error_after:.2f} instead of "
+            f"{each.error_before:.2f} of 255"
+            for each in self.frames
+        ]
+        clear = self.compared - self.blurred - self.covered
+        lines.append(
+            f"of {self.compared} accepted frames, {self.blurred} are blurred and {self.covered} covered in part; of "
+            f"the other {clear}, {len(self.frames) or 'none'} {'brings' if len(self.frames) == 1 else 'bring'} the "
+            f"surface's colours nearer to what those left out show"
+        )
+        return lines
 
 
-def shown_pixels(hidden: np.ndarray, camera: PinholeCamera, size_wh: tuple[int, int]) -> np.ndarray:
-    """``(H, W)`` bool of an image of that size: no part of hidden blocks, which are of the camera's pixels."""
-    pixels = np.repeat(np.repeat(hidden, BLOCK_PX, axis=0), BLOCK_PX, axis=1)[: camera.height, : camera.width]
-    return cv2.resize(pixels.astype(np.uint8), size_wh, interpolation=cv2.INTER_NEAREST) == 0
-
-
-def chosen_sources(
-    mesh: TriangleMesh, camera: PinholeCamera, source: np.ndarray, candidates: Sequence[Candidate], count: int
-) -> list[int]:
-    """Choose frames one by one, by how much resolution each adds on the surface.
+def chosen_sources(mesh: TriangleMesh, source: SourceView, candidates: Sequence[Candidate], count: int) -> ColourChoice:
+    """Choose frames one by one, each time the one that lowers the error over the frames left out most.
 
     Parameters
     ----------
     mesh
         The surface, model frame.
-    camera
-        Of all frames.
     source
-        ``(4, 4)`` pose of the aligned frame, mm, which comes first.
+        The case's own frame, which comes first.
     candidates
-        The registered frames.
+        The registered frames, by the same camera.
     count
         How many at most.
-
-    Returns
-    -------
-    Numbers of the chosen frames, the best one first; frames that add nothing are left out.
     """
-    faces = slice(None, None, max(1, len(mesh.faces) // MOST_FACES))
-    points, normals = mesh.face_centres[faces], mesh.face_normals[faces]
-    area = np.linalg.norm(mesh.face_cross[faces], axis=1)
-
-    def shown(cam_from_model: np.ndarray, hidden: np.ndarray | None = None) -> np.ndarray:
-        inverse = rasterise_depth(mesh, camera, cam_from_model).inverse_depth.astype(np.float32)
-        if hidden is not None:
-            inverse[~shown_pixels(hidden, camera, camera.size_wh)] = 0
-        image, valid = np.zeros((*camera.shape_hw, 3), np.float32), np.ones(camera.shape_hw, bool)
-        view = SourceView(image, valid, camera, cam_from_model, inverse_depth=inverse)
-        return np.where(view.observed(points, normals), view.resolution(points, normals), 0.0)
-
-    few = candidates[:: max(1, -(-len(candidates) // MOST_CANDIDATES))]
-    best = shown(source)
-    left = {each.number: (shown(each.cam_from_model, each.hidden), each.sharpness) for each in few}
-    sharpest = max((each.sharpness for each in few), default=1.0)
-    found: list[int] = []
-    while left and len(found) < count:
-        gains = {
-            number: sharp / sharpest * float(area @ np.maximum(resolution - best, 0.0))
-            for number, (resolution, sharp) in left.items()
-        }
-        number = max(gains, key=lambda each: gains[each])
-        if gains[number] <= 0:
+    clear: list[tuple[Candidate, SourceView]] = []
+    states: list[str] = []
+    for each in candidates:
+        view = matched_exposures([source, _view(mesh, source, each)])[1]
+        states.append(_flaw(source, view))
+        if not states[-1]:
+            clear.append((each, view))
+    judges = {at: _Judge.of(mesh, source, clear[at][1]) for at in _evenly(len(clear), MOST_JUDGES)}
+    left, frames = list(range(len(clear))), list[ColourFrame]()
+    while len(frames) < count and left:
+        tried = {at: _helped([judge for of, judge in judges.items() if of != at], clear[at][1]) for at in left}
+        at = max(left, key=lambda each: tried[each][1] - tried[each][2])
+        added, before, after = tried[at]
+        if not before - after > LEAST_GAIN:
             break
-        best = np.maximum(best, left.pop(number)[0])
-        found.append(number)
-    return found
+        left.remove(at)
+        judges.pop(at, None)
+        frames.append(ColourFrame(clear[at][0], added, before, after, len(judges)))
+        judges = {of: judge.without(clear[at][1]) for of, judge in judges.items()}
+    return ColourChoice(tuple(frames), len(candidates), states.count(BLURRED), states.count(COVERED))
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    return sorted({round(at) for at in np.linspace(0, count - 1, min(count, most))}) if count else []
+
+
+def _view(mesh: TriangleMesh, source: SourceView, candidate: Candidate) -> SourceView:
+    raster = rasterise_depth(mesh, source.camera, candidate.cam_from_model)
+    shown = (raster.face >= 0) & candidate.valid
+    inverse = np.where(shown, raster.inverse_depth, 0).astype(np.float32)
+    image = candidate.image.astype(np.float32) / 255
+    return replace(
+        source, image=image, valid=candidate.valid, cam_from_model=candidate.cam_from_model, inverse_depth=inverse
+    )
+
+
+def _flaw(source: SourceView, view: SourceView) -> str:
+    """:data:`BLURRED` or :data:`COVERED`, or empty: by the points that a frame, in the same exposure, shares."""
+    points = source.shown_points(STEP_PX)
+    points = points[view.unoccluded(points)]
+    pixels = [each.project(points)[0] for each in (source, view)]
+    details, colours = ([_sampled(of(each.image), at) for each, at in zip((source, view), pixels, strict=True)]
+                        for of in (_detail, _coarse))  # fmt: skip
+    across, down = (pixels[1] // BLOCK_PX).astype(int).T
+    _, block, size = np.unique(across + down * view.camera.width, return_inverse=True, return_counts=True)
+    known = size >= LEAST_PIXELS
+    if not known.any():
+        return COVERED
+    fine, other = (np.bincount(block, weights=each[:, 0])[known] for each in details), np.abs(colours[1] - colours[0])
+    before, after = fine
+    if np.median(after / np.maximum(before, 1e-9)) < LEAST_SHARPNESS:
+        return BLURRED
+    differs = (np.bincount(block, weights=other.max(axis=1)) / size)[known] > OTHER_COLOUR
+    return COVERED if differs.mean() > MOST_OTHER else ""
+
+
+def _sampled(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    return sample_bilinear(image, pixels)
+
+
+def _coarse(image: np.ndarray) -> np.ndarray:
+    return cv2.GaussianBlur(image, (0, 0), COARSE_PX)
+
+
+def _detail(image: np.ndarray) -> np.ndarray:
+    """``(H, W, 1)`` strength of the finest detail around each pixel."""
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    fine = grey - cv2.GaussianBlur(grey, (0, 0), DETAIL_PX)
+    return np.sqrt(cv2.GaussianBlur(fine * fine, (0, 0), AROUND_PX))[..., None]
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """A frame left out: what it shows of the surface that no frame colours yet, and its errors so far.
+
+    Attributes
+    ----------
+    points, normals, codes
+        ``(N, 3)`` each: points without a colour, unit normals of their faces, and the frame's code values there.
+    errors
+        ``(N,)`` difference of these from the colour that stands for what is not seen.
+    coloured
+        Sum of the differences where the surface has a colour.
+    size
+        Number of all points.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    codes: np.ndarray
+    errors: np.ndarray
+    coloured: float
+    size: int
+
+    @classmethod
+    def of(cls, mesh: TriangleMesh, source: SourceView, view: SourceView) -> "_Judge":
+        """A frame of the surface that one frame colours; elsewhere it has the mean of its colours."""
+        shown = view.depth_mm[::JUDGED_STEP_PX, ::JUDGED_STEP_PX] > 0
+        face = rasterise_depth(mesh, view.camera, view.cam_from_model).face[::JUDGED_STEP_PX, ::JUDGED_STEP_PX][shown]
+        codes = view.image[::JUDGED_STEP_PX, ::JUDGED_STEP_PX][shown]
+        mean = source.image[source.inverse_depth > 0].mean(axis=0)
+        nothing = cls(
+            view.shown_points(JUDGED_STEP_PX), mesh.face_normals[face], codes, _error(codes, mean), 0.0, len(codes)
+        )
+        return nothing.without(source)
+
+    def coloured_by(self, view: SourceView) -> tuple[np.ndarray, np.ndarray]:
+        """``(N,)`` bool: the points that a view colours, and the errors of these."""
+        seen = view.observed(self.points, self.normals)
+        return seen, _error(self.codes[seen], view.colours(view.project(self.points[seen])[0]))
+
+    def without(self, view: SourceView) -> "_Judge":
+        """The same once a view colours the surface."""
+        seen, errors = self.coloured_by(view)
+        rest = ~seen
+        coloured = self.coloured + float(errors.sum())
+        return _Judge(self.points[rest], self.normals[rest], self.codes[rest], self.errors[rest], coloured, self.size)
+
+
+def _error(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return 255 * np.abs(one - other).mean(axis=1)
+
+
+def _helped(judges: Sequence[_Judge], view: SourceView) -> tuple[float, float, float]:
+    """Share of what judges show that a view adds, and their mean error without and with it."""
+    size = max(sum(judge.size for judge in judges), 1)
+    before = sum(judge.coloured + float(judge.errors.sum()) for judge in judges)
+    added, gain = 0, 0.0
+    for judge in judges:
+        seen, errors = judge.coloured_by(view)
+        added += len(errors)
+        gain += float(judge.errors[seen].sum() - errors.sum())
+    return added / size, before / size, (before - gain) / size

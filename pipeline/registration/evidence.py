@@ -8,6 +8,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..surface.mesh import TriangleMesh
+from .colour_sources import ColourChoice
 from .film_change import FilmChange
 from .register import RegisteredFrame
 from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, Verdict
@@ -86,6 +87,8 @@ class RegistrationEvidence:
         Whether the frames follow each other.
     change
         What a film no longer shows as the case's frame does, if anything.
+    colour
+        The frames that colour the surface, if any were to be chosen.
     cut_off
         A sentence if the film is cut off, else empty.
     """
@@ -97,6 +100,7 @@ class RegistrationEvidence:
     alignment: Mapping[str, object]
     is_film: bool
     change: FilmChange | None = None
+    colour: ColourChoice | None = None
     cut_off: str = ""
 
     @property

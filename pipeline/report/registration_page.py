@@ -2,11 +2,13 @@
 
 import math
 import string
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..colour.vertex_colours import colour_vertices
 from ..files.numbers import format_two_digits
+from ..registration.colour_sources import ColourChoice
 from ..registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence
 from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
 from .page import THREE, asset, escaped, html_page, page_footer, page_header, poses_section, spaced
@@ -54,7 +56,8 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         header=page_header(kind="registration", name=name, facts=facts),
         within=f"{WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
         poses=poses_section("frame"),
-        limits=_limits(evidence),
+        limits=_findings(_limits(evidence)),
+        colour=_colour(evidence.colour),
         footer=page_footer(),
     )
     colours = np.rint(255 * colour_vertices(evidence.mesh, [evidence.source]).rgb).astype(np.uint8)
@@ -90,11 +93,19 @@ def _frame_data(frame: FrameEvidence) -> dict[str, object]:
     return data
 
 
-def _limits(evidence: RegistrationEvidence) -> str:
+def _colour(choice: ColourChoice | None) -> str:
+    if choice is None:
+        return ""
+    title = '<h2 id="colour-title">Frames that colour the surface</h2>'
+    lines = [*choice.lines(), "A frame colours what the case's own and those before it did not see."]
+    return f'<section id="colour" class="card" aria-labelledby="colour-title">{title}{_findings(lines)}</section>'
+
+
+def _limits(evidence: RegistrationEvidence) -> list[str]:
     record = evidence.alignment
     error = record.get("error_px")
     own = f"; it states {format_two_digits(error)} px" if isinstance(error, float) else "; it states no error"
-    lines = [
+    return [
         *([f"The video's {evidence.cut_off.removeprefix('the ')}."] if evidence.cut_off else []),
         f"All poses follow the case's own one: where that is off, all are off by as much{own}. "
         "Look at its overlay first.",
@@ -107,4 +118,7 @@ def _limits(evidence: RegistrationEvidence) -> str:
         "The standard deviations are too small under motion blur.",
         "A refused frame may well show the surface: it was not found, no more.",
     ]
+
+
+def _findings(lines: Sequence[str]) -> str:
     return '<ul class="findings">' + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"

@@ -204,6 +204,24 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
         f"{video.name}: {width}x{height} px, {_counted(len(frames), 'frame')} from {frames[0].time_s:.2f} s to "
         f"{frames[-1].time_s:.2f} s, {_counted(len({each.scene for each in frames}), 'scene')}"
     ]
+    if scores.circle is not None:
+        circle = scores.circle
+        lines.append(
+            f"circle of the view: centre {circle.u:.1f}, {circle.v:.1f}, radius {circle.radius:.1f} px; the rest "
+            "is masked"
+        )
+    lines += film_notes(scores)
+    if chosen < wanted:
+        lines.append(
+            f"note: {chosen} of {wanted} frames {'is' if chosen == 1 else 'are'} written; no others are different and "
+            "nearly as good, see scores.csv"
+        )
+    return lines
+
+
+def film_notes(scores: FilmScores) -> list[str]:
+    """What the user should know about a film before a frame of it is taken."""
+    frames, info, lines = scores.frames, scores.info, list[str]()
     if len(frames) < info.frames:
         lines.append(
             f"note: {len(frames)} of {info.frames} frames are used: the file is damaged or cut off, or the others have "
@@ -211,11 +229,12 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
         )
     elif info.cut_off:
         lines.append(f"note: {info.cut_off}")
-    if scores.circle is not None:
-        circle = scores.circle
+    elif scores.broken:
+        lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
+    if not all(each.clear_view.still for each in scores.compared):
         lines.append(
-            f"circle of the view: centre {circle.u:.1f}, {circle.v:.1f}, radius {circle.radius:.1f} px; the rest "
-            "is masked"
+            "note: the camera goes around the tissue: of what covers it, only metal and gloves are told, by their "
+            "colour; look whether blood or a hand covers a frame before you use it"
         )
     combed = float(np.mean([each.comb > COMBED for each in frames]))
     if combed > INTERLACED_SHARE:
@@ -224,15 +243,10 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
             "is chosen all the same, only the upper field is used, and half of the rows are interpolated"
         )
     best = max(each.total for each in frames)
-    if chosen and best < DOUBTFUL:
+    if best < DOUBTFUL:
         lines.append(
             f"note: the best frame scores {best:.2f} of 1: no view is shown sharply and for longer; look at it "
             "before you use it"
-        )
-    if chosen < wanted:
-        lines.append(
-            f"note: {chosen} of {wanted} frames {'is' if chosen == 1 else 'are'} written; no others are different and "
-            "nearly as good, see scores.csv"
         )
     return lines
 

@@ -61,9 +61,12 @@ class Obstruction:
 class ObstructionFinder:
     """Compares the frames of one scene with its clear view."""
 
-    def __init__(self, reference: np.ndarray, seen: np.ndarray) -> None:
-        """``reference`` ``(h, w, 3)`` float32 CIELAB, ``seen`` ``(h, w)`` bool: where it is known."""
-        self._reference, self._seen = reference, seen
+    def __init__(self, reference: np.ndarray, seen: np.ndarray, *, still: bool = True) -> None:
+        """``reference`` ``(h, w, 3)`` float32 CIELAB, ``seen`` ``(h, w)`` bool: where it is known.
+
+        Unless the camera stays ``still``, whatever moves differs: only what is colder than tissue is then found.
+        """
+        self._reference, self._seen, self._still = reference, seen, still
         kernel = np.ones((3, 3), np.uint8)
         self._low, self._high = cv2.erode(reference, kernel), cv2.dilate(reference, kernel)
         warmth = float(np.median(_warmth(reference)[seen])) if seen.any() else 0.0
@@ -112,6 +115,7 @@ class ObstructionFinder:
         beyond = np.maximum(np.maximum(self._low - lab, lab - self._high), 0)
         different = np.sqrt(np.einsum("hwc,hwc->hw", beyond, beyond))
         different[~looked_at] = 0
+        different *= self._still
         different = cv2.blur(different, (5, 5)) > DIFFERENT
         chroma = np.hypot(lab[..., 1], lab[..., 2])
         excess = lab[..., 0] - self._reference[..., 0]

@@ -1,7 +1,7 @@
 """A passage of a film: at most a minute of frames in memory, compared with the clear views of their scenes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -25,6 +25,10 @@ _ROUNDS = 3
 _BURNT_OUT_WORTH, _LEAST_WORTH = 0.1, 0.15
 """Of an overexposed frame as a sample, and of any sample relative to the best."""
 
+CLEAREST, MOST_DIFFERENT = 0.25, 0.01
+"""If all but this share of a scene's frames differ from its clear view over more than that share of it, the camera goes
+around the tissue, and no one view is what all frames show."""
+
 _LEAST_CELL = 0.3
 """Share of a cell that must be inside the view."""
 
@@ -39,14 +43,17 @@ class SceneView:
         ``(h, w, 3)`` CIELAB, float16.
     seen
         ``(h, w)`` bool: where it is known.
+    still
+        Whether the clearest frames look like it.
     """
 
     reference: np.ndarray
     seen: np.ndarray
+    still: bool = True
 
     def finder(self) -> ObstructionFinder:
         """Finds what stands in front of it."""
-        return ObstructionFinder(self.reference.astype(np.float32), self.seen)
+        return ObstructionFinder(self.reference.astype(np.float32), self.seen, still=self.still)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,16 +145,15 @@ class PassageComparison:
             reference, seen = self._clear_view([frames[k] for k in chosen], [placements[k] for k in chosen],
                                                gains[chosen], earlier)  # fmt: skip
             view = SceneView(reference.astype(np.float16), seen)
-            finder = view.finder()
-            found = [
-                finder.find(*registered(frame.view, placement, self.inside), gain)
-                for frame, placement, gain in zip(frames, placements, gains, strict=True)
-            ]
+            found = self._found(view, frames, placements, gains)
             now = np.array([each.share + each.glare_share for each in found])
             settled = np.abs(now - obstructed).max() < 0.01
             obstructed, gains = now, np.array([each.gain for each in found])
             if settled:
                 break
+        if np.quantile([each.share for each in found], CLEAREST) > MOST_DIFFERENT:
+            view = replace(view, still=False)
+            found = self._found(view, frames, placements, gains)
         self.known.pop(scene, None)
         self.known[scene] = view
         covered = np.stack([
@@ -159,6 +165,16 @@ class PassageComparison:
                 scene, float(sharp[k]), level, found[k].share, found[k].glare_share, found[k].gain, placements[k], view
             )
             for k in range(len(frames))
+        ]
+
+    def _found(
+        self, view: SceneView, frames: Sequence[FrameMeasures], placements: Sequence[Placement], gains: np.ndarray
+    ) -> list[Obstruction]:
+        """What stands in front of a scene's clear view in each frame."""
+        finder = view.finder()
+        return [
+            finder.find(*registered(frame.view, placement, self.inside), gain)
+            for frame, placement, gain in zip(frames, placements, gains, strict=True)
         ]
 
     def _clear_view(

@@ -99,9 +99,9 @@ def test_a_new_surface_shows_its_shape(addon, write_tiny_case, tmp_path):
         ):
             bpy.ops.oneframe.project_colour(mode="vertex")
             shading = area.spaces.active.shading
-            assert (shading.light, shading.color_type) == ("FLAT", "VERTEX")
+            assert (shading.light, shading.color_type, shading.show_cavity) == ("FLAT", "VERTEX", False)
             again()
-            assert (shading.light, shading.color_type) == ("STUDIO", "OBJECT")
+            assert (shading.light, shading.color_type, shading.show_cavity) == ("STUDIO", "OBJECT", True)
 
 
 def test_the_first_orbit_turns_about_the_surface(addon, write_tiny_case, tmp_path):

@@ -1,6 +1,7 @@
 """One posterior from landmarks, image and priors: laws of the fusion, coverage of the truth, and the next click."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ import pytest
 from oneframe.alignment.landmarks.align_landmarks import align_landmarks
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose
 from oneframe.alignment.pose_uncertainty import PoseMode, PoseUncertainty
+from oneframe.alignment.posterior.corners import CORNER_PX, WIDTH_PX, corners_in_view
 from oneframe.alignment.posterior.evidence import PoseEvidence, fused, joint_dof, view_prior
 from oneframe.alignment.posterior.next_click import gains_px2, next_click
 from oneframe.alignment.posterior.pulls import pulls_px
 from oneframe.alignment.posterior.solve import pose_posterior
 from oneframe.alignment.reprojection import apply_twist, jacobian_at, twist_between
 from oneframe.case.landmarks import Landmark
+from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from scripts.benchmarks.alignment.landmark_trials import MICROSCOPE, box_trial
 
@@ -28,6 +31,17 @@ def image_evidence(rng, pose, *, true_dof=np.inf, deviations=DEVIATIONS):
     scale = rng.chisquare(true_dof) / true_dof if np.isfinite(true_dof) else 1.0
     stated = PoseUncertainty(np.zeros(3), scale * root @ root.T, true_dof, np.nan, 10.0, pose[:3, 3])
     return PoseEvidence("image", apply_twist(root @ rng.normal(size=6), pose, np.zeros(3)), stated)
+
+
+def height_field(height):
+    """A square sheet, its vertices 1 mm apart, with its middle in the origin."""
+    rows, columns = height.shape
+    y, x = np.mgrid[:rows, :columns]
+    vertices = np.stack([x - columns // 2, y - rows // 2, height], axis=-1).reshape(-1, 3).astype(float)
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    a, b, c, d = corner, corner + 1, corner + columns + 1, corner + columns
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return TriangleMesh(vertices, faces.astype(np.int32))
 
 
 def as_landmarks(trial, chosen=slice(None)):
@@ -195,3 +209,27 @@ def test_the_next_click_lowers_the_variance_of_the_surface_most():
     seen = [MICROSCOPE.project(transform_points(pose, points)) for pose in (found.cam_from_model, turned)]
     apart_px = np.linalg.norm(seen[0] - seen[1], axis=1)
     assert apart_px[chosen] > np.quantile(apart_px, 0.9)
+
+
+def test_the_marked_corners_of_a_box_are_its_own():
+    """From all around: each place is at another corner, and at least four of the seven in sight are found."""
+    corners = np.array(list(product((-15.0, 15.0), (-10.0, 10.0), (-8.0, 8.0))))
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    box = TriangleMesh(corners, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]).astype(np.int32))
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        pose = rigid(rotation_from_vector(rng.normal(size=3)), np.array([*rng.normal(size=2), 900.0]))
+        seen = MICROSCOPE.project(transform_points(pose, corners_in_view(box, MICROSCOPE, pose)))
+        wanted = MICROSCOPE.project(transform_points(pose, corners))
+        distance_px = np.linalg.norm(seen[:, None] - wanted, axis=2)
+        assert distance_px.min(axis=1).max() < CORNER_PX * MICROSCOPE.width / WIDTH_PX
+        assert len(set(distance_px.argmin(axis=1))) == len(seen) >= 4
+
+
+def test_where_a_surface_is_cut_off_no_corner_is_marked():
+    height = 6 * np.exp(-(np.mgrid[-20:21, -20:21] ** 2).max(axis=0) / 30.0)
+    sheet = height_field(height)
+    pose = rigid(rotation_from_vector(np.array([0.3, 0.2, 0.1])), np.array([0.0, 0.0, 900.0]))
+    found = corners_in_view(sheet, MICROSCOPE, pose)
+    assert len(found) > 0
+    assert np.abs(found[:, :2]).max() < 18

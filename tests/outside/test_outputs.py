@@ -276,6 +276,26 @@ def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_pa
     assert not list(out.rglob(".partial-*"))
 
 
+@pytest.mark.render
+def test_temporary_files_of_a_killed_command_go_with_the_next_one(case, tmp_path, run_command):
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    line = [*PROGRAM, "render", str(case), "--out", str(tmp_path / "out"), "--count", "5000", "--workers", "1"]
+    process = subprocess.Popen(
+        line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ | {"TMPDIR": str(temporary)}
+    )
+    process.stdout.readline()
+    (left,) = temporary.iterdir()
+    another = [*PROGRAM, "check", str(tmp_path)]
+    run_command(another, TMPDIR=str(temporary))
+    assert left.exists(), "of a command that still runs"
+    process.kill()
+    process.communicate()
+    (temporary / "oneframe-mine").mkdir()
+    run_command(another, TMPDIR=str(temporary))
+    assert [path.name for path in temporary.iterdir()] == ["oneframe-mine"]
+
+
 # --- the add-on -----------------------------------------------------------------------------------------------------
 
 

@@ -23,7 +23,6 @@ from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.registration.colour_sources import hidden_blocks, shown_pixels
 from oneframe.registration.evidence import frame_evidence
 from oneframe.registration.film_change import FilmAgreement, FilmChange
 from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
@@ -231,16 +230,6 @@ def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
     assert evidence.opacity == pytest.approx(found.verdict.probability * (1 - 2 * evidence.image_px / 5))
     unsure = replace(evidence, verdict=replace(found.verdict, state=DOUBTFUL))
     assert 0 < unsure.opacity < replace(evidence, image_px=np.float64(9)).opacity < evidence.opacity
-
-
-def test_what_covers_the_surface_gives_no_colour(registrar, mesh):
-    image = photograph(mesh, seen_from(15, 10))
-    image[90:180, 120:] = 0.6
-    fit = registrar.register(codes(image), everywhere()).fit
-    shown = shown_pixels(hidden_blocks(fit), CAMERA, (640, 480))
-    assert shown[190:350, 260:].mean() < 0.05
-    assert shown[:150].mean() > 0.9
-    assert shown[:, :200].mean() > 0.9
 
 
 def test_a_film_says_where_the_surface_changes(registrar, mesh):

@@ -8,6 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.vertex_colours import VertexColours
+from oneframe.images.pixel_values import to_uint8
+from oneframe.sample.film import disturbance, disturbed, film_poses
+from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 from oneframe.video import frame_scores
 from oneframe.video.film_reader import FilmFrame, FilmInfo
 from oneframe.video.frame_folder import report_lines
@@ -94,6 +99,25 @@ def test_what_is_reported_is_what_happened(short_film):
     assert of("glare", "glare").min() > 0.005
     assert of("blur", "sharpness").max() < 0.6
     assert of("dark", "exposure").max() < -0.5
+
+
+def test_a_camera_that_goes_around_the_tissue_covers_nothing(rng):
+    """Rendered without light along the sample film's poses, and then disturbed as that film."""
+    mesh, camera = sample_surface(spacing_mm=0.8).bone, MICROSCOPE.resized(320, 240)
+    waves = rng.normal(size=(60, 3))
+    paint = np.cos(mesh.vertices @ waves.T + rng.uniform(0, 2 * np.pi, 60)).sum(axis=1) / 8
+    rgb = np.clip(np.array([0.8, 0.65, 0.5]) * (1 + 0.3 * np.minimum(paint, 0.6)[:, None]), 0, 1).astype(np.float32)
+    everywhere = np.ones(len(rgb), bool)
+    tracer = RayTracer(mesh, camera, VertexColours(rgb, everywhere, everywhere), unseen=rgb)
+    scores = score_images(
+        disturbed(to_uint8(tracer.render(pose).rgb), number) for number, pose in enumerate(film_poses())
+    )
+    kinds = np.array([disturbance(number) for number in range(len(scores))])
+    covered, total = (np.array([getattr(each, name) for each in scores]) for name in ("obstructed", "total"))
+    # the area under the curve: how often a pair is in the right order
+    assert (covered[kinds == "instrument"][:, None] > covered[kinds == ""]).mean() > 0.95
+    assert (total[kinds == ""][:, None] > total[(kinds == "instrument") | (kinds == "glare")]).mean() > 0.95
+    assert np.median(covered[kinds == ""]) < 0.001
 
 
 @pytest.mark.parametrize("kind", ["dark", "hand", "glare"])

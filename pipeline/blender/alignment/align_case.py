@@ -15,6 +15,7 @@ from ...alignment.landmarks.degeneracy import FEWEST_CORRESPONDENCES, Undetermin
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
 from ...alignment.pose_uncertainty import PoseMode
+from ...alignment.posterior.corners import corners_in_view
 from ...alignment.posterior.evidence import PoseEvidence
 from ...alignment.posterior.next_click import next_click, rough_mode, visible_points
 from ...alignment.posterior.report import image_table, joined_record
@@ -170,9 +171,13 @@ def propose_case(case: Case, take: int, *, tool: str, date: str) -> tuple[Aligne
 
 
 def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:
-    """Where the next landmark gains most, in a sentence; empty where the frame shows nothing of the surface."""
+    """The corner at which the next landmark gains most, in a sentence; empty where the frame shows no surface."""
     case, mesh_from_model = loaded.case, loaded.surface.mesh_from_model
-    points = visible_points(loaded.surface.mesh, case.camera, loaded.frame.cam_from_model)
+    seen = loaded.surface.mesh, case.camera, loaded.frame.cam_from_model
+    points = corners_in_view(*seen)
+    if not len(points):
+        # a surface without corners still has a place that gains most
+        points = visible_points(*seen)
     if not len(points):
         return ""
     points = transform_points(mesh_from_model, points)

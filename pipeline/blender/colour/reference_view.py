@@ -14,7 +14,6 @@ import numpy as np
 from ...case.loaded_case import LoadedCase
 from ...colour.exposure import matched_exposures
 from ...colour.fill import filled_colours
-from ...colour.highlights import without_highlights
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
 from ...colour.source_view import SourceView
@@ -158,7 +157,7 @@ def _view_of(
     pixel = np.array([[u[central], v[central]]], float)
     pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
     pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
-    return ReferenceView(mesh, without_highlights(matched_exposures(views)), pivot_model, tuple(messages), raster)
+    return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(messages), raster)
 
 
 def colours_of(source: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:

@@ -6,7 +6,7 @@ photograph are in memory.
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +15,7 @@ from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...colour.ray_tracer import RayTracer
 from ...dataset.options import DatasetOptions
+from ...evaluation.finished_scores import BOUND, FinishedScores
 from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
 from ...evaluation.scores.distribution_distance import (
     FEWEST_IMAGES,
@@ -110,8 +111,12 @@ class Settings:
 
 @dataclass
 class Findings:
-    """What was found so far; ``features`` are those of photographs and views by case and method."""
+    """What was found so far; ``features`` are those of photographs and views by case and method.
 
+    ``finished`` has the scores of views, of an interrupted evaluation too.
+    """
+
+    finished: FinishedScores
     rows: list[Row] = field(default_factory=list)
     features: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     bound: dict[str, list[tuple[str, dict[str, float]]]] = field(default_factory=dict)
@@ -140,7 +145,13 @@ def steps_px(case: EvaluationCase, methods: int) -> list[int]:
 
 
 def evaluate_case(
-    case: EvaluationCase, settings: Settings, findings: Findings, *, novel: int, advance: Callable[[], None]
+    case: EvaluationCase,
+    settings: Settings,
+    findings: Findings,
+    *,
+    novel: int,
+    pictured: Collection[int],
+    advance: Callable[[], None],
 ) -> Iterator[View]:
     """Evaluate one case and add the results to ``findings``.
 
@@ -150,12 +161,14 @@ def evaluate_case(
         What, how, and where to put it.
     novel
         Number of novel poses at which the compared methods are shown.
+    pictured
+        Numbers of photographs whose views are rendered even if their scores are finished.
     advance
         Called after each step.
 
     Yields
     ------
-    The views, in the order of the photographs for each method, and then its views of novel poses.
+    The views that are rendered, in the order of the photographs for each method, then its views of novel poses.
 
     Raises
     ------
@@ -168,42 +181,58 @@ def evaluate_case(
     novel_poses = _novel_poses(case, source, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses
+    numbers, finished = range(len(case.photographs)), findings.finished
     real_features: dict[int, np.ndarray] = {}
     for method in settings.methods:
-        rows, features = [], {}
+        keys = [(case.name, method.name, number) for number in numbers]
+        known = [number for number in numbers if keys[number] in finished]
+        # the first view that there is stands for the case in the figure
+        again = {*pictured, *[number for number in known if _shows_surface(finished.scores(keys[number]))][:1]}
+        rendered = [number for number in numbers if number in again or number not in known]
+        for _ in known:
+            advance()
         with opened(method, source, case.loaded.frame.camera, poses) as render:
             findings.preparation_seconds += time.perf_counter() - began
-            for shown in _shown_surfaces(case, trace):
-                scores = dict.fromkeys(SCORES, float("nan"))
-                if shown.surface.any():
-                    view = View(case, shown.number, method, render(poses[shown.number]), shown)
-                    scores = scores_of(shown.real, view.rendered, shown.surface, shown.observed)
+            for shown in _shown_surfaces(case, trace, rendered):
+                key, both = keys[shown.number], None
+                if not shown.surface.any():
+                    if key not in finished:
+                        finished.add(key, dict.fromkeys(SCORES, float("nan")))
+                        advance()
+                    continue
+                view = View(case, shown.number, method, render(poses[shown.number]), shown)
+                if key not in finished:
                     if settings.inception is not None:
-                        features[shown.number] = _features(settings.inception, view.rendered, shown)
                         if shown.number not in real_features:
                             real_features[shown.number] = _features(settings.inception, shown.real, shown)
-                    yield view
-                elif method == settings.methods[0]:
-                    findings.without_overlap.append((case.name, case.images[shown.number]))
-                rows.append(Row(case.name, case.images[shown.number], method.name, scores))
-                advance()
+                        both = real_features[shown.number], _features(settings.inception, view.rendered, shown)
+                    finished.add(key, scores_of(shown.real, view.rendered, shown.surface, shown.observed), both)
+                    advance()
+                yield view
             if method in settings.compared:
                 for number, pose in enumerate(novel_poses):
                     yield View(case, number, method, render(pose))
         began = time.perf_counter()
+        rows = [Row(case.name, case.images[number], method.name, finished.scores(keys[number])) for number in numbers]
         findings.rows += rows
+        features = [both for key in keys if (both := finished.features(key)) is not None]
         if features:
-            findings.features[case.name, method.name] = (
-                np.stack([real_features[number] for number in features]),
-                np.stack(list(features.values())),
-            )
+            real, views = (np.stack(each) for each in zip(*features, strict=True))
+            findings.features[case.name, method.name] = real, views
         if method == settings.methods[0]:
             leading = rows
-    _add_bound(case, _shown_surfaces(case, trace), leading, settings, findings, advance)
+            nothing = (row.image for row in rows if not _shows_surface(row.scores))
+            findings.without_overlap += [(case.name, image) for image in nothing]
+    _add_bound(case, trace, leading, settings, findings, advance)
 
 
-def _shown_surfaces(case: EvaluationCase, trace: Render) -> Iterator[ShownSurface]:
-    for number, photograph in enumerate(case.photographs):
+def _shows_surface(scores: Mapping[str, float]) -> bool:
+    return not np.isnan(scores["ssim_whole"])
+
+
+def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int]) -> Iterator[ShownSurface]:
+    for number in numbers:
+        photograph = case.photographs[number]
         frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=case.loaded.case.path.name)
         view = trace(frame.cam_from_model)
         depth_mm = np.where(frame.valid, view.depth_mm, np.float32(0))
@@ -231,7 +260,7 @@ def _features(inception: Inception, image: np.ndarray, shown: ShownSurface) -> n
 
 def _add_bound(
     case: EvaluationCase,
-    surfaces: Iterable[ShownSurface],
+    trace: Render,
     leading: Sequence[Row],
     settings: Settings,
     findings: Findings,
@@ -244,17 +273,22 @@ def _add_bound(
         jitter = float(np.median(measured)) if measured else 0.0
     findings.jitter_px[case.name] = jitter
     reached = findings.bound.setdefault(case.name, [])
-    for shown in surfaces:
-        if shown.surface.any():
-            scores = leading[shown.number].scores
-            gain = np.array([scores[f"gain_{name}"] for name in ("red", "green", "blue")])
-            gain = np.where(np.isfinite(gain), gain, 1.0)
-            rngs = [np.random.default_rng([settings.seed, shown.number, draw]) for draw in range(JITTERS)]
-            views = perfect_views(shown.real, shown.depth_mm, case.loaded.frame.camera, gain, jitter, rngs)
-            draws = [scores_of(shown.real, view, shown.surface, shown.observed) for view in views]
-            means = {score: float(np.mean([each[score] for each in draws])) for score in SCORES}
-            reached.append((case.images[shown.number], means))
+    keys = [(case.name, BOUND, number) for number in range(len(case.photographs))]
+    seen = [number for number in range(len(keys)) if _shows_surface(leading[number].scores)]
+    rest = [number for number in seen if keys[number] not in findings.finished]
+    for _ in range(len(keys) - len(rest)):
         advance()
+    for shown in _shown_surfaces(case, trace, rest):
+        scores = leading[shown.number].scores
+        gain = np.array([scores[f"gain_{name}"] for name in ("red", "green", "blue")])
+        gain = np.where(np.isfinite(gain), gain, 1.0)
+        rngs = [np.random.default_rng([settings.seed, shown.number, draw]) for draw in range(JITTERS)]
+        views = perfect_views(shown.real, shown.depth_mm, case.loaded.frame.camera, gain, jitter, rngs)
+        draws = [scores_of(shown.real, view, shown.surface, shown.observed) for view in views]
+        means = {score: float(np.mean([each[score] for each in draws])) for score in SCORES}
+        findings.finished.add(keys[shown.number], means)
+        advance()
+    reached += [(case.images[number], findings.finished.scores(keys[number])) for number in seen]
 
 
 def bounds(findings: Findings, cases: Sequence[EvaluatedCase], rng: np.random.Generator) -> Iterator[Bound]:

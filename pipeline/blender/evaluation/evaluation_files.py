@@ -15,6 +15,7 @@ from ...charts.evaluation_chart import evaluation_charts
 from ...charts.page import chart_outputs
 from ...errors import InputError
 from ...evaluation.conditions import Conditions, current_conditions, write_table
+from ...evaluation.finished_scores import FinishedScores, identity_of
 from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
 from ...evaluation.record.evaluation_record import (
     EVALUATION,
@@ -111,13 +112,19 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
     check_outputs(outputs, read)
 
 
-def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tuple[Evaluation, list[str]]:
+def write_evaluation(
+    run: EvaluationRun, inputs: Mapping[str, Path], reach: Callable[[float], None]
+) -> tuple[Evaluation, list[str]]:
     """Evaluate all cases and write the folder; pictures as they are made, the record last.
+
+    What a killed run of the same has scored is taken from its folder, see :mod:`oneframe.evaluation.finished_scores`.
 
     Parameters
     ----------
     run
         Checked by :func:`check_evaluation`.
+    inputs
+        All files that were read but the photographs.
     reach
         Gets the share of the work, 0..1, that is finished.
 
@@ -132,7 +139,11 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     RunError
         A file cannot be written.
     """
-    began, findings, gallery = time.perf_counter(), Findings(), _Gallery(run)
+    began, gallery, conditions = time.perf_counter(), _Gallery(run), _conditions(run)
+    images = [photograph.image for case in run.cases for photograph in case.photographs]
+    known = {"versions": conditions.versions, "machine": conditions.machine, "configuration": conditions.configuration}
+    finished = FinishedScores(made_folder(run.out / EVALUATION).parent, identity_of(known, [*inputs.values(), *images]))
+    findings = Findings(finished)
     # what a step takes depends on the size of the photograph
     steps = [steps_px(case, len(run.settings.methods)) for case in run.cases]
     shares = itertools.accumulate(itertools.chain.from_iterable(steps))
@@ -143,7 +154,8 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
 
     for place, case in enumerate(run.cases):
         novel = NOVEL_POSES if len(run.cases) == 1 else PAIR_COLUMNS if place < PAIR_ROWS else 0
-        for view in evaluate_case(case, run.settings, findings, novel=novel, advance=advance):
+        pictured = gallery.pictured(case)
+        for view in evaluate_case(case, run.settings, findings, novel=novel, pictured=pictured, advance=advance):
             gallery.add(view)
     if all(np.isnan(row.scores["ssim_whole"]) for row in findings.rows):
         raise InputError("photographs: expected views of a surface, none of them shows any; check the poses")
@@ -151,7 +163,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     surfaces = {case.loaded.case.mesh: case.name for case in reversed(run.cases)}
     cases = tuple(EvaluatedCase(case.name, case.images, surfaces[case.loaded.case.mesh]) for case in run.cases)
     evaluation = Evaluation(
-        conditions=_conditions(run),
+        conditions=conditions,
         cases=cases,
         methods=(
             *(EvaluatedMethod(method.name, method.peer) for method in run.settings.methods),
@@ -177,6 +189,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     ):
         with writing(run.out / name):
             write_bytes_atomically(run.out / name, data)
+    finished.remove()
     return evaluation, notes
 
 
@@ -277,6 +290,11 @@ class _Gallery:
                 lines.append((label, list(itertools.chain.from_iterable(chunk))))
         if lines:
             self._write(PAIRS, labelled_grid(lines, engines * PAIR_COLUMNS))
+
+    def pictured(self, case: EvaluationCase) -> set[int]:
+        """Numbers of a case's photographs of which a picture is shown; of several cases, the first view is, too."""
+        columns = shown_numbers(len(case.images), MOST_COLUMNS) if len(self.run.cases) == 1 else ()
+        return {number for name, number in self._stems if name == case.name}.union(columns)
 
     def _has_column(self, view: View) -> bool:
         """Whether the figure shows a view: of several cases the first photograph that shows the surface."""

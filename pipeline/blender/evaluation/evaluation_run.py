@@ -74,7 +74,7 @@ def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: Te
     for method, reason in run.skipped.items():
         yield f"{method.name}: skipped, {reason}"
     with ShareProgress("of the evaluation", stream=stream) as progress:
-        evaluation, notes = write_evaluation(run, progress.reach)
+        evaluation, notes = write_evaluation(run, inputs, progress.reach)
     case = ALL if len(run.cases) > 1 else run.cases[0].name
     for ran in evaluation.ran:
         means = [evaluation.mean(case, ran.name, f"ssim_{part}") for part in ("whole", "surface", "observed")]

@@ -22,7 +22,7 @@ from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
-from ...registration.colour_sources import Candidate, candidate_of, chosen_sources
+from ...registration.colour_sources import Candidates, chosen_sources
 from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from ...registration.film_change import FilmAgreement
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
@@ -101,7 +101,7 @@ def register_case(
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
     registered, images, tiles = list[RegisteredFrame](), list[str](), dict[int, np.ndarray]()
-    evidence, candidates = list[FrameEvidence](), list[Candidate]()
+    evidence, candidates = list[FrameEvidence](), Candidates()
     agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
     surface, units = loaded.surface, loaded.case.mm_per_unit
     steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
@@ -114,8 +114,8 @@ def register_case(
             registered.append(replace(found, fit=None))
             if found.fit is not None and found.verdict.state == ACCEPTED and not source.is_dir():
                 agreement.add(frame.number, found.fit)
-            candidate = candidate_of(frame.number, frame.image, found) if colour_frames else None
-            candidates += [] if candidate is None else [candidate]
+            if colour_frames:
+                candidates.add(frame.number, frame.image, frame.valid, found)
             picture = None
             in_sheet = done % shown_every == 0
             changed = spare > 0 and (not evidence or evidence[-1].verdict.state != found.verdict.state)
@@ -137,7 +137,7 @@ def register_case(
     change = agreement.change()
     accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED}
     accepted -= set() if change is None else {number for number in accepted if number >= change.since}
-    candidates = [each for each in candidates if each.number in accepted]
+    colouring = [each for each in candidates.frames if each.number in accepted]
     entries = [
         pose_entry(image, each.number, found, surface.mesh_from_model, units)
         for image, each, found in zip(images, evidence, registered, strict=True)
@@ -165,12 +165,9 @@ def register_case(
             progress(int((1 + share) * count), 2 * count)
 
         cut_off = _write_film(loaded, source, out / FILM, evidence, every, drawn_film)
-    sources: tuple[UnreadFrame, ...] = ()
-    if candidates:
-        mesh, camera, first = registrar.mesh, registrar.camera, registrar.cam_from_model
-        chosen = chosen_sources(mesh, camera, first, candidates, colour_frames)
-        listed = {each.number: each for each in candidates if each.number in chosen}
-        sources = tuple(registrar.full_frames(source, out, listed, surface.mesh_from_model, denoise=denoise))
+    choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
+    chosen = [] if choice is None else [each.candidate for each in choice.frames]
+    sources = registrar.full_frames(source, out, chosen, surface.mesh_from_model, denoise=denoise)
     known = RegistrationEvidence(
         tuple(evidence),
         registrar.mesh,
@@ -179,6 +176,7 @@ def register_case(
         loaded.case.alignment or {},
         is_film=not source.is_dir(),
         change=change,
+        colour=choice,
         cut_off=cut_off,
     )
     return Registration(known, sources)

@@ -1,6 +1,6 @@
 """Register the frames of a folder or a video to a case, one after the other."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from ...files.content import content_named, write_bytes_atomically
 from ...files.outputs import writing
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
-from ...registration.colour_sources import Candidate, shown_pixels
+from ...registration.colour_sources import Candidate
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
 from ...registration.source_uncertainty import doubt_of_source, with_case
@@ -150,21 +150,21 @@ class CaseRegistrar:
         self,
         source: Path,
         out: Path,
-        chosen: Mapping[int, Candidate],
+        chosen: Sequence[Candidate],
         mesh_from_model: np.ndarray,
         *,
         denoise: bool = False,
-    ) -> Iterator[UnreadFrame]:
-        """Write registered frames at full size into a folder, clear where something hides the surface, for a case.
+    ) -> tuple[UnreadFrame, ...]:
+        """Write registered frames at full size into a folder, for a case, in their order.
 
         Raises
         ------
         RunError
             An image cannot be written.
         """
-        for number, image in self._full_images(source, chosen):
-            candidate, size_wh = chosen[number], (image.shape[1], image.shape[0])
-            shown = shown_pixels(candidate.hidden, self.camera, size_wh)
+        poses, written = {each.number: each.cam_from_model for each in chosen}, dict[int, UnreadFrame]()
+        for number, image, shown in self._full_images(source, poses):
+            size_wh = image.shape[1], image.shape[0]
             clean = denoised(image, shown)[0] if denoise else None
             image = image if clean is None else clean
             data = encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)]))
@@ -173,17 +173,23 @@ class CaseRegistrar:
             with writing(path):
                 write_bytes_atomically(path, data)
             own = self._case.camera.for_images(size_wh, source.name)
-            pose = candidate.cam_from_model @ inverse_rigid(mesh_from_model)
-            yield UnreadFrame(path, own, self._case.distortion, pose)
+            pose = poses[number] @ inverse_rigid(mesh_from_model)
+            written[number] = UnreadFrame(path, own, self._case.distortion, pose)
+        return tuple(written[number] for number in poses)
 
-    def _full_images(self, source: Path, numbers: Collection[int]) -> Iterator[tuple[int, np.ndarray]]:
+    def _full_images(self, source: Path, numbers: Collection[int]) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+        if not numbers:
+            return
         if source.is_dir():
             paths = image_paths(source)
             for number in sorted(numbers):
-                yield number, to_uint8(read_image(paths[number], paths[number].name)[0])
+                image, valid = read_image(paths[number], paths[number].name)
+                yield number, to_uint8(image), valid
             return
         with Film(source, width=self._case.camera.width) as film:
-            yield from ((each.index, each.image) for each in film if each.index in numbers)
+            for each in film:
+                if each.index in numbers:
+                    yield each.index, each.image, np.ones(each.image.shape[:2], bool)
 
     def _of_film(self, film: Film, every: int) -> Iterator[FurtherFrame]:
         due = 0

@@ -1,7 +1,6 @@
 """Surface colour as emission: the three colour modes as shader nodes, each with its observed flag.
 
-Of several frames, the surface shows the colour of the best one: of those whose flag is 1, the one of the highest
-resolution on the face (:mod:`oneframe.colour.best_view`).
+Of several frames, the surface shows the colour of the first one whose flag is 1.
 
 All modes compute two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface emits the
 colour, or that of unseen surface where the flag is 0; the flag goes to the pass :data:`OBSERVED_PASS`. There is no
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...colour.shading import SurfaceColour, source_of
+from ...colour.shading import SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import COVERED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
@@ -34,7 +33,6 @@ COLOUR_ATTRIBUTE = "frame_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
-RESOLUTION_ATTRIBUTE = "frame_resolution"
 OBSERVED_LEAST = 0.9999
 """If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
 NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
@@ -61,8 +59,8 @@ def assign_colour(
     mesh_object, mesh
         The surface as a Blender object and as a mesh (model frame).
     colours
-        Those from each frame, of which the best is shown. None makes it plain neutral, for geometry alone; the observed
-        flag is then 1 on front sides.
+        Those from each frame, of which the first that saw a point is shown. None makes it plain neutral, for geometry
+        alone; the observed flag is then 1 on front sides.
     unseen
         ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
     filtered
@@ -80,21 +78,15 @@ def assign_colour(
         own_rgb, own_flag, addition = frame.colour(colour)
         own_flag = nodes.math("GREATER_THAN", own_flag, backfacing)
         own_passed = own_flag if addition is None else nodes.math("MULTIPLY_ADD", own_flag, addition, own_flag)
-        if len(colours) == 1:
-            rgb, flag, passed = own_rgb, own_flag, own_passed
-            break
-        # positive wherever a frame saw something
-        own_resolution = nodes.math("MULTIPLY", own_flag, frame.resolution(colour))
         if rgb is None:
-            rgb, passed, resolution, source = own_rgb, own_passed, own_resolution, own_flag
+            rgb, flag, passed, source = own_rgb, own_flag, own_passed, own_flag
             continue
-        better = nodes.math("GREATER_THAN", own_resolution, resolution)
-        rgb = nodes.mixed(better, rgb, own_rgb)
-        passed = nodes.chosen(better, passed, own_passed)
-        source = nodes.chosen(better, source, number + 1.0)
-        resolution = nodes.math("MAXIMUM", own_resolution, resolution)
+        new = nodes.math("GREATER_THAN", own_flag, flag)
+        rgb = nodes.mixed(new, rgb, own_rgb)
+        passed = nodes.chosen(new, passed, own_passed)
+        source = nodes.chosen(new, source, number + 1.0)
+        flag = nodes.math("MAXIMUM", flag, own_flag)
     if len(colours) > 1:
-        flag = nodes.math("GREATER_THAN", resolution, 0.0)
         output = nodes.add("ShaderNodeOutputAOV", aov_name=SOURCE_PASS)
         nodes.link(source, output.inputs["Value"])
     observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
@@ -133,15 +125,6 @@ class _Frame:
                 return self._texture(colour)
             case SourceView():
                 return self._projection(colour, filtered=self.filtered)
-
-    def resolution(self, colour: SurfaceColour) -> bpy.types.NodeSocket:
-        """Of the frame on the face; all are equal where nobody knows where a colour comes from."""
-        source, values = source_of(colour), np.ones(len(self.mesh.faces))
-        if source is not None:
-            values = source.resolution(self.mesh.face_centres, self.mesh.face_normals)
-        vector = self._corner_vectors(RESOLUTION_ATTRIBUTE, np.broadcast_to(values[:, None, None], (len(values), 3, 3)))
-        separate = self.nodes.add("ShaderNodeSeparateXYZ", {0: vector})
-        return separate.outputs["X"]
 
     def _corner_vectors(self, name: str, vectors: np.ndarray) -> bpy.types.NodeSocket:
         name = f"{name} {self.number}"

@@ -50,6 +50,8 @@ LATEX_SCORES = {
 SPECIAL = {letter: f"\\{letter}" for letter in "&%_#${}"}
 SPECIAL |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}"}
 
+FILLED, MOST_OBSERVED = ", fill, ", 0.98
+"""In the name of a method, and the share of the surface that is as good as all."""
 CLEARLY_BLURRED = 0.8
 """Sharpness relative to that of the method it is compared with, below which a view counts as blurred."""
 RANKED = {
@@ -201,7 +203,26 @@ def evaluation_notes(evaluation: Evaluation, without_overlap: Sequence[tuple[str
             f"It took {took:.0f} s; {prepared:.0f} s of them prepared surfaces and methods before a first view."
         )
     notes += [f"{case}: {image} shows nothing of the surface and has no scores." for case, image in without_overlap]
-    return [*notes, *where_peers_lead(evaluation)]
+    return [*notes, *which_unseen(evaluation), *where_peers_lead(evaluation)]
+
+
+def which_unseen(evaluation: Evaluation) -> Iterator[str]:
+    """Which ``--unseen`` serves which aim, where the frame did not see all of the surface in view."""
+    case = ALL if len(evaluation.cases) > 1 else evaluation.cases[0].name
+    neutral = next((method.name for method in evaluation.ran if not (method.peer or FILLED in method.name)), None)
+    if neutral is None:
+        return
+    surface, observed = (evaluation.mean(case, neutral, name).mean for name in ("surface_px", "observed_px"))
+    if not observed < MOST_OBSERVED * surface:
+        return
+    head, _, engine = neutral.rpartition(", ")
+    found = [evaluation.mean(case, name, "ssim_surface") for name in (f"{head}{FILLED}{engine}", neutral)]
+    figures = f" (SSIM {found[0].mean:.3f} against {found[1].mean:.3f})" if found[0].n and found[1].n else ""
+    yield (
+        f"The frame saw {observed / surface:.0%} of the surface in view. Where all of it is to look like photographs, "
+        f"render with --unseen fill{figures}. --unseen neutral paints nothing that the frame did not show: its grey "
+        "counts as wrong on the whole surface, so judge it by the observed one."
+    )
 
 
 def where_peers_lead(evaluation: Evaluation) -> Iterator[str]:
@@ -234,9 +255,10 @@ def _cause(evaluation: Evaluation, case: str, leader: str, best: str, score: str
     surface, observed = (evaluation.mean(case, best, name).mean for name in ("surface_px", "observed_px"))
     if score != "ssim_observed" and surface > 0:
         seen = observed / surface
+        ours = "continue its colours over the rest" if FILLED in best else "show the rest in grey"
         parts.append(
-            f"the frame saw {seen:.0%} of the surface in view: we show the rest in grey, the other paints it too, with "
-            "colours of whatever lies in front of it"
+            f"the frame saw {seen:.0%} of the surface in view: we {ours}, the other paints it too, with colours of "
+            "whatever lies in front of it"
         )
     sharpness = [evaluation.mean(case, method, "sharpness").mean for method in (leader, best)]
     if sharpness[0] < CLEARLY_BLURRED * sharpness[1]:

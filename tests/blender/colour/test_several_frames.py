@@ -1,4 +1,4 @@
-"""Several frames colour the surface: a point has the colour from the frame that shows it best, of those that saw it."""
+"""Several frames colour the surface: a point has the colour from the first of them that saw it."""
 
 import io
 import json
@@ -20,10 +20,9 @@ from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.projection.edge_pixels import edge_pixels
-from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.reader import open_dataset
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
-from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
+from oneframe.transforms import rigid, rotation_from_vector
 
 pytestmark = pytest.mark.render
 CAMERA = MICROSCOPE.resized(192, 108)
@@ -46,7 +45,7 @@ def loaded(tmp_path_factory):
     ("engine", "mode", "samples"),
     [("raster", "projective", 1), ("raster", "texture", 4), ("raster", "vertex", 1), ("cycles", "projective", 4)],
 )
-def test_a_pixel_has_the_colour_from_the_frame_that_shows_its_face_best(loaded, engine, mode, samples):
+def test_a_pixel_has_the_colour_from_the_first_frame_that_saw_its_point(loaded, engine, mode, samples):
     source = reference_view_of(loaded, engine)
     pose = loaded.frame.cam_from_model @ TURN
     options = DatasetOptions(engine=engine, colour=mode, samples=samples)
@@ -60,28 +59,17 @@ def test_a_pixel_has_the_colour_from_the_frame_that_shows_its_face_best(loaded, 
     assert np.array_equal(together.observed, seen.any(axis=0))
     assert (together.mask & ~together.observed).sum() < 0.7 * (together.mask & ~seen[0]).sum()
     assert np.array_equal(together.depth_mm, alone[0].depth_mm)
-    face = rasterise_depth(source.mesh, CAMERA, pose).face
-    centre, normal = source.mesh.face_centres[face], source.mesh.face_normals[face]
-    best = []
-    for view in source.views:
-        ray = camera_centre(view.cam_from_model) - centre
-        pixel_mm = transform_points(view.cam_from_model, centre.reshape(-1, 3))[:, 2].reshape(face.shape) / CAMERA.fx
-        best.append((ray * normal).sum(axis=-1) / np.linalg.norm(ray, axis=-1) / pixel_mm)
-    chosen = np.where(seen, best, -np.inf).argmax(axis=0)
+    chosen = seen.argmax(axis=0)
     expected = np.take_along_axis(np.stack([view.rgb for view in alone]), chosen[None, ..., None], axis=0)[0]
-    # with several samples, pixels at an edge are means over rays, each of the frame that is best there
+    # with several samples, pixels at an edge are means over rays, each of the first frame that saw its point
     edges = np.any([view.near_unseen | edge_pixels(view.depth_mm, view.observed, CAMERA) for view in alone], axis=0)
     inside = together.observed & ~(edges & (samples > 1))
-    # beside an edge of a face, double and single precision may meet another one
-    assert (together.rgb == expected).all(axis=-1)[inside].mean() > 0.99
-    assert (together.source == chosen + 1)[together.observed].mean() > 0.99
-    assert all((chosen[together.observed] == number).mean() > 0.05 for number in range(3))
+    assert np.array_equal(together.source, np.where(together.observed, chosen + 1, 0))
+    assert np.bincount(chosen[together.observed], minlength=3).min() > 20
     # Cycles mixes colours with a rounding
     off = np.abs(together.rgb - np.stack([view.rgb for view in alone])).max(axis=-1).min(axis=0)
     assert off[~(edges & (samples > 1))].max() < 1e-6
-    backwards = rendered(source.views[::-1])
-    assert np.allclose(backwards.rgb, together.rgb, rtol=0, atol=1e-6)
-    assert np.array_equal(backwards.source, np.where(together.observed, 4 - together.source, 0))
+    assert np.abs(together.rgb - expected)[inside].max() < 1e-6
 
 
 @pytest.mark.parametrize("engine", ["raster", "cycles"])

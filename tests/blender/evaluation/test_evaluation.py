@@ -3,13 +3,21 @@
 import csv
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from oneframe.blender.evaluation import evaluate, evaluation_files
+from oneframe.blender.evaluation.evaluation_files import write_evaluation
+from oneframe.blender.evaluation.evaluation_run import evaluation_run
+from oneframe.blender.evaluation.methods import chosen_methods
 from oneframe.blender.sample.sample_case import write_sample_case
+from oneframe.evaluation.conditions import Conditions
+from oneframe.evaluation.finished_scores import FINISHED
 from oneframe.evaluation.record.evaluation_record import read_evaluation
+from oneframe.evaluation.scores import view_scores
 from oneframe.evaluation.scores.view_scores import SCORES
 from oneframe.images.image_check import PNG_SIGNATURE
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
@@ -90,6 +98,59 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     assert bound["all", "ssim_whole"]["mean"] > means["all", ran[0], "ssim_whole"]["mean"]
     assert ("all", "flow_px") not in bound
     assert read_evaluation(out / "evaluation.json").cases[0].frames == ("photograph_1", "photograph_2", "photograph_3")
+
+
+class Killed(BaseException):
+    """What nothing catches."""
+
+
+@pytest.mark.parametrize("share", [0.3, 0.75])
+def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch, share):
+    listed = json.loads((sample / "held_out.json").read_text())[:3]
+    listed[0]["cam_from_mesh"] = (np.eye(4, k=3) * 1e4 + np.array(listed[0]["cam_from_mesh"])).tolist()
+    (sample / "three.json").write_text(json.dumps(listed))
+    pairs, methods = [(sample / "case.toml", sample / "three.json")] * 2, ("projective-raster", "vertex-raster")
+    scored = []
+
+    def counted(*arguments):
+        scored.append(1)
+        return view_scores.scores_of(*arguments)
+
+    monkeypatch.setattr(evaluate, "scores_of", counted)
+    # where features come from is another matter
+    monkeypatch.setattr(evaluate, "_features", lambda _, image, shown: image[::8, ::8].ravel())
+
+    def run(out: Path, until: float = 2.0, seed: int = 0) -> int:
+        scored.clear()
+        prepared, inputs = evaluation_run(pairs, out, chosen_methods(methods), seed=seed, pictures=1)
+        prepared = replace(prepared, settings=replace(prepared.settings, inception=lambda _: None, pose_error_px=1.0))
+        monkeypatch.setattr(evaluation_files, "_conditions", lambda run: Conditions("", {}, {"seed": seed}))
+
+        def reach(done: float) -> None:
+            if done > until:
+                raise Killed
+
+        write_evaluation(prepared, inputs, reach)
+        return len(scored)
+
+    def results(out: Path) -> dict[str, bytes]:
+        files = {path.relative_to(out).as_posix(): path.read_bytes() for path in out.rglob("*") if path.is_file()}
+        record = json.loads(files.pop("evaluation.json"))
+        del record["seconds"], files["summary.md"]
+        return files | {"evaluation.json": json.dumps(record).encode()}
+
+    every = run(tmp_path / "whole")
+    with pytest.raises(Killed):
+        run(tmp_path / "killed", share)
+    with open(tmp_path / "killed" / FINISHED, "a") as file:
+        file.write('{"view": ["torn')
+    assert 0 < len(scored) < every
+    assert len(scored) + run(tmp_path / "killed") == every
+    assert results(tmp_path / "killed") == results(tmp_path / "whole")
+    # of other inputs nothing is taken
+    with pytest.raises(Killed):
+        run(tmp_path / "killed", share)
+    assert run(tmp_path / "killed", seed=1) == every
 
 
 def read_pose(case: Path) -> list:

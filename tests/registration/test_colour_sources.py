@@ -1,0 +1,109 @@
+"""Which frames colour the surface: none that is blurred or covered, and those that the frames left out speak for."""
+
+import cv2
+import numpy as np
+import pytest
+
+from oneframe.colour.source_view import SourceView
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.registration.colour_sources import MOST_CANDIDATES, Candidate, Candidates, chosen_sources
+from oneframe.registration.register import RegisteredFrame
+from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
+from tests.alignment.test_refinement import hills
+from tests.registration.test_registration import CAMERA, SOURCE, photograph, seen_from
+
+EVERYWHERE = np.ones(CAMERA.shape_hw, bool)
+SEEN_PX = 200
+"""Columns of the case's frame that show the surface; the rest is masked out."""
+MESH = hills(1)
+
+
+@pytest.fixture(scope="module")
+def source() -> SourceView:
+    valid = EVERYWHERE.copy()
+    valid[:, SEEN_PX:] = False
+    inverse = np.where(valid, rasterise_depth(MESH, CAMERA, SOURCE).inverse_depth, 0).astype(np.float32)
+    return SourceView(tinted(photograph(MESH, SOURCE)), valid, CAMERA, SOURCE, inverse_depth=inverse)
+
+
+def tinted(image: np.ndarray) -> np.ndarray:
+    return np.clip(image * [1.1, 0.95, 0.8], 0, 1).astype(np.float32)
+
+
+def candidate(number: int, tilt: float, roll: float, spoil=lambda image: image) -> Candidate:
+    pose = seen_from(tilt, roll)
+    image = spoil(tinted(photograph(MESH, pose, seed=0)))
+    return Candidate(number, np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8), EVERYWHERE, pose)
+
+
+def under_an_instrument(image: np.ndarray) -> np.ndarray:
+    image = image.copy()
+    cv2.line(image, (160, 0), (110, 240), (0.95, 0.97, 1.0), 14)
+    return image
+
+
+def bloody(image: np.ndarray) -> np.ndarray:
+    image = image.copy()
+    cv2.circle(image, (90, 120), 25, (0.3, 0.02, 0.02), -1)
+    return image
+
+
+SPOILT = {
+    "blurred": lambda image: cv2.GaussianBlur(image, (0, 0), 3.0),
+    "shaken": lambda image: cv2.blur(image, (15, 1)),
+    "instrument": under_an_instrument,
+    "blood": bloody,
+    "glare": lambda image: image + np.where(np.hypot(*(np.mgrid[:240, :320] - 110)) < 25, 0.7, 0)[..., None],
+}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_spoilt_frames_are_not_taken_and_the_others_bring_the_surface_nearer(source, seed):
+    rng = np.random.default_rng(seed)
+    clear = [candidate(number, *rng.uniform((-15, -40), (15, 40))) for number in range(4)]
+    # in another light, which is matched
+    clear.append(candidate(4, *rng.uniform((-15, -40), (15, 40)), lambda image: 0.7 * image))
+    spoilt = [
+        candidate(10 + number, *rng.uniform((-15, -40), (15, 40)), spoil)
+        for number, spoil in enumerate(SPOILT.values())
+    ]
+    choice = chosen_sources(MESH, source, [*spoilt, *clear], 3)
+    assert (choice.compared, choice.blurred, choice.covered) == (10, 2, 3)
+    numbers = [each.candidate.number for each in choice.frames]
+    assert numbers
+    assert set(numbers) <= {each.number for each in clear}
+    assert choice.frames[0].added > 0.15
+    for each in choice.frames:
+        assert each.error_after < each.error_before
+    # the order of the frames says nothing
+    backwards = chosen_sources(MESH, source, [*clear, *spoilt][::-1], 3)
+    assert [each.candidate.number for each in backwards.frames] == numbers
+
+
+def test_what_the_others_do_not_show_is_not_taken(source):
+    """Of frames that differ where the case's own saw nothing, the one that no other frame speaks for is left out."""
+
+    def repainted(image: np.ndarray) -> np.ndarray:
+        image = image.copy()
+        image[:, SEEN_PX + 10 :] = 1 - image[:, SEEN_PX + 10 :]
+        return image
+
+    honest = [candidate(number, 0, 0) for number in range(3)]
+    choice = chosen_sources(MESH, source, [candidate(9, 0, 0, repainted), *honest], 4)
+    assert [each.candidate.number for each in choice.frames] == [0]
+    assert not chosen_sources(MESH, source, honest[:1], 4).frames
+    assert "none bring" in chosen_sources(MESH, source, honest[:1], 4).lines()[-1]
+
+
+def test_candidates_are_evenly_chosen_of_a_long_film():
+    found, refused = (
+        RegisteredFrame(Verdict(state, 1.0, ""), cam_from_model=None if state == REFUSED else SOURCE)
+        for state in (ACCEPTED, REFUSED)
+    )
+    candidates = Candidates()
+    for number in range(1000):
+        candidates.add(number, np.zeros((1, 1, 3), np.uint8), EVERYWHERE, refused if number % 5 == 0 else found)
+    numbers = np.array([each.number for each in candidates.frames])
+    assert MOST_CANDIDATES / 2 <= len(numbers) <= MOST_CANDIDATES
+    assert (numbers % 5 > 0).all()
+    assert np.diff(numbers).max() <= 1.3 * np.diff(numbers).min()

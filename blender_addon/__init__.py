@@ -119,6 +119,7 @@ _MODULES = tuple(
         "frames.found",
         "frames.operators",
         "frames.take",
+        "frames.to_queue",
         "frames.correct",
         "frames.colour_sources",
         "frames.band",

@@ -1,13 +1,11 @@
-"""Operators that put frames into a queue: files, and those of the film. All of them are put in, or nothing changes."""
+"""Puts frames into a queue, all of them or none; the operator takes files, those for a film are in the room frames."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
@@ -16,14 +14,10 @@ from ..pipeline.case.case_folder import CASE
 from ..pipeline.case.case_queue import NewFrame, add_frames, cases_of_frames
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
-from ..pipeline.video.frame_folder import write_frame
 from ..setup.frame import IMAGES
 from ..state import from_scene
 from ..state.scene_files import forget_stamps
-from ..ui.background_operator import InBackground, Work
-from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OperatorResult, Reporting, available, call, open_beside
-from ..video import session
-from ..video.operators import NeedsFilm
+from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OperatorResult, Reporting, call, open_beside
 from . import queued
 
 
@@ -45,51 +39,6 @@ class ONEFRAME_OT_queue_frames(NeedsAlignment, Reporting, ChosenFiles, ImportHel
         if not images:
             raise InputError("expected frames, found none chosen; choose image files")
         return added_text(context.scene, add_to_queue(context.scene, [NewFrame(path) for path in images]))
-
-
-class ONEFRAME_OT_queue_video_frames(InBackground, NeedsFilm):
-    """Put the video's frame in view into the queue, or its best frames"""
-
-    bl_label = "Add Video Frame"
-    bl_options = {"REGISTER"}
-    doing = "Taking the frames"
-
-    best: bool = prop(BoolProperty, "Best", "The best frames instead of the one in view", options={"SKIP_SAVE"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_set_up = available(cls, from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
-        return is_set_up and super().poll(context)
-
-    def work(self, context: bpy.types.Context) -> Work:
-        scene, film = context.scene, session.scored(context.scene)
-        folder = queued.new_folder(scene)
-        like = first_case(scene)
-        like.camera.for_images(film.scores.info.size_wh, film.path.name)
-        known = {like.video, *(entry.video for entry in queued.queue_of(scene))}
-        wanted = film.best if self.best else (film.shown,)
-        chosen = [film.scores.frames[at] for at in wanted]
-        chosen = [score for score in chosen if (film.path.name, score.index) not in known]
-        if not chosen:
-            raise InputError(f"{film.path.name}: expected a frame that has no case yet, found none; choose another one")
-        self._written: list[Path] = []
-
-        def take(progress: Callable[[float], None]) -> list[NewFrame]:
-            made_folder(folder / "frame")
-            before, taken = set(folder.iterdir()), []
-            with _all_or_none(self._written):
-                for number, score in enumerate(chosen):
-                    progress(number / len(chosen))
-                    image = write_frame(film.path, folder, film.scores, score)
-                    self._written += [image] if image not in before else []
-                    taken.append(NewFrame(image, (film.path.name, score.index)))
-            return taken
-
-        return take
-
-    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
-        with _all_or_none(self._written):
-            return added_text(context.scene, add_to_queue(context.scene, result))
 
 
 def first_case(scene: bpy.types.Scene) -> Case:
@@ -129,17 +78,6 @@ def added_text(scene: bpy.types.Scene, added: Sequence[Path]) -> Messages:
     """What was added, in words."""
     names = ", ".join(path.parent.name for path in added[:3]) + (f" and {len(added) - 3} more" if added[3:] else "")
     return (f"in the queue {queued.new_folder(scene)}: {names}",)
-
-
-@contextmanager
-def _all_or_none(written: Sequence[Path]) -> Iterator[None]:
-    """Remove new pictures again if not all of what they are for succeeds, or the user stops it."""
-    try:
-        yield
-    except Exception:
-        for path in written:
-            path.unlink(missing_ok=True)
-        raise
 
 
 register, unregister = class_registration(__name__)

@@ -9,6 +9,7 @@ from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
+from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import is_start
 from ..setup.open_case import load_into_scene, unsaved_parts
@@ -51,6 +52,24 @@ class ONEFRAME_OT_queue_step(_InQueue):
         save_present(context.scene)
         go_to(context, entries[target].path)
         return (f"frame {target + 1} of {len(entries)}: {entries[target].path.parent.name}",)
+
+
+class ONEFRAME_OT_queue_unfinished(_InQueue):
+    """Save this case and open the next one whose pose nobody has checked: new, rough, in doubt or only aligned"""
+
+    bl_label = "Next Unfinished"
+    bl_options = {"UNDO"}
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        entries, here = queued.queue_of(context.scene), queued.position(context.scene)
+        after = [*range(here + 1, len(entries)), *range(here)]
+        target = next((at for at in after if entries[at].state != CHECKED), None)
+        if target is None:
+            is_last = entries[here].state != CHECKED
+            return ("this is the last frame that is not checked" if is_last else "all frames are checked",)
+        # with its question
+        call("queue_step", "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT", step=target - here)
+        return ()
 
 
 class ONEFRAME_OT_queue_check(_InQueue):
@@ -121,6 +140,7 @@ register, unregister = class_registration(
     keys(
         Key("oneframe.queue_step", "PAGE_DOWN", properties=(("step", 1),)),
         Key("oneframe.queue_step", "PAGE_UP", properties=(("step", -1),)),
+        Key("oneframe.queue_unfinished", "PAGE_DOWN", shift=True),
         Key("oneframe.queue_check", "PAGE_DOWN", alt=True),
     ),
 )

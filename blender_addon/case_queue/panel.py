@@ -34,6 +34,8 @@ class ONEFRAME_PT_queue(AlignmentPanel):
         row.operator("oneframe.queue_frames", icon="ADD")
         row.operator("oneframe.queue_video_frames", text="", icon="FILE_MOVIE")
         row.operator("oneframe.queue_video_frames", text="Best", icon="FILE_MOVIE").best = True
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("oneframe.queue_found", icon="CON_CAMERASOLVER")
         if not entries:
             return
         here = queued.position(context.scene)
@@ -58,6 +60,9 @@ class ONEFRAME_PT_queue(AlignmentPanel):
         row = layout.row(align=True)
         row.operator("oneframe.queue_check", icon="CHECKMARK")
         draw_key(row, "oneframe.queue_check")
+        row = layout.row(align=True)
+        row.operator("oneframe.queue_unfinished", icon="FRAME_NEXT")
+        draw_key(row, "oneframe.queue_unfinished")
 
 
 def _picture(name: str) -> int:

@@ -5,6 +5,7 @@ import numpy as np
 
 from ..class_registration import class_registration, drawing
 from ..pipeline.registration.evidence import COLOURS
+from ..video import session
 from ..video.strip_drawing import draw_triangles
 from ..video.strip_layout import StripLayout
 from . import found
@@ -15,17 +16,17 @@ HEIGHT = 6
 
 def _draw_band() -> None:
     context = bpy.context
-    layout, registered = StripLayout.of(context), found.of(context.scene)
-    if layout is None or registered is None:
+    layout, film, registered = StripLayout.of(context), session.of(context.scene), found.of(context.scene)
+    if layout is None or film is None or registered is None:
         return
-    times_s = registered.film.times_s
+    times_s = film.times_s
     half_s = 0.5 * float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.5
     high = layout.thumbnails[0] - layout.unit
     low = high - HEIGHT * layout.unit
-    frames = list(registered.frames.items())
+    frames = [registered.frames.get(score.index) for score in film.scores.frames]
     # in this order: in a long film, several of which share a pixel, lost frames are seen
     for state in found.WORDS:
-        middle_s = times_s[[at for at, frame in frames if frame.verdict.state == state]]
+        middle_s = times_s[[frame is not None and frame.verdict.state == state for frame in frames]]
         left, right = np.clip(layout.x_of(middle_s + half_s * np.array([[-1], [1]])), layout.low[0], layout.high[0])
         left, right = left[right > left], np.maximum(right, left + 1)[right > left]
         if len(left):

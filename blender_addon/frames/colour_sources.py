@@ -15,6 +15,7 @@ from ..pipeline.registration.colour_sources import chosen_sources
 from ..state import from_scene, to_scene
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, Reporting, available
+from ..video import session
 from . import found
 from .operators import NeedsFound
 
@@ -34,10 +35,10 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         registered, path = found.of(scene), scene.oneframe.case_path
         candidates = [] if registered is None else registered.colouring()
         if registered is None or not candidates:
-            raise InputError("expected frames that are found, there are none; press Register Frames")
+            raise InputError("expected frames that were found in this session, there are none; press Register Frames")
         if not path:
             raise InputError("expected a case with a file, beside which the frames go; press Save Case first")
-        film, case = registered.film.path, from_scene.absolute_path(path)
+        film, case = session.scored(scene).path, from_scene.absolute_path(path)
         folder = self._folder = case.with_name(f"{case.stem}_{film.stem}_frames")
         check_own_folder(folder, FRAME_NAMES, {"film": film, "case": case})
         loaded, count = from_scene.loaded_case(scene), self.count

@@ -1,24 +1,56 @@
-"""What registration has found of the film's frames: in memory, for the pose of the case's frame that it began with."""
+"""What registration has found of a film's frames: kept beside the case that it began with, as a list of poses.
 
+The file's name has a digest of all that the poses go by: the film, and the case's K, surface and pose. So they are
+found again when the case is opened or its pose comes back, and never taken for those of another one.
+"""
+
+import os
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
 
 import bpy
+import numpy as np
 
-from ..class_registration import class_registration, listening
+from ..case_queue.queued import present, queue_of
+from ..class_registration import at_end, class_registration, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
+from ..pipeline.camera.distortion import Distortion
+from ..pipeline.camera.pinhole import PinholeCamera
+from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
 from ..pipeline.errors import InputError
+from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_atomically
+from ..pipeline.files.outputs import writing
+from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, Candidates
 from ..pipeline.registration.film_change import FilmAgreement, FilmChange
+from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame, judged_together
+from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
-from ..state import another_frame, from_scene
+from ..setup.alignment_record import pose_record, tool_and_date
+from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame
-from ..ui.background_operator import inputs_of
+from ..state.scene_files import Stamp, forget_stamps, known_stamp
 from ..video import session, shown_frame
 from ..video.session import FilmSession
 
 WORDS = {ACCEPTED: "found", DOUBTFUL: "doubtful", REFUSED: "lost"}
+WRITTEN_EVERY_S = 2.0
+"""So much of a run is lost at most, if Blender is killed."""
+
+
+class Source(NamedTuple):
+    """The aligned frame by which others are found: its name, the record of its pose, and surface and units."""
+
+    name: str
+    record: dict[str, object]
+    mesh_from_model: np.ndarray
+    mm_per_unit: float
 
 
 @dataclass
@@ -27,83 +59,156 @@ class FoundFrames:
 
     Attributes
     ----------
-    film, inputs
-        The film, and the case at its pose as :func:`.inputs_of` says it.
+    source
+        By which they are.
+    file
+        Where they are kept; ``None`` before the case has a file, or where none can be written.
     frames
-        Position in the film's list of scores -> what was found, without the fit.
+        Number in the film -> what was found, without the fit.
     candidates
-        Frames that may colour the surface, of which :meth:`colouring` takes those that still may.
-    alone
-        The frames as each was found alone; how they are judged together is in ``frames``.
+        Frames of this session that may colour the surface, see :meth:`colouring`.
     change
         What the film no longer shows as the case's frame does.
     """
 
-    film: FilmSession
-    inputs: tuple[object, ...]
+    source: Source
+    file: Path | None
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     candidates: Candidates = field(default_factory=Candidates)
-    alone: dict[int, RegisteredFrame] = field(default_factory=dict)
     change: FilmChange | None = None
 
-    def register(self, registrar: CaseRegistrar, progress: Callable[[float], None]) -> None:
-        """Register all scored frames of the film; in any thread.
+    def register(self, registrar: CaseRegistrar, film: FilmSession, progress: Callable[[float], None]) -> None:
+        """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
 
         Raises
         ------
         InputError
             The film has frames of another shape, or the case's frame shows too little texture.
+        RunError
+            The file cannot be written.
         """
-        positions = {score.index: at for at, score in enumerate(self.film.scores.frames)}
+        numbers = {score.index for score in film.scores.frames}
+        left = numbers - self.frames.keys()
+        if not left:
+            left, self.candidates = numbers, Candidates()
+        alone, written_s = dict[int, RegisteredFrame](), time.monotonic()
         agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
-        with registrar.frames(self.film.path) as (_, frames):
-            for frame in frames:
-                if frame.number not in positions:
-                    continue
-                found = registrar.register(frame)
-                self.candidates.add(frame.number, frame.image, frame.valid, found)
-                if found.fit is not None and found.verdict.state == ACCEPTED:
-                    agreement.add(frame.number, found.fit)
-                self.alone[positions[frame.number]] = replace(found, fit=None)
-                self.frames = dict(zip(self.alone, judged_together(list(self.alone.values())), strict=True))
-                progress(len(self.frames) / len(positions))
-        self.change = agreement.change()
+        try:
+            with registrar.frames(film.path) as (_, frames):
+                for frame in frames:
+                    if frame.number not in left:
+                        continue
+                    found = registrar.register(frame)
+                    self.candidates.add(frame.number, frame.image, frame.valid, found)
+                    if found.fit is not None and found.verdict.state == ACCEPTED:
+                        agreement.add(frame.number, found.fit)
+                    alone[frame.number] = replace(found, fit=None)
+                    self.frames |= zip(alone, judged_together(list(alone.values())), strict=True)
+                    progress(len(alone) / len(left))
+                    # a long list takes long to write
+                    if (began_s := time.monotonic()) - written_s > WRITTEN_EVERY_S:
+                        self.write()
+                        written_s = time.monotonic() + 20 * (time.monotonic() - began_s)
+            self.change = agreement.change()
+        finally:
+            self.write()
 
     def colouring(self) -> list[Candidate]:
         """The frames that are accepted, and show the surface as the case's frame does."""
-        numbers = {
-            self.film.scores.frames[at].index for at, each in self.frames.items() if each.verdict.state == ACCEPTED
-        }
+        since = np.inf if self.change is None else self.change.since
         return [
             each
             for each in self.candidates.frames
-            if each.number in numbers and (self.change is None or each.number < self.change.since)
+            if each.number < since and self.frames[each.number].verdict.state == ACCEPTED
         ]
+
+    def write(self) -> None:
+        """Keep them in their file.
+
+        Raises
+        ------
+        RunError
+            It cannot be written.
+        """
+        if self.file is None or not self.frames:
+            return
+        source, frames = self.source, sorted(self.frames.items())
+        entries = [pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit) for number, each in frames]
+        with writing(self.file):
+            write_bytes_atomically(self.file, encoded_list(entries))
 
     def summary(self) -> str:
         """How many frames are found, doubtful and lost."""
-        states = [each.verdict.state for each in self.frames.values()]
+        states = [each.verdict.state for each in [*self.frames.values()]]
         counts = ", ".join(f"{states.count(state)} {word}" for state, word in WORDS.items())
         return counts if self.change is None else f"{counts}; {self.change.words()}"
 
 
-latest: FoundFrames | None = None
+_known: dict[tuple[str, bytes], FoundFrames] = {}
+"""Digest, and mesh_from_model -> what is found in this session or read."""
+
+
+class _Place(NamedTuple):
+    """Where what is found by a frame at its pose is kept: its digest, and the file if its case has one."""
+
+    digest: str
+    file: Path | None
 
 
 def of(scene: bpy.types.Scene) -> FoundFrames | None:
-    """What is found in the scene's film from the present pose of the case's frame."""
-    if latest is None or latest.film is not session.of(scene):
+    """What is found in the scene's film from the present pose of the case's frame, or by another frame of its queue."""
+    film = session.of(scene)
+    if film is None:
         return None
     try:
-        return latest if inputs_of(scene) == latest.inputs else None
+        own, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
+        if found := _found(own, mesh_from_model, lambda: _own_source(scene, mesh_from_model)):
+            return found
+        cases = (_case_at(path, known_stamp(path)) for path in _other_cases(scene))
+        others = (_found_by(case, film, _counts(scene), mesh_from_model) for case in cases if case is not None)
+        return next(filter(None, others), None)
     except InputError:
         return None
 
 
+def begun(scene: bpy.types.Scene, film: FilmSession) -> FoundFrames:
+    """What is found from the present pose of the case's frame, to be continued.
+
+    Raises
+    ------
+    InputError
+        There is no camera, surface or pose.
+    """
+    place, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
+    found = _found(place, mesh_from_model, lambda: _own_source(scene, mesh_from_model))
+    if found is None:
+        found = FoundFrames(_own_source(scene, mesh_from_model), None)
+        _known[place.digest, mesh_from_model.tobytes()] = found
+    found.file = _writable(found.file or place.file)
+    return found
+
+
 def frame_at(scene: bpy.types.Scene, at: int) -> RegisteredFrame | None:
     """What is found in the frame at a position in the film's list of scores; ``None`` if it is not registered."""
-    registered = of(scene)
-    return None if registered is None else registered.frames.get(at)
+    film, registered = session.of(scene), of(scene)
+    return None if film is None or registered is None else registered.frames.get(film.scores.frames[at].index)
+
+
+def record_of(scene: bpy.types.Scene, number: int) -> dict[str, object]:
+    """The record of the pose that is found in a frame of the scene's film; nothing without one.
+
+    Raises
+    ------
+    InputError
+        The film has other proportions than K.
+    """
+    film, registered = session.of(scene), of(scene)
+    frame = None if registered is None else registered.frames.get(number)
+    if film is None or registered is None or frame is None:
+        return {}
+    camera = from_scene.camera(scene).for_images(film.scores.info.size_wh, film.path.name)
+    source = registered.source
+    return registration_record(frame, camera, source.mesh_from_model, source.record, source.name, *tool_and_date())
 
 
 def text_of(verdict: Verdict) -> str:
@@ -111,6 +216,95 @@ def text_of(verdict: Verdict) -> str:
     # 0.997 is not 100 %
     sure = "" if verdict.state == REFUSED else f", {int(100 * verdict.probability)} % sure"
     return f"{WORDS[verdict.state]}{sure}"
+
+
+def _found(place: _Place, mesh_from_model: np.ndarray, source: Callable[[], Source]) -> FoundFrames | None:
+    key = place.digest, mesh_from_model.tobytes()
+    if key not in _known:
+        if place.file is None or known_stamp(place.file) == (0, 0):
+            return None
+        frames, own = {}, source()
+        try:
+            entries = parsed_json(read_content(place.file, "a list of poses", most=LARGEST_FILE), place.file.name)
+            frames = found_of(entries, mesh_from_model, own.mm_per_unit)
+        except (InputError, KeyError, TypeError, ValueError):
+            # not of this version, or damaged: registered anew
+            pass
+        _known[key] = FoundFrames(own, place.file, frames)
+    return _known[key] if _known[key].frames else None
+
+
+def _other_cases(scene: bpy.types.Scene) -> list[Path]:
+    """The cases of other frames in the queue: a file of the scene's own frame may have another pose than the scene."""
+    path, image = present(scene), os.path.realpath(from_scene.absolute_path(scene.oneframe.frame_path))
+    others = [(entry.path, entry.image) for entry in queue_of(scene) if entry.path != path]
+    return [other for other, shown in others if shown is not None and os.path.realpath(shown) != image]
+
+
+def _found_by(
+    case: Case, film: FilmSession, counts: tuple[int, int], mesh_from_model: np.ndarray
+) -> FoundFrames | None:
+    digest = _digest(film, counts, case.camera, case.distortion, case.cam_from_mesh)
+    source = Source(case.image.name, case.alignment, mesh_from_model, case.mm_per_unit)
+    return _found(_Place(digest, _file_of(case.path, film, digest)), mesh_from_model, lambda: source)
+
+
+def _digest(
+    film: FilmSession, counts: tuple[int, int], camera: PinholeCamera, lens: Distortion | None, pose: np.ndarray
+) -> str:
+    parts = film.digest, counts, astuple(camera), None if lens is None else astuple(lens), pose.tolist()
+    return sha256(repr(parts).encode()).hexdigest()[:8]
+
+
+def _counts(scene: bpy.types.Scene) -> tuple[int, int]:
+    surface = from_scene.surface_of(scene)
+    return len(surface.data.vertices), len(surface.data.polygons)
+
+
+def _own_place(scene: bpy.types.Scene, film: FilmSession) -> _Place:
+    camera, lens, pose = from_scene.camera(scene), from_scene.distortion(scene), from_scene.cam_from_mesh(scene)
+    digest = _digest(film, _counts(scene), camera, lens, pose)
+    if not scene.oneframe.case_path:
+        return _Place(digest, None)
+    return _Place(digest, _file_of(from_scene.absolute_path(scene.oneframe.case_path), film, digest))
+
+
+def _file_of(case: Path, film: FilmSession, digest: str) -> Path:
+    return case.with_name(f"{film.path.stem}_poses-{digest}.json")
+
+
+def _writable(file: Path | None) -> Path | None:
+    return file if file is not None and os.access(file.parent, os.W_OK) else None
+
+
+def _own_source(scene: bpy.types.Scene, mesh_from_model: np.ndarray) -> Source:
+    name, units = bpy.path.basename(scene.oneframe.frame_path), MM_PER_UNIT[scene.oneframe.units]
+    return Source(name, pose_record(scene), mesh_from_model, units)
+
+
+@lru_cache(maxsize=1000)
+def _case_at(path: Path, _stamp: Stamp) -> Case | None:
+    """A case of the queue that has a pose."""
+    try:
+        return read_case(path)
+    except InputError:
+        return None
+
+
+def _keep(scene: bpy.types.Scene) -> None:
+    """Keep what is found beside the file that the case was saved to."""
+    film = session.of(scene)
+    if film is None:
+        return
+    place, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
+    found, file = _known.get((place.digest, mesh_from_model.tobytes())), _writable(place.file)
+    if found is None or file is None:
+        return
+    # cases of a queue share them
+    if found.file is None or found.file.parent.parent != file.parent.parent:
+        found.file = file
+        found.write()
+        forget_stamps()
 
 
 def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
@@ -126,4 +320,9 @@ def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
     return SeenFrame(name, text_of(frame.verdict), frame.cam_from_model)
 
 
-register, unregister = class_registration(__name__, listening(another_frame.finders, _seen))
+register, unregister = class_registration(
+    __name__,
+    listening(another_frame.finders, _seen),
+    listening(scene_files.saved, _keep),
+    at_end(_known.clear, _case_at.cache_clear),
+)

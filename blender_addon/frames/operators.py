@@ -14,14 +14,14 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
 from ..state import from_scene
-from ..ui.background_operator import NAVIGATION, InBackground, Work, inputs_of, show_status
+from ..state.scene_files import forget_stamps
+from ..ui.background_operator import NAVIGATION, InBackground, Work, show_status
 from ..ui.keymap import TOOLS, Key, keys
 from ..ui.operator import Messages, OperatorResult, available
 from ..video import session, shown_frame, strip_layout
 from ..video.frame_fetcher import AHEAD
 from ..video.operators import NeedsFilm
 from . import found
-from .found import FoundFrames
 
 
 def is_aligned(scene: bpy.types.Scene) -> bool:
@@ -56,25 +56,28 @@ class NeedsFound(NeedsFilm):
 
 
 class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
-    """Find the pose of every frame of the film by what the case's frame shows; the case stays as it is. Esc stops it"""
+    """Find the poses of the film's frames by what the case's frame shows; those that are found stay. Esc stops it"""
 
     bl_label = "Register Frames"
     bl_options = {"REGISTER"}
     doing = "Registering the frames"
-    stopped = "the frames found so far are shown"
+    stopped = "the frames found so far are kept, Register Frames goes on with the others"
 
     def work(self, context: bpy.types.Context) -> Work:
-        scene = context.scene
-        self._found = FoundFrames(session.scored(scene), inputs_of(scene))
+        scene, self._film = context.scene, session.scored(context.scene)
         # may render: in the main thread
         registrar = CaseRegistrar(recorded_case(scene))
-        found.latest = self._found
+        self._found = found.begun(scene, self._film)
         scene.oneframe_video.visible = True
         shown_frame.restore(scene)
-        return partial(self._found.register, registrar)
+        return partial(self._found.register, registrar, self._film)
+
+    def so_far(self) -> str:
+        return self._found.summary()
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
-        return (f"{self._found.film.path.name}: {self._found.summary()}",)
+        forget_stamps()
+        return (f"{self._film.path.name}: {self._found.summary()}",)
 
 
 class ONEFRAME_OT_case_frame(bpy.types.Operator):

@@ -57,10 +57,15 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
 def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
     registered, frame = found.of(scene), found.frame_at(scene, film.shown)
     if registered is not None:
-        total = len(film.scores.frames)
-        part = "" if len(registered.frames) == total else f"{len(registered.frames)} of {total}: "
-        draw_text(layout, f"{part}{registered.summary()}", lines=2)
-        layout.operator("oneframe.play_frames", icon="PLAY")
+        numbers = [score.index for score in film.scores.frames]
+        count = sum(number in registered.frames for number in numbers)
+        part = "" if count == len(numbers) else f"{count} of {len(numbers)}: "
+        by = registered.source.name
+        origin = "" if by == bpy.path.basename(scene.oneframe.frame_path) else f" By {by}."
+        draw_text(layout, f"{part}{registered.summary()}.{origin}", lines=2)
+        row = layout.row(align=True)
+        row.operator("oneframe.play_frames", icon="PLAY")
+        row.operator("oneframe.queue_found", text="To Queue", icon="ADD")
     if another_frame.seen(scene) is None:
         text = "Click the strip below the view to see a frame with the surface at its pose."
         if registered is None:

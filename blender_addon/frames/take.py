@@ -10,10 +10,8 @@ from bpy.props import BoolProperty
 from ..class_registration import class_registration, prop
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.errors import InputError
-from ..pipeline.registration.report import registration_record
 from ..pipeline.video.frame_folder import write_frame
-from ..setup.alignment_record import pose_record, tool_and_date
-from ..state import another_frame, from_scene, pose_evidence, to_scene
+from ..state import another_frame, pose_evidence, to_scene
 from ..state.pose import set_cam_from_model
 from ..state.scene_files import session_folder
 from ..ui.background_operator import InBackground, Work
@@ -49,11 +47,7 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
         scene, film = context.scene, self._film
         if session.of(scene) is not film:
             raise InputError("the video has changed meanwhile, nothing was taken")
-        frame, record = found.frame_at(scene, self._at), dict[str, object]()
-        if frame is not None:
-            camera = from_scene.camera(scene).resized(*film.scores.info.size_wh)
-            name = bpy.path.basename(scene.oneframe.frame_path)
-            record = registration_record(frame, camera, pose_record(scene), name, *tool_and_date())
+        frame, record = found.frame_at(scene, self._at), found.record_of(scene, film.scores.frames[self._at].index)
         taken = film.path.name, film.scores.frames[self._at].index
         messages = to_scene.set_frame(context, path, read_image(path, path.name), taken)
         scene = context.scene

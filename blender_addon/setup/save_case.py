@@ -18,7 +18,7 @@ from ..pipeline.case.case_writer import case_output, write_case
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene
 from ..state.events import redraw
-from ..state.scene_files import forget_stamps, input_files, usual_folder
+from ..state.scene_files import forget_stamps, input_files, saved, usual_folder
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, SavesFile
 from ..ui.question import ask_first
 from . import autosave
@@ -103,6 +103,8 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         autosave.forget(scene)
         to_scene.remember_file(scene, read_case(path))
         forget_stamps()
+        for keep in saved:
+            keep(scene)
         redraw()
         if input_files(scene) != before:
             # else undo would bring back the file before, for the next save

@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,6 +15,9 @@ WATCH_S = 2.0
 
 Stamp = tuple[int, int]
 """Modification time and size; (0, 0) for a file that cannot be read."""
+
+saved: list[Callable[[bpy.types.Scene], None]] = []
+"""Called when a scene's case was saved, with the scene: what belongs to the case is kept beside its file."""
 
 _SESSION = "oneframe-session-"
 
@@ -71,7 +74,7 @@ def known_stamp(path: Path) -> Stamp:
     return _stamp(path, int(time.monotonic() / WATCH_S))
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=4096)
 def _stamp(path: Path, _period: int) -> Stamp:
     try:
         return from_scene.stamp(path)

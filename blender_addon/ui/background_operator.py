@@ -136,6 +136,10 @@ class InBackground(Reporting):
         """Work without a thread, as scripts do."""
         return self.finish(context, self.work(context)(lambda _fraction: None))
 
+    def so_far(self) -> str:
+        """What has come of the work so far, in words."""
+        return ""
+
     def start(self, context: bpy.types.Context) -> OperatorResult:
         """Begin, for ``invoke`` to return."""
         if context.window is None or bpy.app.background:
@@ -190,7 +194,8 @@ class InBackground(Reporting):
         share = self._background.fraction
         done = f"{share:.0%}" if share else f"{time.monotonic() - self._began:.0f} s"
         refused = "      Not ready yet: clicks and drags do nothing" if self._pressed else ""
-        show_status(context, f"{self.doing}: {done}      Esc: Stop{refused}")
+        so_far = f", {self.so_far()}" if self.so_far() else ""
+        show_status(context, f"{self.doing}: {done}{so_far}      Esc: Stop{refused}")
 
     def _end(self, context: bpy.types.Context) -> None:
         if self._timer is not None:
@@ -199,7 +204,17 @@ class InBackground(Reporting):
         show_status(context, None)
 
 
-class OpensInBackground(InBackground, ImportHelper):
+class AsksInBackground(InBackground):
+    """Mixin for operators with a dialog, after which the thread begins."""
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender, also by the dialog."""
+        if self.options.is_invoke and not bpy.app.background and self._timer is None:
+            return self.start(context)
+        return super().execute(context)
+
+
+class OpensInBackground(AsksInBackground, ImportHelper):
     """Mixin for operators with a file dialog: the thread begins when a file is chosen or given."""
 
     filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
@@ -209,9 +224,3 @@ class OpensInBackground(InBackground, ImportHelper):
             return self.start(context)
         open_beside(self, context.scene)
         return ImportHelper.invoke(self, context, event)
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender, also by the file dialog."""
-        if self.options.is_invoke and not bpy.app.background and self._timer is None:
-            return self.start(context)
-        return super().execute(context)

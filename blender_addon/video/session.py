@@ -1,8 +1,11 @@
 """A scored video in memory. The scene stores its path only: in a file that is opened again, scoring is offered."""
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 
 import bpy
@@ -80,8 +83,22 @@ class FilmSession:
         self.times_s = np.array([score.time_s for score in frames])
         self.totals = np.array([score.total for score in frames])
         self.span_s = self.whole_span_s
+        # while it is there
+        _ = self.digest
         self.fetcher = FrameFetcher(self.path, frames)
         self.show(self.best[0] if self.best else int(np.argmax(self.totals)))
+
+    @cached_property
+    def digest(self) -> str:
+        """That of the file's size, beginning and end, which tells it from other films."""
+        part = 1 << 20
+        with self.path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            ends = []
+            for begin in (0, max(size - part, 0)):
+                file.seek(begin)
+                ends.append(file.read(part))
+        return sha256(b"%d" % size + b"".join(ends)).hexdigest()
 
     @property
     def score(self) -> FrameScore:

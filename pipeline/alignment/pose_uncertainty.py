@@ -8,11 +8,14 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..files.numbers import format_two_digits
-from ..transforms import cross_matrices, transform_points
+from ..transforms import cross_matrices, inverse_rigid, transform_points
 from .confidence_region import f_quantile
 from .reprojection import jacobian_at, twist_between
 
 REGION_LEVEL = 0.95
+
+ENTRY = ("covariance_mm_rad", "pivot_mesh_mm", "radius_mm")
+"""Keys of files for what determines an uncertainty that does not come from clicks, in the frame of the mesh."""
 
 _DIRECTIONS = (
     "shift to the left or right ± {} mm",
@@ -62,16 +65,36 @@ class PoseUncertainty:
 
     @classmethod
     def stated(
-        cls, record: Mapping[str, Any], points_model: np.ndarray, cam_from_model: np.ndarray
+        cls,
+        record: Mapping[str, Any],
+        points_model: np.ndarray,
+        cam_from_model: np.ndarray,
+        mesh_from_model: np.ndarray,
     ) -> "PoseUncertainty | None":
-        """That of the pose ``(4, 4)`` of a case, by the standard deviations in the record of its alignment.
+        """That of the pose ``(4, 4)`` of a case, as the record of its alignment states it; ``None`` if it states none.
 
-        About the mean of ``(N, 3)`` points that stand for the surface; ``None`` if the record states none.
+        If it has no :meth:`entry`: by the standard deviations, about the mean of ``(N, 3)`` points of the surface.
         """
+        if all(key in record for key in ENTRY):
+            return cls.of_entry(record, cam_from_model, mesh_from_model)
         if "standard_deviation_mm" not in record or "standard_deviation_deg" not in record:
             return None
         deviations = np.array([*record["standard_deviation_mm"], *np.radians(record["standard_deviation_deg"])])
         return cls.about_points(points_model.mean(axis=0), np.diag(deviations**2), points_model, cam_from_model)
+
+    @classmethod
+    def of_entry(
+        cls, entry: Mapping[str, Any], cam_from_model: np.ndarray, mesh_from_model: np.ndarray
+    ) -> "PoseUncertainty":
+        """From :meth:`entry`, for the pose ``(4, 4)``."""
+        covariance, pivot, radius = (np.array(entry[key], float) for key in ENTRY)
+        pivot = transform_points(inverse_rigid(mesh_from_model), pivot)
+        return cls(pivot, covariance, np.inf, np.nan, float(radius), transform_points(cam_from_model, pivot))
+
+    def entry(self, mesh_from_model: np.ndarray) -> dict[str, object]:
+        """What lists of poses and records keep, to be had back by :meth:`of_entry`: the keys are :data:`ENTRY`."""
+        pivot = transform_points(mesh_from_model, self.pivot_model)
+        return dict(zip(ENTRY, (self.covariance.tolist(), pivot.tolist(), self.radius_mm), strict=True))
 
     @property
     def translation_mm(self) -> np.ndarray:

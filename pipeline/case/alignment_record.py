@@ -23,6 +23,7 @@ KEYS = (
     "evidence",
     "doubt",
     "refused",
+    "probability",
     "start_frame",
     "start_method",
     "start_pairs",
@@ -41,6 +42,9 @@ KEYS = (
     "standard_deviation_deg",
     "standard_deviation_mm",
     "weakest",
+    "covariance_mm_rad",
+    "pivot_mesh_mm",
+    "radius_mm",
     "image",
 )
 """In the order in which they are written.
@@ -59,6 +63,8 @@ KEYS = (
     of the frame agrees with it.
 ``refused``
     Why the refinement was refused, whose result the user took all the same.
+``probability``
+    That a registered pose is right, 0..1.
 ``start_frame``
     File of the aligned frame to which this one was registered; ``start_method`` is that frame's.
 ``start_method``, ``start_pairs``, ``start_rms_px``
@@ -80,6 +86,9 @@ KEYS = (
     Standard deviations of rotation and translation along the camera's x, y and z axis.
 ``weakest``
     The least certain direction, in words.
+``covariance_mm_rad``, ``pivot_mesh_mm``, ``radius_mm``
+    What these come from, of a registered pose: the covariance of a twist in camera axes (mm, radians) about a pivot in
+    the frame of the mesh, and the radius that makes rotations comparable with shifts.
 ``image``
     What the image alone says of the pose, a table of :data:`IMAGE_SHAPES`: later landmarks are solved together with it.
 """
@@ -113,6 +122,8 @@ OTHER_FRAME = "another frame"
 
 FOUND = ("refined", FURTHER_FRAMES, REGISTERED)
 """Methods of poses that the image or other frames have found: neither landmarks nor hands replace them unasked."""
+
+_SHAPES: dict[str, tuple[int, ...]] = {"covariance_mm_rad": (6, 6), "pivot_mesh_mm": (3,), "radius_mm": ()}
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
@@ -150,6 +161,10 @@ def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, obje
     scaled = dict(record)
     if isinstance(deviations := record.get("standard_deviation_mm"), list):
         scaled["standard_deviation_mm"] = [value * factor for value in deviations]
+    if "covariance_mm_rad" in record:
+        scale = np.array([factor] * 3 + [1.0] * 3)
+        scaled["covariance_mm_rad"] = (np.array(record["covariance_mm_rad"]) * np.outer(scale, scale)).tolist()
+        scaled |= {key: (np.array(record[key]) * factor).tolist() for key in ("pivot_mesh_mm", "radius_mm")}
     if isinstance(words := record.get("weakest"), str):
         scaled["weakest"] = _MILLIMETRES.sub(lambda found: format_two_digits(float(found[0]) * factor), words)
     return scaled
@@ -164,6 +179,9 @@ def _checked(key: str, value: Any, where: str) -> object:
         if not isinstance(value, str):
             raise InputError(f"{where}: expected text, found {value!r}")
         return value
+    if key in _SHAPES:
+        numbers = _numbers(value, _SHAPES[key], where)
+        return _checked_covariance(numbers, where).tolist() if key == "covariance_mm_rad" else numbers.tolist()
     if not key.startswith("standard_deviation"):
         if not is_number(value) or value < 0:
             raise InputError(f"{where}: expected a number from 0, found {value!r}")
@@ -178,18 +196,24 @@ def _checked_image(table: Any, where: str) -> dict[str, object]:
     if not isinstance(table, Mapping):
         raise InputError(f"{where}: expected a table, found {table!r}")
     check_keys(table, tuple(IMAGE_SHAPES), (), f"{where} ")
-    checked: dict[str, object] = {}
-    for key, shape in IMAGE_SHAPES.items():
-        try:
-            values = np.array(table[key], np.float64)
-        except (TypeError, ValueError, OverflowError):
-            values = np.full(0, np.nan)
-        if values.shape != shape or not np.isfinite(values).all():
-            size = " x ".join(map(str, shape)) or "1"
-            raise InputError(f"{where} {key}: expected {size} finite numbers, found {table[key]!r}")
-        checked[key] = values.tolist()
-    checked_rigid(checked["cam_from_mesh"], f"{where} cam_from_mesh")
-    covariance = np.array(checked["covariance"])
-    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] <= 0:
-        raise InputError(f"{where} covariance: expected a covariance, symmetric and positive definite; refine again")
-    return checked
+    checked = {key: _numbers(table[key], shape, f"{where} {key}") for key, shape in IMAGE_SHAPES.items()}
+    checked_rigid(checked["cam_from_mesh"].tolist(), f"{where} cam_from_mesh")
+    _checked_covariance(checked["covariance"], f"{where} covariance")
+    return {key: values.tolist() for key, values in checked.items()}
+
+
+def _numbers(given: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
+    try:
+        values = np.array(given, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        values = np.full(0, np.nan)
+    if values.shape != shape or not np.isfinite(values).all():
+        size = " x ".join(map(str, shape)) or "1"
+        raise InputError(f"{where}: expected {size} finite numbers, found {given!r}")
+    return values
+
+
+def _checked_covariance(values: np.ndarray, where: str) -> np.ndarray:
+    if not np.allclose(values, values.T) or np.linalg.eigvalsh(values)[0] <= 0:
+        raise InputError(f"{where}: expected a covariance, symmetric and positive definite; refine again")
+    return values

@@ -5,15 +5,19 @@ state of a case is what its file says; nothing else keeps a record.
 """
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import InputError
+from ..files.outputs import writing
 from ..images.image_check import check_image_file, image_size
 from .alignment_record import FOUND, INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
+from .case_update import update_case
 
 NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
 """No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks, the image or other
@@ -28,10 +32,14 @@ class NewFrame:
     ----------
     image, video
         Its file; film and number as :attr:`.Case.video` has them.
+    cam_from_mesh, alignment
+        ``(4, 4)`` a pose that was found for it, mm, or ``None``; and the record of that.
     """
 
     image: Path
     video: tuple[str, int] | None = None
+    cam_from_mesh: np.ndarray | None = None
+    alignment: Mapping[str, object] = field(default_factory=dict)
 
 
 def queued_cases(folder: Path) -> tuple[Path, ...]:
@@ -53,7 +61,9 @@ def state_of(case: Case) -> str:
 
 
 def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Path]:
-    """Put frames into a queue, each as a case of its own; those that have one in it already stay as they are.
+    """Put frames into a queue, each as a case of its own, at the pose that was found for it.
+
+    Those that have one in it already stay as they are, but for a pose where that has none.
 
     Parameters
     ----------
@@ -78,6 +88,13 @@ def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Pat
     cases = cases_of_frames(folder, like, frames)
     fresh = [case for case in cases if not case.path.exists()]
     keep_files([kept_case(case) for case in fresh], {"frame": like.image, "surface": like.mesh})
+    for case in cases:
+        if case.posed and state_of(present := read_case(case.path, posed=False)) == NEW:
+            with writing(case.path):
+                update_case(
+                    case.path,
+                    replace(present, cam_from_mesh=case.cam_from_mesh, posed=True, alignment=case.alignment),
+                )
     return [case.path for case in cases]
 
 
@@ -104,9 +121,11 @@ def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
     if present is not None and os.path.realpath(present.image) != os.path.realpath(image):
         raise InputError(f"{path}: expected the case of {image.name}, found one of another frame")
     camera = like.camera.for_images(image_size(check_image_file(image, str(image))), str(image))
+    pose = frame.cam_from_mesh
     return replace(
-        like, path=path, image=image, camera=camera, video=frame.video, posed=False, frames=(), landmarks=(),
-        alignment={},
+        like, path=path, image=image, camera=camera, video=frame.video, frames=(), landmarks=(),
+        posed=pose is not None, cam_from_mesh=like.cam_from_mesh if pose is None else pose,
+        alignment=dict(frame.alignment),
     )  # fmt: skip
 
 

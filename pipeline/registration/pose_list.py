@@ -3,16 +3,18 @@
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ..alignment.pose_uncertainty import PoseUncertainty
 from ..files.content import write_bytes_atomically
 from ..files.outputs import writing
-from ..transforms import inverse_rigid, transform_points
+from ..transforms import checked_rigid, inverse_rigid
 from .register import RegisteredFrame
-from .verdict import ACCEPTED
+from .verdict import ACCEPTED, Verdict
 
 POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
 
@@ -28,12 +30,35 @@ def pose_entry(
         return entry
     pose = found.cam_from_model @ inverse_rigid(mesh_from_model)
     pose[:3, 3] /= mm_per_unit
-    pivot = transform_points(mesh_from_model, found.uncertainty.pivot_model)
-    return entry | {
-        "cam_from_mesh": pose.tolist(),
-        "covariance_mm_rad": found.uncertainty.covariance.tolist(),
-        "pivot_mesh_mm": pivot.tolist(),
-    }
+    return entry | {"cam_from_mesh": pose.tolist(), **found.uncertainty.entry(mesh_from_model)}
+
+
+def found_of(entries: Sequence[Any], mesh_from_model: np.ndarray, mm_per_unit: float) -> dict[int, RegisteredFrame]:
+    """Number of a frame -> what its entry says of it, without the fit: the inverse of :func:`pose_entry`.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        An entry is not one of these.
+    """
+    found = {}
+    for entry in entries:
+        verdict = Verdict(str(entry["state"]), float(entry["probability"]), str(entry["reason"]))
+        pose = uncertainty = None
+        if entry["cam_from_mesh"] is not None:
+            cam_from_mesh, _ = checked_rigid(entry["cam_from_mesh"], "cam_from_mesh")
+            cam_from_mesh[:3, 3] *= mm_per_unit
+            pose = cam_from_mesh @ mesh_from_model
+            uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model)
+        found[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty)
+    return found
+
+
+def encoded_list(entries: Sequence[Mapping[str, object]]) -> bytes:
+    """The JSON of a list."""
+    text = json.dumps(list(entries), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    # names of files that are no Unicode as JSON's escapes, with which Python finds them again
+    return text.encode(errors="backslashreplace")
 
 
 def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit: float) -> None:
@@ -44,10 +69,8 @@ def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit:
     RunError
         They cannot be written.
     """
-    text = json.dumps(list(entries), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     with writing(folder / POSES):
-        # names of files that are no Unicode as JSON's escapes, with which Python finds them again
-        write_bytes_atomically(folder / POSES, text.encode(errors="backslashreplace"))
+        write_bytes_atomically(folder / POSES, encoded_list(entries))
     with writing(folder / ESTIMATES):
         write_bytes_atomically(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..camera.pinhole import PinholeCamera
 from ..case.alignment_record import REGISTERED
 from .register import RegisteredFrame
@@ -9,7 +11,13 @@ from .verdict import ACCEPTED
 
 
 def registration_record(
-    found: RegisteredFrame, camera: PinholeCamera, source: Mapping[str, object], source_name: str, tool: str, date: str
+    found: RegisteredFrame,
+    camera: PinholeCamera,
+    mesh_from_model: np.ndarray,
+    source: Mapping[str, object],
+    source_name: str,
+    tool: str,
+    date: str,
 ) -> dict[str, object]:
     """See :mod:`oneframe.case.alignment_record`; nothing if the frame is refused.
 
@@ -19,6 +27,8 @@ def registration_record(
         The frame.
     camera
         Of the frame at its full size.
+    mesh_from_model
+        ``(4, 4)``, mm.
     source, source_name
         The record of the aligned frame's pose, and the name of its file.
     tool, date
@@ -33,8 +43,10 @@ def registration_record(
         "tool": tool,
         "date": date,
         **({} if found.verdict.state == ACCEPTED else {"doubt": found.verdict.reason}),
+        "probability": found.verdict.probability,
         "start_frame": source_name,
         **({"start_method": source["method"]} if "method" in source else {}),
         **({"error_px": found.uncertainty.spread_px(camera, found.cam_from_model)} if is_known else {}),
         **found.uncertainty.record(),
+        **found.uncertainty.entry(mesh_from_model),
     }

@@ -5,14 +5,16 @@ import cv2
 import numpy as np
 import pytest
 
+from blender_addon.case_queue import queued
 from blender_addon.colour.operators import is_outdated
 from blender_addon.frames import found
 from blender_addon.setup.alignment_record import recorded_case
 from blender_addon.setup.open_case import unsaved_parts
-from blender_addon.state import another_frame, from_scene
-from blender_addon.video import shown_frame
+from blender_addon.state import another_frame, from_scene, pose_evidence
+from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.colour.surface_colour import colour_record
+from oneframe.blender.registration.register_frames import CaseRegistrar
 from oneframe.case import case_queue
 from oneframe.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, checked_alignment_record
 from oneframe.case.case_file import read_case
@@ -39,6 +41,13 @@ def folder(tmp_path_factory):
         writer.write(np.ascontiguousarray(np.rint(255 * image).astype(np.uint8)))
     writer.release()
     return made
+
+
+@pytest.fixture
+def tmp_path(tmp_path):
+    """Without the cases of other tests beside it, which would be a queue."""
+    (tmp_path / "alone").mkdir()
+    return tmp_path / "alone"
 
 
 @pytest.fixture
@@ -111,7 +120,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
             ("take_proposal", {}),
             ("landmark_set", {"point": (0, 0, 0)}),
         ):
-            with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Back to Case Frame"):
+            with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Back"):
                 getattr(bpy.ops.oneframe, name)(**given)
     bpy.ops.oneframe.case_frame()
     assert another_frame.seen(scene) is None
@@ -149,7 +158,7 @@ def test_a_frame_that_is_taken_takes_its_pose_along_and_one_undo_brings_all_back
     before, taken = state_of(scene, tmp_path / "case.toml"), found.frame_at(scene, at)
     bpy.ops.ed.undo_push(message="registered")
     # also while the case's own frame is in view
-    found.of(scene).film.show(at)
+    session.of(scene).show(at)
     bpy.ops.oneframe.take_frame()
     bpy.ops.ed.undo_push(message="taken")
     scene = bpy.context.scene
@@ -189,3 +198,100 @@ def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monke
     corrected = read_case(tmp_path / "corrected.toml")
     assert off_by_deg(corrected.cam_from_mesh, SOURCE) < 0.3 * off_by_deg(ROUGH, SOURCE)
     assert (corrected.alignment["method"], corrected.alignment["start_method"]) == (FURTHER_FRAMES, "manual")
+
+
+def registered_in(scene):
+    """Number -> state of what is found."""
+    return {number: each.verdict.state for number, each in found.of(scene).frames.items()}
+
+
+def forget():
+    """As another session of Blender begins."""
+    found._known.clear()
+
+
+def test_found_frames_are_kept_beside_the_case_and_a_stopped_run_goes_on(opened, folder, tmp_path):
+    scene = opened("case.toml")
+    film = session.of(scene)
+
+    class Stopped(Exception):
+        pass
+
+    def stop(share):
+        if share > 0.4:
+            raise Stopped
+
+    operator_work = found.begun(scene, film)
+    registrar = CaseRegistrar(from_scene.loaded_case(scene))
+    with pytest.raises(Stopped):
+        operator_work.register(registrar, film, stop)
+    before = registered_in(scene)
+    assert len(before) == 2
+    poses = {number: each.cam_from_model for number, each in found.of(scene).frames.items()}
+    forget()
+    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
+    scene = bpy.context.scene
+    assert registered_in(scene) == before
+    seen = []
+    found.begun(scene, film).register(registrar, film, seen.append)
+    assert seen == [0.5, 1.0]
+    frames = found.of(scene).frames
+    assert [frames[number].verdict.state for number in range(MIRRORED + 1)] == [ACCEPTED] * 3 + [REFUSED]
+    for number, pose in poses.items():
+        np.testing.assert_allclose(frames[number].cam_from_model, pose, atol=1e-9)
+    # a run from another pose leaves them, and so does one that was saved elsewhere
+    bpy.ops.oneframe.nudge(step_px=1.0)
+    bpy.ops.oneframe.register_frames()
+    (tmp_path / "other").mkdir()
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "other" / "case.toml"))
+    forget()
+    for path in (tmp_path / "case.toml", tmp_path / "other" / "case.toml"):
+        bpy.ops.oneframe.open_case(filepath=str(path))
+        assert len(registered_in(bpy.context.scene)) == MIRRORED + 1
+    # another film of the same name
+    other = tmp_path / "film.avi"
+    other.write_bytes((folder / "film.avi").read_bytes() + b"0000")
+    bpy.ops.oneframe.open_video(filepath=str(other))
+    assert found.of(bpy.context.scene) is None
+
+
+def test_found_frames_go_into_the_queue_at_their_poses(opened, tmp_path):
+    scene = opened("case.toml", '[alignment]\nmethod = "landmarks"\n')
+    bpy.ops.oneframe.register_frames()
+    frames = found.of(scene).frames
+    shown_frame.show(scene, MIRRORED)
+    bpy.ops.oneframe.queue_video_frames()
+    bpy.ops.oneframe.queue_found(choice="SPREAD", count=1)
+    bpy.ops.oneframe.queue_found(choice="EVERY", every=1)
+    with pytest.raises(RuntimeError, match="no case yet"):
+        bpy.ops.oneframe.queue_found(choice="EVENLY", count=30)
+    paths = case_queue.queued_cases(tmp_path / "queue")
+    cases = {case.video[1]: case for path in paths if (case := read_case(path, posed=False)).video}
+    assert len(paths) == 1 + MIRRORED + 1
+    assert not cases.pop(MIRRORED).posed
+    mesh_from_model = from_scene.mesh_from_model_of(scene.oneframe.surface)
+    for number, case in cases.items():
+        np.testing.assert_allclose(case.cam_from_mesh @ mesh_from_model, frames[number].cam_from_model, atol=1e-9)
+        assert case.alignment["method"] == REGISTERED
+        assert case.alignment["probability"] == frames[number].verdict.probability
+        assert case.alignment["start_frame"] == "frame.png"
+        assert case_queue.state_of(case) == case_queue.ALIGNED
+    # after another start, from any frame of the queue, as long as the first frame has the pose that they go by
+    forget()
+    bpy.ops.oneframe.open_case(filepath=str(cases[2].path))
+    scene = bpy.context.scene
+    np.testing.assert_allclose(
+        pose_evidence.remembered_uncertainty(scene).covariance, frames[2].uncertainty.covariance, rtol=1e-9
+    )
+    assert found.of(scene).source.name == "frame.png"
+    bpy.ops.oneframe.queue_check()
+    here = queued.position(scene)
+    bpy.ops.oneframe.queue_step(step=-here)
+    states = [entry.state for entry in queued.queue_of(scene)]
+    visited = []
+    for _ in states:
+        bpy.ops.oneframe.queue_unfinished()
+        visited.append(queued.position(scene))
+    left = [at for at, state in enumerate(states) if state != case_queue.CHECKED]
+    assert set(visited) == set(left)
+    assert len(left) == len(states) - 1

@@ -1,4 +1,4 @@
-"""The other frames of the film by hand: registered, stopped, looked at, taken, played, colour sources, first pose."""
+"""The other frames of the film: registered, stopped, looked at, taken, played, queued, colour sources, first pose."""
 
 from importlib import import_module
 
@@ -37,6 +37,7 @@ def scenario(user):
     yield from take(user)
     yield from play(user)
     assert np.array_equal(pose(user), before), "looking moves nothing"
+    yield from to_queue(user)
     yield from user.press("use_colour_sources")
     yield from user.until(lambda: user.window.scene.oneframe.case_frames_text, "further frames", 120)
     yield from correct(user)
@@ -47,18 +48,21 @@ def ended(user):
 
 
 def register(user):
-    """Esc keeps what was found; from the start again, all are found."""
+    """Esc keeps what was found, beside the case; again, the others are found."""
     found, scene = part("frames.found"), user.window.scene
     yield from user.press("register_frames")
     yield from user.until(lambda: found.of(scene) and len(found.of(scene).frames) > 1, "frames", 120)
     yield from user.key("ESC", user.middle())
     yield from ended(user)
-    assert 1 < len(found.of(scene).frames) < COUNT, "what was found stays"
+    stopped = dict(found.of(scene).frames)
+    assert 1 < len(stopped) < COUNT, "what was found stays"
+    yield from user.until(lambda: any(user.case.parent.glob("film_poses-*.json")), "the file", 30)
     yield from user.picture("1_stopped")
     yield from user.press("register_frames")
     yield from user.until(lambda: len(found.of(scene).frames) == COUNT, "all frames", 120)
     yield from ended(user)
     assert found.of(scene).summary() == "5 found, 0 doubtful, 1 lost"
+    assert all(found.of(scene).frames[number] is each for number, each in stopped.items())
 
 
 def place(user, at):
@@ -129,6 +133,26 @@ def play(user):
     yield from user.key("ESC", user.middle())
 
 
+def to_queue(user):
+    """All found frames in the queue at their poses: a button and Enter."""
+    scene, queued, found = user.window.scene, part("case_queue.queued"), part("frames.found")
+    poses = {number: each.cam_from_model for number, each in found.of(scene).frames.items()}
+    yield from user.press("queue_found")
+    yield from user.picture("5_dialog")
+    yield from user.key("RET")
+    yield from user.until(lambda: len(queued.queue_of(scene)) == COUNT, "the frames in the queue", 60)
+    yield from ended(user)
+    assert [entry.state for entry in queued.queue_of(scene)].count("aligned") == COUNT - 1
+    yield from user.key("PAGE_UP", user.middle())
+    yield from user.until(lambda: part("state.from_scene").video(scene) is not None, "a frame of the film")
+    _, number = part("state.from_scene").video(scene)
+    assert np.allclose(pose(user), poses[number], atol=1e-6)
+    assert part("setup.alignment_record").pose_record(scene)["method"] == "registered"
+    yield from user.picture("6_in_queue")
+    yield from user.key("PAGE_DOWN", user.middle())
+    yield from user.until(lambda: part("state.from_scene").video(scene) is None, "the case's own frame")
+
+
 def correct(user):
     scene, true = user.window.scene, pose(user)
     # fewer rounds: quicker, and less exact
@@ -144,11 +168,11 @@ def correct(user):
     found = pose(user)
     yield from user.key("SPACE", user.middle())
     yield from user.until(lambda: np.array_equal(pose(user), rough), "the pose before")
-    yield from user.picture("5_before")
+    yield from user.picture("7_before")
     yield from user.key("RET", user.middle())
     yield from ended(user)
     assert np.array_equal(pose(user), found)
     assert np.linalg.norm((found - true)[:3, 3]) < 0.5 * np.linalg.norm((rough - true)[:3, 3])
-    yield from user.picture("6_corrected")
+    yield from user.picture("8_corrected")
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: np.allclose(pose(user), rough), "the rough pose")

@@ -29,7 +29,8 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     """
     where = where or str(path)
     # a distribution's Blender names its own configuration so
-    own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement"), "config.ocio")
+    folder = bpy.utils.system_resource("DATAFILES", path="colormanagement")  # type: ignore[attr-defined]  # not in stubs
+    own = Path(folder, "config.ocio")
     if "OCIO" in os.environ and Path(os.environ["OCIO"]) != own:
         raise InputError(
             f"{where}: expected Blender with its own colours, found OCIO = {os.environ['OCIO']!r}; start Blender "

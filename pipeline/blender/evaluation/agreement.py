@@ -96,7 +96,7 @@ def agreement(name: str, one: LoadedCase, other: LoadedCase) -> Agreement:
         raise InputError(f"{name}: expected a pose that shows the surface, found one that does not")
     here, there = transform_points(pose, points), transform_points(other_pose, points)
     apart = camera.project(there) - camera.project(here)
-    stated = [_stated_px(case.case.alignment, points, camera, at) for case, at in ((one, pose), (other, other_pose))]
+    stated = [_stated_px(case, points, camera, at) for case, at in ((one, pose), (other, other_pose))]
     return Agreement(
         name,
         rotation_angle_deg(other_pose[:3, :3] @ pose[:3, :3].T),
@@ -162,11 +162,12 @@ def summary(found: Sequence[Agreement]) -> list[str]:
     return lines
 
 
-def _stated_px(record: Mapping[str, Any], points: np.ndarray, camera: PinholeCamera, pose: np.ndarray) -> float:
+def _stated_px(loaded: LoadedCase, points: np.ndarray, camera: PinholeCamera, pose: np.ndarray) -> float:
     """Root mean square error in the image that a case states: its own, or that of its standard deviations."""
+    record: Mapping[str, Any] = loaded.case.alignment
     if "error_px" in record:
         return float(record["error_px"])
-    uncertainty = PoseUncertainty.stated(record, points, pose)
+    uncertainty = PoseUncertainty.stated(record, points, pose, loaded.surface.mesh_from_model)
     if uncertainty is None:
         return np.nan
     spreads = uncertainty.pixel_covariances(points, camera, pose)

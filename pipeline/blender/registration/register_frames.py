@@ -225,14 +225,15 @@ class CaseRegistrar:
 
 def doubt_of_case(loaded: LoadedCase) -> str:
     """A sentence if the case's own pose is too unsure for any frame to be accepted; empty otherwise."""
-    own = PoseUncertainty.stated(loaded.case.alignment, loaded.surface.mesh.vertices, loaded.frame.cam_from_model)
+    surface, pose = loaded.surface, loaded.frame.cam_from_model
+    own = PoseUncertainty.stated(loaded.case.alignment, surface.mesh.vertices, pose, surface.mesh_from_model)
     return "" if own is None else doubt_of_source(own, _small(loaded.frame.camera))
 
 
 def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty | None:
     """Of the case's pose, about the pivot, if the case states it: that of the middle of what the frame shows."""
     pose = loaded.frame.cam_from_model
-    own = PoseUncertainty.stated(loaded.case.alignment, view.view.shown_points(), pose)
+    own = PoseUncertainty.stated(loaded.case.alignment, view.view.shown_points(), pose, loaded.surface.mesh_from_model)
     return None if own is None else own.about(view.pivot_model, pose)
 
 

@@ -1,0 +1,108 @@
+"""A list of poses gives back what it was written from, as does the record of a case; views are taken from far apart."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+
+from oneframe.alignment.pose_uncertainty import PoseUncertainty
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.alignment_record import checked_alignment_record, scaled_record
+from oneframe.case.case_file import read_case
+from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
+from oneframe.registration.pose_list import encoded_list, found_of, pose_entry
+from oneframe.registration.register import RegisteredFrame
+from oneframe.registration.report import registration_record
+from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
+from oneframe.registration.view_spread import spread_views
+from oneframe.transforms import inverse_rigid, se3_exp
+
+CAMERA = PinholeCamera(640, 480, 900.0, 900.0, 319.5, 239.5)
+
+
+def pose_of(rng):
+    return se3_exp(np.array([*rng.normal(0, 20, 2), rng.uniform(80, 200), *rng.normal(0, 0.5, 3)]))
+
+
+def found_in(rng, state=ACCEPTED):
+    if state == REFUSED:
+        return RegisteredFrame(Verdict(REFUSED, 0.25, "it shares too few features"))
+    pose, root = pose_of(rng), rng.normal(0, 0.1, (6, 6))
+    points = rng.normal(0, 9, (50, 3))
+    uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose)
+    return RegisteredFrame(Verdict(state, 0.9875, "12 of 40 places"), pose, uncertainty)
+
+
+def assert_same(one, other):
+    assert one.verdict == other.verdict
+    if one.cam_from_model is None:
+        assert other.cam_from_model is other.uncertainty is None
+        return
+    np.testing.assert_allclose(one.cam_from_model, other.cam_from_model, atol=1e-9)
+    for name in ("pivot_model", "covariance", "radius_mm", "pivot_cam"):
+        np.testing.assert_allclose(getattr(one.uncertainty, name), getattr(other.uncertainty, name), atol=1e-9)
+
+
+@pytest.mark.parametrize("mm_per_unit", [1.0, 1000.0])
+def test_a_list_gives_back_what_was_found(mm_per_unit):
+    rng = np.random.default_rng(3)
+    mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
+    frames = {7: found_in(rng), 2: found_in(rng, REFUSED), 30: found_in(rng)}
+    entries = [pose_entry("", number, found, mesh_from_model, mm_per_unit) for number, found in frames.items()]
+    back = found_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
+    assert back.keys() == frames.keys()
+    for number, found in frames.items():
+        assert_same(found, back[number])
+
+
+@pytest.mark.parametrize("state", [ACCEPTED, "doubtful"])
+def test_a_case_in_a_queue_keeps_pose_and_covariance_as_found(write_tiny_case, tmp_path, state):
+    rng, like = np.random.default_rng(4), read_case(write_tiny_case(tmp_path / "like"))
+    mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
+    found, source = found_in(rng, state), {"method": "landmarks"}
+    record = registration_record(found, CAMERA, mesh_from_model, source, "first.png", "OneFrame", "2024-05-06")
+    frame = NewFrame(like.image, ("film.mp4", 7), found.cam_from_model @ inverse_rigid(mesh_from_model), record)
+    (path,) = add_frames(tmp_path / "queue", like, [frame])
+    case = read_case(path)
+    assert (case.video, state_of(case)) == (("film.mp4", 7), ALIGNED if state == ACCEPTED else DOUBTFUL)
+    assert case.alignment["probability"] == found.verdict.probability
+    pose = case.cam_from_mesh @ mesh_from_model
+    stated = PoseUncertainty.stated(case.alignment, np.zeros((1, 3)), pose, mesh_from_model)
+    assert_same(found, RegisteredFrame(found.verdict, pose, stated))
+    # as the uncertainty of the pose of a surface of another size
+    scaled = checked_alignment_record(scaled_record(case.alignment, 1000.0), "record")
+    for key, value in found.uncertainty.scaled(1000.0).entry(se3_exp(np.array([3e5, -2e4, 5e3, 0, 0, 0]))).items():
+        np.testing.assert_allclose(scaled[key], value, rtol=1e-6)
+
+
+def test_a_pose_that_is_found_goes_to_a_case_without_one_alone(write_tiny_case, tmp_path):
+    like = read_case(write_tiny_case(tmp_path / "like"))
+    queue, new = tmp_path / "queue", NewFrame(like.image)
+    (path,) = add_frames(queue, like, [new])
+    for shift, expected in ((1.0, 1.0), (2.0, 1.0)):
+        pose = se3_exp(np.array([shift, 0, 0, 0, 0, 0])) @ like.cam_from_mesh
+        add_frames(queue, like, [NewFrame(like.image, None, pose, {"method": "registered"})])
+        case = read_case(path)
+        assert case.alignment == {"method": "registered"}
+        assert case.cam_from_mesh[0, 3] - like.cam_from_mesh[0, 3] == pytest.approx(expected)
+
+
+def test_views_come_from_far_apart():
+    rng = np.random.default_rng(5)
+    poses = [pose_of(rng) for _ in range(9)]
+    views = np.array([inverse_rigid(pose)[:3, 3] for pose in poses])
+    views /= np.linalg.norm(views, axis=1, keepdims=True)
+    angles = np.arccos(np.clip(views @ views.T, -1, 1))
+
+    def narrowest(chosen):
+        return min(angles[one, other] for one, other in itertools.combinations(chosen, 2))
+
+    chosen = spread_views(poses[1:], 3, taken=poses[:1])
+    assert len(set(chosen)) == 3
+    all_of = [0, *(each + 1 for each in chosen)]
+    best = max(narrowest((0, *others)) for others in itertools.combinations(range(1, 9), 3))
+    # what is known of this rule
+    assert narrowest(all_of) >= best / 2
+    assert sorted(spread_views(poses, 20)) == list(range(9))
+    assert spread_views([], 3, poses) == []

@@ -59,8 +59,13 @@ class FrameEvidence:
         if found.cam_from_model is None or found.uncertainty is None:
             return FrameEvidence(self.name, self.number, found.verdict, None, picture=self.picture)
         factor = found.uncertainty.largest_rotation_deg / self.rotation_deg
-        deviations = {"position_mm": factor * self.position_mm, "image_px": factor * self.image_px}
-        return replace(self, verdict=found.verdict, rotation_deg=factor * self.rotation_deg, **deviations)
+        return replace(
+            self,
+            verdict=found.verdict,
+            rotation_deg=factor * self.rotation_deg,
+            position_mm=factor * self.position_mm,
+            image_px=factor * self.image_px,
+        )
 
     def words(self, until: "FrameEvidence") -> str:
         """State and reason, of the frames from this one until another one."""

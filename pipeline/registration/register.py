@@ -60,8 +60,7 @@ def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
     for number, same in zip(zooms, same_of_all, strict=True):
         found = frames[number]
         if found.uncertainty is not None:
-            wider = replace(found.uncertainty, covariance=factor**2 * found.uncertainty.covariance)
-            found = replace(found, uncertainty=wider)
+            found = replace(found, uncertainty=found.uncertainty.widened(factor))
         probability = found.verdict.probability * float(same)
         reason = (
             f"the zoom seems to be {zooms[number].factor:.2f} times that of the case's frame, or that frame's pose is "

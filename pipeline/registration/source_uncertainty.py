@@ -21,7 +21,8 @@ def with_case(
 ) -> RegisteredFrame:
     """A registered frame whose covariance, probability and state include what surface and aligned frame are off.
 
-    To first order, what the aligned frame shows moves with its pose as a whole, and takes the others along. A surface
+    To first order, what the aligned frame shows moves with its pose as a whole, and takes the others along; but not
+    where it is too far for a lens that is too long, as then is every frame, along its own axis. A surface
     that is too deep along its rays is one scaled about its centre: so is then the way from there to another frame.
 
     Parameters
@@ -39,11 +40,12 @@ def with_case(
     if pose is None or own is None:
         return found
     way = np.append(pose[:3, :3] @ (camera_centre(pose) - camera_centre(source_from_model)), np.zeros(3))
-    covariance = own.covariance + SURFACE_SHARE**2 * np.outer(way, way)
+    uncertainty = replace(own, covariance=own.covariance + SURFACE_SHARE**2 * np.outer(way, way))
     if source is not None:
         turn = np.kron(np.eye(2), pose[:3, :3] @ source_from_model[:3, :3].T)
-        covariance = covariance + turn @ source.covariance @ turn.T
-    uncertainty = replace(own, covariance=covariance)
+        covariance = uncertainty.covariance + turn @ source.at_focal_length.covariance @ turn.T
+        farther = float(own.pivot_cam[2] / source.pivot_cam[2])
+        uncertainty = replace(own, covariance=covariance).with_focal_depth(farther * source.focal_depth_mm)
     alone, both = within(own, camera), within(uncertainty, camera)
     verdict = replace(found.verdict, probability=found.verdict.probability * min(both / max(alone, 1e-9), 1.0))
     if verdict.state == ACCEPTED and verdict.probability < LEAST_ACCEPTED:

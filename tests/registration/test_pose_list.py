@@ -30,7 +30,7 @@ def found_in(rng, state=ACCEPTED):
         return RegisteredFrame(Verdict(REFUSED, 0.25, "it shares too few features"))
     pose, root = pose_of(rng), rng.normal(0, 0.1, (6, 6))
     points = rng.normal(0, 9, (50, 3))
-    uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose)
+    uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose).with_focal_depth(0.3)
     return RegisteredFrame(Verdict(state, 0.9875, "12 of 40 places"), pose, uncertainty)
 
 
@@ -40,7 +40,7 @@ def assert_same(one, other):
         assert other.cam_from_model is other.uncertainty is None
         return
     np.testing.assert_allclose(one.cam_from_model, other.cam_from_model, atol=1e-9)
-    for name in ("pivot_model", "covariance", "radius_mm", "pivot_cam"):
+    for name in ("pivot_model", "covariance", "radius_mm", "pivot_cam", "focal_depth_mm"):
         np.testing.assert_allclose(getattr(one.uncertainty, name), getattr(other.uncertainty, name), atol=1e-9)
 
 

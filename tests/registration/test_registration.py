@@ -204,6 +204,33 @@ def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):
     assert (found.verdict.state, both.verdict.state) == (ACCEPTED, DOUBTFUL)
 
 
+def test_a_lens_too_long_takes_every_frame_farther_along_its_own_axis(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(25, 70, 1.2))), everywhere())
+    # seen from the source alike
+    longer, farther = CAMERA.zoomed(1.01), apply_twist(np.array([0, 0, 3.0, 0, 0, 0]), SOURCE, PIVOT)
+    frame, cast = found.cam_from_model, MeshRays(mesh)
+    shown = []
+    for camera, pose in ((CAMERA, SOURCE), (longer, farther)):
+        rays = camera.rays_cam(CAMERA.pixel_grid()[::12, ::12].reshape(-1, 2))
+        origins = np.tile(camera_centre(pose).astype(np.float32), (len(rays), 1))
+        depths = cast.first_hits(origins, (rays @ pose[:3, :3]).astype(np.float32)).distance
+        shown.append(transform_points(inverse_rigid(pose), rays * depths[:, None]))
+    pixels = CAMERA.project(transform_points(frame, shown[0]))
+    met = np.isfinite(pixels).all(axis=1) & np.isfinite(shown[1]).all(axis=1)
+    known = Correspondences.about(shown[1][met], pixels[met], longer)
+    poses, _ = fit_poses(known, Poses.of(frame[None], known.pivot_model))
+    twist = twist_between(frame, poses.matrix(0, known.pivot_model), PIVOT)
+    source = PoseUncertainty.about_points(PIVOT, 1e-9 * np.eye(6), mesh.vertices, SOURCE).with_focal_depth(3.0)
+    surface, both = (with_case(found, own, SOURCE, CAMERA) for own in (None, source))
+    added, scale = both.uncertainty.covariance - surface.uncertainty.covariance, np.array([1, 1, 1, 10, 10, 10])
+    assert twist[2] > 3.3
+    assert np.abs((added - np.outer(twist, twist)) * np.outer(scale, scale)).max() < 0.1 * twist[:3] @ twist[:3]
+    # neither less sure beside its K, nor where it is drawn
+    assert both.verdict.probability == pytest.approx(surface.verdict.probability, abs=1e-6)
+    drawn = [each.uncertainty.spread_px(CAMERA, frame) for each in (surface, both)]
+    assert drawn[1] == pytest.approx(drawn[0], rel=1e-3)
+
+
 def test_a_surface_too_deep_moves_the_frames(registrar, mesh):
     found = registrar.register(codes(photograph(mesh, seen_from(25, 10))), everywhere())
     frame, centre = found.cam_from_model, camera_centre(SOURCE)
@@ -399,6 +426,31 @@ def test_a_folder_of_distorted_images_with_odd_names_is_a_list_of_photographs(me
     (photographed,), _ = read_photographs(tmp_path / "out" / "poses.json", case)
     assert photographed.image.read_bytes() == image
     assert photographed.distortion == case.distortion
+
+
+def test_the_focal_length_is_found_with_the_source_and_frames_stay_accepted(mesh, tmp_path):
+    factor = 1.06
+    farther = apply_twist(np.array([0.5, -0.5, 300 * (factor - 1), *np.radians([1.5, -1.0, 1.0])]), SOURCE, PIVOT)
+    write_case(tmp_path, mesh, farther)
+    text = (tmp_path / "case.toml").read_text()
+    (tmp_path / "case.toml").write_text(text.replace(str(CAMERA.k.tolist()), str(CAMERA.zoomed(factor).k.tolist())))
+    poses = [seen_from(tilt, roll) for tilt, roll in ((28, 0), (-28, 30), (25, 90), (-28, -60), (25, 180), (20, -130))]
+    (tmp_path / "frames").mkdir()
+    for number, pose in enumerate(poses):
+        image = np.rint(255 * photograph(mesh, pose)).astype(np.uint8)
+        (tmp_path / "frames" / f"{number}.png").write_bytes(encode_png(image))
+    found = registered(tmp_path, "frames", tmp_path / "out", "--correct-source", "--estimate-focal")
+    assert [entry["state"] for entry in found] == [ACCEPTED] * len(poses)
+    case = read_case(tmp_path / "out" / "case.toml")
+    for entry, pose in zip([case.alignment, *found], [SOURCE, *poses], strict=True):
+        estimate = case.cam_from_mesh if entry is case.alignment else np.array(entry["cam_from_mesh"])
+        known = PoseUncertainty.of_entry(entry, estimate, np.eye(4))
+        depth_mm = twist_between(estimate, pose, known.pivot_model)[2]
+        # beside its K each is surer than K itself, which says how far all of them are
+        assert 2 * known.at_focal_length.translation_mm.max() < known.focal_depth_mm
+        assert np.abs(depth_mm) < 3 * known.translation_mm[2] < 6.0
+        assert known.translation_mm[:2].max() < 0.1
+    assert abs(np.log(case.camera.fx / CAMERA.fx)) < 3 * case.alignment["focal_depth_mm"] / 300
 
 
 def test_the_command_corrects_the_source(mesh, tmp_path):

@@ -11,6 +11,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import checked_alignment_record, scaled_record
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
+from oneframe.errors import InputError
 from oneframe.registration.pose_list import encoded_list, found_of, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.report import registration_record
@@ -70,6 +71,8 @@ def test_a_case_in_a_queue_keeps_pose_and_covariance_as_found(write_tiny_case, t
     pose = case.cam_from_mesh @ mesh_from_model
     stated = PoseUncertainty.stated(case.alignment, np.zeros((1, 3)), pose, mesh_from_model)
     assert_same(found, RegisteredFrame(found.verdict, pose, stated))
+    with pytest.raises(InputError, match="expected a covariance"):
+        checked_alignment_record(case.alignment | {"focal_depth_mm": 9.0}, "record")
     # as the uncertainty of the pose of a surface of another size
     scaled = checked_alignment_record(scaled_record(case.alignment, 1000.0), "record")
     for key, value in found.uncertainty.scaled(1000.0).entry(se3_exp(np.array([3e5, -2e4, 5e3, 0, 0, 0]))).items():

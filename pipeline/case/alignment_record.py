@@ -169,12 +169,11 @@ def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, obje
     scaled = dict(record)
     if isinstance(deviations := record.get("standard_deviation_mm"), list):
         scaled["standard_deviation_mm"] = [value * factor for value in deviations]
-    if "focal_depth_mm" in record:
-        scaled["focal_depth_mm"] = float(record["focal_depth_mm"]) * factor
     if "covariance_mm_rad" in record:
         scale = np.array([factor] * 3 + [1.0] * 3)
         scaled["covariance_mm_rad"] = (np.array(record["covariance_mm_rad"]) * np.outer(scale, scale)).tolist()
-        scaled |= {key: (np.array(record[key]) * factor).tolist() for key in ("pivot_mesh_mm", "radius_mm")}
+        lengths = [key for key in ("pivot_mesh_mm", "radius_mm", "focal_depth_mm") if key in record]
+        scaled |= {key: (np.array(record[key]) * factor).tolist() for key in lengths}
     if isinstance(words := record.get("weakest"), str):
         scaled["weakest"] = _MILLIMETRES.sub(lambda found: format_two_digits(float(found[0]) * factor), words)
     return scaled

@@ -130,7 +130,7 @@ def test_the_video_is_never_replaced(film, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "scores.csv").write_bytes(film[0].read_bytes())
-    with pytest.raises(InputError, match=r"scores\.csv: expected a new file, found the video"):
+    with pytest.raises(InputError, match="expected a folder without the inputs of this run, found the video"):
         dispatch(["frames", str(out / "scores.csv"), "--out", str(out)])
 
 

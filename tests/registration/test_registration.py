@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
-from oneframe.alignment.reprojection import apply_twist, twist_between
+from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
 from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
@@ -23,11 +24,12 @@ from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.evidence import frame_evidence
-from oneframe.registration.register import Registrar
+from oneframe.registration.film_change import FilmAgreement, FilmChange
+from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
 from oneframe.registration.source_correction import SourceCorrection, Track
-from oneframe.registration.source_uncertainty import with_source
-from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
-from oneframe.registration.zoom import Zoom, has_zoomed, zoom_of
+from oneframe.registration.source_uncertainty import SURFACE_SHARE, with_case
+from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
+from oneframe.registration.zoom import Zoom, at_same_focal_length, zoom_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
@@ -133,28 +135,87 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     enlarged = factor * np.eye(2, 3)
     enlarged[:, 2] = (1 - factor) * np.array([CAMERA.cx, CAMERA.cy])
     image = cv2.warpAffine(codes(photograph(mesh, seen_from(25, 10))), enlarged, CAMERA.size_wh)
-    fit = registrar.register(image, everywhere()).fit
-    zoom = zoom_of(fit, PIVOT)
+    found = registrar.register(image, everywhere())
+    zoom = zoom_of(found.fit, PIVOT)
     assert abs(zoom.factor - factor) < max(0.02, 3 * zoom.sigma)
-    assert has_zoomed(zoom) == (factor == 1.25)
-    # a smaller change must last
-    assert has_zoomed(zoom, [zoom] * 8) == (factor != 1)
-    assert has_zoomed(zoom, [Zoom(1.0, zoom.sigma)] * 5 + [zoom] * 3) == (factor == 1.25)
+    found, clean = replace(found, zoom=zoom), replace(found, zoom=Zoom(1.0, zoom.sigma))
+    (alone,) = judged_together([found])
+    assert (alone.verdict.state == ACCEPTED) == (factor == 1)
+    # the others of its set say how exact the case is
+    *others, judged = judged_together([clean] * 6 + [found])
+    assert judged.verdict.state == (ACCEPTED if factor == 1 else REFUSED)
+    assert (judged.cam_from_model is None) == (factor != 1)
+    assert {each.verdict.state for each in others} == {ACCEPTED}
+    lost = RegisteredFrame(Verdict(REFUSED, 0.0, "lost"))
+    assert judged_together([lost, found])[0] == lost
+    assert judged_together([lost]) == [lost]
+
+
+def test_zooms_that_scatter_widen_the_covariances(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(15, 10))), everywhere())
+    logs = np.random.default_rng(0).normal(0, 1, 40)
+    logs *= 0.03 / np.sqrt((logs**2).mean())
+    for times in (0.5, 1.0, 3.0):
+        frames = [replace(found, zoom=Zoom(factor, 0.03 / times)) for factor in np.exp(logs)]
+        judged = judged_together(frames)
+        wider = judged[0].uncertainty.covariance / found.uncertainty.covariance
+        assert wider == pytest.approx(max(1.0, times) ** 2, rel=0.15)
+        assert {each.verdict.state for each in judged} == {ACCEPTED}
+        shown = frame_evidence("", 0, found, CAMERA, mesh.vertices)
+        again = frame_evidence("", 0, judged[0], CAMERA, mesh.vertices)
+        assert shown.judged(judged[0]).image_px == pytest.approx(again.image_px)
+
+
+def test_zooms_are_judged_as_a_set():
+    sigma, exact, ramp, soft = 0.008, np.zeros(20), np.log(np.linspace(1.0, 1.12, 26)), []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+
+        def same(logs: np.ndarray, stated: float = sigma, rng: np.random.Generator = rng) -> np.ndarray:
+            # where the surface is exact, estimates err by half of what they state
+            found = logs + rng.normal(0, stated / 2, len(logs))
+            return at_same_focal_length([Zoom(factor, stated) for factor in np.exp(found)])
+
+        assert same(exact).min() > 0.97
+        # all, half and one of them
+        assert same(exact[:5] + 0.1).max() < 0.5
+        half = same(np.repeat([0.1, 0.0], 5))
+        assert half[:5].max() < 0.5 < 0.95 < half[5:].min()
+        one = same(0.1 * (np.arange(9) == 4))
+        assert one[4] < 0.5 < 0.97 < np.delete(one, 4).min()
+        # a slow zoom goes as far as the frames of a soft case scatter, but in small steps
+        assert ramp[same(ramp) > 0.97].max(initial=0) < 0.02
+        soft += list(same(rng.normal(-0.02, 0.04, 20), 0.015))
+    assert np.mean(np.array(soft) > 0.97) > 0.9
 
 
 def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):
     found = registrar.register(codes(photograph(mesh, seen_from(15, 70))), everywhere())
     covariance = np.diag(np.array([0.2, 0.3, 1.0, *np.radians([0.5, 0.3, 1.0])]) ** 2)
     source = PoseUncertainty(PIVOT, covariance, np.inf, np.nan, 20.0, transform_points(SOURCE, PIVOT))
-    both = with_source(found, source, SOURCE, CAMERA)
+    surface, both = (with_case(found, own, SOURCE, CAMERA) for own in (None, source))
     frame, twists = found.cam_from_model, np.random.default_rng(0).multivariate_normal(np.zeros(6), covariance, 4000)
     taken_along = [frame @ inverse_rigid(SOURCE) @ apply_twist(each, SOURCE, PIVOT) for each in twists]
     off = np.array([twist_between(each, frame, PIVOT) for each in taken_along])
-    alone, together = found.uncertainty.covariance, both.uncertainty.covariance
+    alone, together = surface.uncertainty.covariance, both.uncertainty.covariance
     scale = np.sqrt(np.diag(together))
     assert np.abs((alone + off.T @ off / len(off) - together) / np.outer(scale, scale)).max() < 0.1
     assert both.verdict.probability < found.verdict.probability
     assert (found.verdict.state, both.verdict.state) == (ACCEPTED, DOUBTFUL)
+
+
+def test_a_surface_too_deep_moves_the_frames(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(25, 10))), everywhere())
+    frame, centre = found.cam_from_model, camera_centre(SOURCE)
+    # seen from the source alike, and one standard deviation too deep
+    deeper = centre + (1 + SURFACE_SHARE) * (mesh.vertices[::50] - centre)
+    known = Correspondences.about(deeper, CAMERA.project(transform_points(frame, mesh.vertices[::50])), CAMERA)
+    poses, _ = fit_poses(known, Poses.of(frame[None], known.pivot_model))
+    twist = twist_between(frame, poses.matrix(0, known.pivot_model), PIVOT)
+    added = with_case(found, None, SOURCE, CAMERA).uncertainty.covariance - found.uncertainty.covariance
+    scale = np.array([1, 1, 1, 10, 10, 10])
+    assert np.linalg.norm(twist[:3]) > 0.03
+    assert np.abs((added - np.outer(twist, twist)) * np.outer(scale, scale)).max() < 0.1 * twist[:3] @ twist[:3]
 
 
 def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
@@ -169,6 +230,30 @@ def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
     assert evidence.opacity == pytest.approx(found.verdict.probability * (1 - 2 * evidence.image_px / 5))
     unsure = replace(evidence, verdict=replace(found.verdict, state=DOUBTFUL))
     assert 0 < unsure.opacity < replace(evidence, image_px=np.float64(9)).opacity < evidence.opacity
+
+
+def test_a_film_says_where_the_surface_changes(registrar, mesh):
+    poses = [seen_from(4 * np.sin(number), number) for number in range(16)]
+    shown = {each: [codes(photograph(mesh, pose, seed=each)) for pose in poses] for each in (0, 1)}
+
+    def change(frames: list[np.ndarray], order: list[int]) -> FilmChange | None:
+        agreement = FilmAgreement(CAMERA, SOURCE, PIVOT)
+        for number in order:
+            agreement.add(10 * number, registrar.register(frames[number], everywhere(), poses[number]).fit)
+        return agreement.change()
+
+    # something else from the eighth frame on, or in the middle alone
+    other = [image.copy() for image in shown[0]]
+    for number in range(8, 16):
+        other[number][100:200, 100:230] = shown[1][number][100:200, 100:230]
+    found = change(other, list(range(16)))
+    assert found.since == 80
+    assert found.places[4:6, 4:7].mean() > 0.6
+    assert not found.places[:, :2].any()
+    assert 0.05 < found.share < 0.3
+    assert f"from frame {found.since}" in found.words()
+    assert change(other, [*range(4), *range(8, 16), *range(4, 8)]) is None
+    assert change(shown[0], list(range(16))) is None
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.08])

@@ -144,8 +144,6 @@ def register_case(
     ]
     if images[0] and loaded.case.distortion is not None:
         entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
-    if images[0] and loaded.case.distortion is not None:
-        entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
     made_folder(out / POSES)
     for name in (ESTIMATES, SHEET, FILM, PAGE):
         # what shows other poses

@@ -107,7 +107,8 @@ class ONEFRAME_OT_show_contact_sheet(Reporting):
     def poll(cls, context: bpy.types.Context) -> bool:
         folder = result_folder(context.scene)
         is_there = folder is not None and (folder / CONTACT_SHEET).is_file()
-        return available(cls, is_there, "A run makes it after the last view")
+        has_window = available(cls, not bpy.app.background, "Blender has no window here")
+        return has_window and available(cls, is_there, "A run makes it after the last view")
 
     def run(self, context: bpy.types.Context) -> None:
         path = output_folder(context.scene) / CONTACT_SHEET

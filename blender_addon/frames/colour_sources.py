@@ -33,7 +33,8 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
     def work(self, context: bpy.types.Context) -> Work:
         scene = context.scene
         registered, path = found.of(scene), scene.oneframe.case_path
-        if registered is None or not registered.candidates.frames:
+        candidates = [] if registered is None else registered.colouring()
+        if registered is None or not candidates:
             raise InputError("expected frames that were found in this session, there are none; press Register Frames")
         if not path:
             raise InputError("expected a case with a file, beside which the frames go; press Save Case first")
@@ -45,9 +46,7 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         self._inputs = inputs_of(scene)
 
         def choose(progress: Any) -> tuple[UnreadFrame, ...]:
-            choice = self._choice = chosen_sources(
-                registrar.mesh, registrar.source, registered.candidates.frames, count
-            )
+            choice = self._choice = chosen_sources(registrar.mesh, registrar.source, candidates, count)
             progress(0.5)
             made_folder(folder / FRAME)
             return registrar.full_frames(film, folder, [each.candidate for each in choice.frames], mesh_from_model)

@@ -26,9 +26,10 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_atomically
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
-from ..pipeline.registration.colour_sources import Candidates
+from ..pipeline.registration.colour_sources import Candidate, Candidates
+from ..pipeline.registration.film_change import FilmAgreement, FilmChange
 from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
-from ..pipeline.registration.register import RegisteredFrame
+from ..pipeline.registration.register import RegisteredFrame, judged_together
 from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
@@ -65,13 +66,16 @@ class FoundFrames:
     frames
         Number in the film -> what was found, without the fit.
     candidates
-        Accepted frames of this session that may colour the surface.
+        Frames of this session that may colour the surface, see :meth:`colouring`.
+    change
+        What the film no longer shows as the case's frame does.
     """
 
     source: Source
     file: Path | None
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     candidates: Candidates = field(default_factory=Candidates)
+    change: FilmChange | None = None
 
     def register(self, registrar: CaseRegistrar, film: FilmSession, progress: Callable[[float], None]) -> None:
         """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
@@ -87,7 +91,8 @@ class FoundFrames:
         left = numbers - self.frames.keys()
         if not left:
             left, self.candidates = numbers, Candidates()
-        done, written_s = 0, time.monotonic()
+        alone, written_s = dict[int, RegisteredFrame](), time.monotonic()
+        agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
         try:
             with registrar.frames(film.path) as (_, frames):
                 for frame in frames:
@@ -95,15 +100,27 @@ class FoundFrames:
                         continue
                     found = registrar.register(frame)
                     self.candidates.add(frame.number, frame.image, frame.valid, found)
-                    self.frames[frame.number] = replace(found, fit=None)
-                    done += 1
-                    progress(done / len(left))
+                    if found.fit is not None and found.verdict.state == ACCEPTED:
+                        agreement.add(frame.number, found.fit)
+                    alone[frame.number] = replace(found, fit=None)
+                    self.frames |= zip(alone, judged_together(list(alone.values())), strict=True)
+                    progress(len(alone) / len(left))
                     # a long list takes long to write
                     if (began_s := time.monotonic()) - written_s > WRITTEN_EVERY_S:
                         self.write()
                         written_s = time.monotonic() + 20 * (time.monotonic() - began_s)
+            self.change = agreement.change()
         finally:
             self.write()
+
+    def colouring(self) -> list[Candidate]:
+        """The frames that are accepted, and show the surface as the case's frame does."""
+        since = np.inf if self.change is None else self.change.since
+        return [
+            each
+            for each in self.candidates.frames
+            if each.number < since and self.frames[each.number].verdict.state == ACCEPTED
+        ]
 
     def write(self) -> None:
         """Keep them in their file.
@@ -123,7 +140,8 @@ class FoundFrames:
     def summary(self) -> str:
         """How many frames are found, doubtful and lost."""
         states = [each.verdict.state for each in [*self.frames.values()]]
-        return ", ".join(f"{states.count(state)} {word}" for state, word in WORDS.items())
+        counts = ", ".join(f"{states.count(state)} {word}" for state, word in WORDS.items())
+        return counts if self.change is None else f"{counts}; {self.change.words()}"
 
 
 _known: dict[tuple[str, bytes], FoundFrames] = {}

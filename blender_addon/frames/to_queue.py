@@ -18,7 +18,7 @@ from ..pipeline.files.outputs import made_folder
 from ..pipeline.registration.verdict import ACCEPTED
 from ..pipeline.registration.view_spread import spread_views
 from ..pipeline.transforms import inverse_rigid
-from ..pipeline.video.frame_folder import write_frame
+from ..pipeline.video.frame_folder import write_frames_only
 from ..state import from_scene
 from ..ui.background_operator import AsksInBackground, InBackground, Work
 from ..ui.operator import Messages, OperatorResult, available
@@ -60,11 +60,10 @@ class _ToQueue(InBackground, NeedsFilm):
             made_folder(folder / "frame")
             before, taken = set(folder.iterdir()), []
             with _all_or_none(self._written):
-                for number, score in enumerate(scores):
-                    progress(number / len(scores))
-                    image = write_frame(film.path, folder, film.scores, score)
+                for score, image in zip(scores, write_frames_only(film.path, folder, scores), strict=True):
                     self._written += [image] if image not in before else []
                     taken.append(NewFrame(image, (film.path.name, score.index), *poses[score.index]))
+                    progress(len(taken) / len(scores))
             return taken
 
         return take

@@ -101,8 +101,9 @@ class ONEFRAME_PT_landmark_keys(PartPanel):
 def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
     """The buttons first, then figures in slots that stay as high as they are: nothing moves under the pointer."""
     found, away = solved.estimate, solve.departure(scene, solved)
-    row = layout.row(align=True)
-    solving, other = row.row(align=True), row.row(align=True)
+    # by shares: three of one width would cut a name off
+    row = layout.split(factor=0.32, align=True)
+    solving, other = row.row(align=True), row.split(factor=0.75, align=True)
     solving.enabled, other.enabled = away is not None or bool(solved.doubtful), len(solved.doubtful) > 1
     solving.operator("oneframe.solve_landmarks", icon="CHECKMARK")
     other.operator("oneframe.other_pose", icon="FILE_REFRESH")

@@ -63,8 +63,9 @@ class ONEFRAME_PT_pose(AlignmentPanel, StepPanel):
             row.operator("oneframe.quarter_turn", text=text, icon=icon).anticlockwise = anticlockwise
         keys = row.row(align=True)
         keys.enabled = False
-        turns = (binding("oneframe.quarter_turn", anticlockwise=each) for each in (True, False))
-        keys.label(text="  ".join(turns) if has_keys else "")
+        first, second = (binding("oneframe.quarter_turn", anticlockwise=each) for each in (True, False))
+        # their modifiers once: both would not fit
+        keys.label(text=f"{first}  {second.split()[-1]}" if has_keys and second else "")
         if has_keys:
             layout.label(text="Alt: 10 px, Shift: 0.1 px, Hold: Repeat", icon="INFO")
 

@@ -16,6 +16,7 @@ from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, PROPOSED, REGISTERED
+from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
@@ -133,6 +134,11 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return "The pins contradict each other: move or delete the worst ones"
     if not pose_evidence.is_refined(scene):
         return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
+    if entries := queue_of(scene):
+        if not is_saved or entries[position(scene)].state != CHECKED:
+            return f"Next: {binding('oneframe.queue_check') or 'Checked'}, if it is right"
+        if any(entry.state != CHECKED for entry in entries):
+            return f"Next: {binding('oneframe.queue_unfinished') or 'Next Unfinished'} goes to the next unfinished one"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 

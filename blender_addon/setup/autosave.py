@@ -143,6 +143,9 @@ class ONEFRAME_OT_ask_unsaved(_OfUnsaved):
     bl_label = "Not Saved When Blender Ended"
     bl_options = {"INTERNAL"}
 
+    def run(self, context: bpy.types.Context) -> Messages:
+        return ()  # without a pointer there is no answer
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         return context.window_manager.invoke_popup(self, width=DIALOG_PX)
 

@@ -127,7 +127,7 @@ def replaced_pose(scene: bpy.types.Scene, path: Path) -> str:
     how = "checked" if "checked" in saved.alignment else "found in the image or other frames"
     name = f"{path.parent.name}/{path.name}"
     return (
-        f"The pose in {name} was {how}, the one in view was not. Replace it? Cancel keeps it; undo brings it into view."
+        f"The pose in {name} was {how}, the one in view was not. Replace it? The case's history keeps what is replaced."
     )
 
 

@@ -97,10 +97,12 @@ def _bisected(decreasing: Callable[[float], float], upper: float) -> float:
 def ellipse_outlines(covariances: np.ndarray, scale: float, corners: int = 48) -> np.ndarray:
     """``(N, 2, 2)`` covariances C -> ``(N, corners, 2)`` outlines of their ellipses about the origin.
 
-    The points d with d^T C^-1 d = scale^2; the ellipse of a singular covariance degenerates to a line segment.
+    The points d with d^T C^-1 d = scale^2; the ellipse of a singular covariance degenerates to a line segment, and one
+    without bounds, of too few pairs, has no finite points.
     """
     values, vectors = np.linalg.eigh(covariances)
     roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
-    circle = scale * np.stack([np.cos(angle), np.sin(angle)])
-    return np.swapaxes(roots @ circle, -1, -2)
+    with np.errstate(invalid="ignore"):
+        circle = scale * np.stack([np.cos(angle), np.sin(angle)])
+        return np.swapaxes(roots @ circle, -1, -2)

@@ -21,16 +21,30 @@ BY_KIND = {"radial": ("k1", "k2", "k3", "k4", "k5", "k6"), "tangential": ("p1", 
 _MODELS = (
     r"(camera|distortion|lens|projection|sensor|fisheye)?model(type|name)?|(camera|lens|projection)type|projection"
 )
-_LENS = re.compile(
-    rf"dist(?!ance|rib)|fish|omni|equirect|lens|radial|tangential|skew|^({_MODELS})$|"
-    r"^(d|k[1-6]|p[12]|s[1-4]|tau[xy]|xi|coeffs?|coefficients)$"
+_BENDING = re.compile(
+    r"dist(?!ance|rib)|radial|tangential|coeff|kappa|barrel|decent(er|re)|skew|"
+    r"^(cam(era)?)?(d|kc?|k[1-6]|p[12]|s[1-4]|b[12]|tau[xy]|xi|alphac)$"
 )
-_ABOUT_NO_RAY = re.compile(r"undist|error|std|deviation|sigma|^num|^estimate")
-"""Keys that speak of a lens and bend no ray: what was removed, how it was found, how sure it is."""
+"""Keys of coefficients; ``k`` is one where it is no K."""
+_LIST = re.compile(
+    r"^(?!.*(poly|mapping|kappa|barrel|decent|inv|undist)).*(dist|(^|\.)(camera)?(d|kc|coeffs?|coefficients)(\.|$))"
+)
+"""Places of lists in OpenCV's order."""
+_MATRIX_LENGTHS = {"k": 9, "camk": 9, "p1": 12, "p2": 12}
+"""Numbers under keys of coefficients that are K and a stereo camera's projection instead."""
+_LENS = re.compile(rf"{_BENDING.pattern}|fish|omni|equirect|lens|^({_MODELS})$")
+_KIND = ("type", "kind", "name", "model")
+"""In a table about a lens, keys that name its model."""
+_NO_PINHOLE = re.compile(r"(opencv)?fisheye|omni(directional)?|equidistant|equirectangular|kannalabrandt\d?|mei|ftheta")
+"""What is no pinhole camera, whatever key says it."""
+_ABOUT_NO_RAY = re.compile(
+    r"undist(?!.*coeff)|error|std(?!ist)|deviation|sigma|^num|^estimate(?!d)|lens(position|aperture|focal|serial|mount)"
+)
+"""Keys that speak of a lens and bend no ray: what was removed, how it was found, how sure it is, its other values."""
 
 _PINHOLE = (
     "pinhole", "simplepinhole", "perspective", "rectilinear", "plumbbob", "radtan", "radialtangential", "brown",
-    "brownconrady", "opencv", "fullopencv", "rationalpolynomial", "radial", "simpleradial", "standard",
+    "brownconrady", "opencv", "fullopencv", "rational", "rationalpolynomial", "radial", "simpleradial", "standard",
 )  # fmt: skip
 _PINHOLE_WITHOUT_COEFFICIENTS = ("inversebrownconrady", "modifiedbrownconrady", "thinprism", "division")
 _NOTHING = ("", "none", "no", "false", "off", "null")
@@ -59,6 +73,8 @@ def distortion_of(tables: tuple[Mapping, ...], where: str) -> tuple[float, ...]:
         number = number_of(value)
         if value is None or value is False or number == 0 or (numbers is not None and not any(numbers)):
             continue
+        if numbers is not None and _MATRIX_LENGTHS.get(plain) == len(numbers):
+            continue
         if (isinstance(value, str) and numbers is None and number is None) or re.search("fish|omni|model", plain):
             models.append((key, str(value)))
             continue
@@ -67,11 +83,11 @@ def distortion_of(tables: tuple[Mapping, ...], where: str) -> tuple[float, ...]:
             read = {plain: number}
         elif numbers is not None and names is not None and len(numbers) <= len(names):
             read = dict(zip(names, numbers, strict=False))
-        elif numbers is not None and names is None and len(numbers) in LIST_LENGTHS:
+        elif numbers is not None and names is None and len(numbers) in LIST_LENGTHS and _LIST.search(plain_key(key)):
             read, further = dict(zip(COEFFICIENTS, numbers, strict=False)), numbers[len(COEFFICIENTS) :]
         else:
             raise _unread(where, key, value)
-        if differing := [name for name in read if found.get(name, read[name]) != read[name]]:
+        if differing := [name for name in read if name in found and found[name] != read[name]]:
             raise InputError(f"{where}: expected one distortion, found two {differing[0]}; leave one in the file")
         found |= read
     coefficients = (*(found.get(name, 0.0) for name in COEFFICIENTS), *further)
@@ -86,16 +102,30 @@ def distortion_of(tables: tuple[Mapping, ...], where: str) -> tuple[float, ...]:
     return coefficients if any(coefficients) else ()
 
 
-def _lens_entries(table: object, path: str, *, within: bool = False) -> Iterator[tuple[str, Any]]:
-    """Keys about a lens, with those that lead to them, and their values; all keys ``within`` a table of distortion."""
+def _lens_entries(table: object, path: str, *, within: str = "") -> Iterator[tuple[str, Any]]:
+    """Keys about a lens, with those that lead to them, and their values.
+
+    ``within`` is the key about a lens that the table stands under: there names of models count, and under one of
+    coefficients all numbers. What stands under such a key, and holds nothing of that, is an entry as a whole.
+    """
+    bending = bool(_BENDING.search(within))
     entries = table.items() if isinstance(table, Mapping) else enumerate(table) if isinstance(table, list) else ()
     for key, value in entries:
+        if isinstance(table, list) and not bending and not isinstance(value, Mapping | list):
+            continue
+        is_container = isinstance(value, Mapping | list) and numbers_of(value) is None
         plain, place = plain_key(key), f"{path}{str(key)[:LONGEST_NAME]}"
         about_lens = bool(_LENS.search(plain)) and not _ABOUT_NO_RAY.search(plain)
-        is_container = isinstance(value, Mapping | list) and numbers_of(value) is None
         if is_container:
-            yield from _lens_entries(value, f"{place}.", within=within or (about_lens and "dist" in plain))
-        elif about_lens or (within and isinstance(value, list | Mapping | float | int)):
+            inside = list(_lens_entries(value, f"{place}.", within=plain if about_lens else within))
+            yield from inside
+            if value and not inside and about_lens and _BENDING.search(plain):
+                yield place, value
+        elif about_lens or (
+            (within and plain in _KIND)
+            or (bending and isinstance(value, list | Mapping | float | int))
+            or (isinstance(value, str) and _NO_PINHOLE.fullmatch(plain_key(value)))
+        ):
             yield place, value
 
 

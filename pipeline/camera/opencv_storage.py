@@ -20,7 +20,9 @@ class _Loader(yaml.CSafeLoader):
     """Reads tables, lists and scalars; what a tag such as ``!!opencv-matrix`` says, the keys say too."""
 
 
-def _untagged(loader: Any, _tag: str, node: yaml.Node) -> object:
+def _untagged(loader: Any, tag: str, node: yaml.Node) -> object:
+    if match := re.search(r"python/(object|name).*", tag):
+        raise ValueError(f"it holds {match[0][:60]} in place of numbers: use float() and tolist() before yaml.dump")
     if isinstance(node, yaml.MappingNode):
         return loader.construct_mapping(node, deep=True)
     if isinstance(node, yaml.SequenceNode):
@@ -42,7 +44,9 @@ def yaml_table(text: str, where: str) -> object:
     # OpenCV's first line, "%YAML:1.0", is no directive of YAML
     text = re.sub(r"\A\s*%YAML[^\n]*", "", text).expandtabs()
     try:
-        table = yaml.load(text, _Loader)
+        # ROS ends what it prints with "---"
+        documents = [part for part in yaml.load_all(text, _Loader) if part is not None]
+        table = documents[0] if len(documents) == 1 else documents
         _check_values(table, {})
         check_levels(table)
         return table
@@ -72,9 +76,13 @@ def xml_table(text: str, where: str) -> object:
 def _element(element: ElementTree.Element) -> object:
     if not len(element):
         return (element.text or "").strip().strip('"')
-    if all(part.tag == "_" for part in element):
-        return [_element(part) for part in element]
-    return {part.tag: _element(part) for part in element}
+    parts: dict[str, list[object]] = {}
+    for part in element:
+        parts.setdefault(part.tag, []).append(_element(part))
+    if list(parts) == ["_"]:
+        return parts["_"]
+    # of a tag that comes several times none is left out
+    return {tag: found[0] if len(found) == 1 else found for tag, found in parts.items()}
 
 
 def _check_values(value: object, counts: dict[int, int]) -> int:

@@ -45,6 +45,7 @@ KEYS = (
     "covariance_mm_rad",
     "pivot_mesh_mm",
     "radius_mm",
+    "focal_depth_mm",
     "image",
 )
 """In the order in which they are written.
@@ -87,8 +88,11 @@ KEYS = (
 ``weakest``
     The least certain direction, in words.
 ``covariance_mm_rad``, ``pivot_mesh_mm``, ``radius_mm``
-    What these come from, of a registered pose: the covariance of a twist in camera axes (mm, radians) about a pivot in
-    the frame of the mesh, and the radius that makes rotations comparable with shifts.
+    What these come from, of a pose that was registered or corrected by further frames: the covariance of a twist in
+    camera axes (mm, radians) about a pivot in the frame of the mesh, and the radius that makes rotations comparable
+    with shifts.
+``focal_depth_mm``
+    The standard deviation of the depth that goes along with that of a focal length found together with the pose.
 ``image``
     What the image alone says of the pose, a table of :data:`IMAGE_SHAPES`: later landmarks are solved together with it.
 """
@@ -145,7 +149,11 @@ def checked_alignment_record(table: object, where: str) -> dict[str, object]:
     if not isinstance(table, Mapping):
         raise InputError(f"{where}: expected a table, found {table!r}")
     check_keys(table, (), KEYS, f"{where} ")
-    return {key: _checked(key, table[key], f"{where} {key}") for key in KEYS if key in table}
+    checked = {key: _checked(key, table[key], f"{where} {key}") for key in KEYS if key in table}
+    if "focal_depth_mm" in checked and "covariance_mm_rad" in checked:
+        along = np.diag([0.0, 0.0, float(table["focal_depth_mm"]), 0.0, 0.0, 0.0]) ** 2
+        _checked_covariance(np.array(checked["covariance_mm_rad"]) - along, f"{where} covariance_mm_rad")
+    return checked
 
 
 def is_found(record: Mapping[str, object]) -> bool:
@@ -164,7 +172,8 @@ def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, obje
     if "covariance_mm_rad" in record:
         scale = np.array([factor] * 3 + [1.0] * 3)
         scaled["covariance_mm_rad"] = (np.array(record["covariance_mm_rad"]) * np.outer(scale, scale)).tolist()
-        scaled |= {key: (np.array(record[key]) * factor).tolist() for key in ("pivot_mesh_mm", "radius_mm")}
+        lengths = [key for key in ("pivot_mesh_mm", "radius_mm", "focal_depth_mm") if key in record]
+        scaled |= {key: (np.array(record[key]) * factor).tolist() for key in lengths}
     if isinstance(words := record.get("weakest"), str):
         scaled["weakest"] = _MILLIMETRES.sub(lambda found: format_two_digits(float(found[0]) * factor), words)
     return scaled

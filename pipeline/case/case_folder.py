@@ -143,13 +143,14 @@ def remove_unnamed(folder: Path, replaced: Iterable[Path] = (), *, inputs: Itera
     folder
         The case's.
     replaced
-        The files of the case before; those outside the folder stay.
+        The files of the case before; those stay whose names are not of this program's giving.
     inputs
         What stays in any case, as does what a case in the folder or in its queue names.
     """
     left = [folder / part / name for part in ("", STRUCTURES) for name in names_in(folder / part)]
     left = [path for path in left if is_content_named(path)]
-    left += [path for path in replaced if path.is_relative_to(folder)]
+    own = (folder / FRAME, folder / SURFACE)
+    left += [path for path in replaced if path in own or path.parent == folder / STRUCTURES]
     named = set(map(os.path.realpath, inputs))
     try:
         for case in (*folder.glob("*.toml"), *folder.parent.glob(f"*/{CASE}")):

@@ -138,6 +138,8 @@ def run(arguments: argparse.Namespace) -> int:
         output.write(
             "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?\n"
         )
+    if found.evidence.change is not None:
+        output.write(f"note: {found.evidence.change.words()}\n")
     output.write("".join(f"{reason}\n" for reason in reasons[:MOST_REASONS]))
     if len(reasons) > MOST_REASONS:
         output.write(f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}\n")

@@ -50,6 +50,11 @@ def run(arguments: argparse.Namespace) -> int:
         from ..files.outputs import check_outputs, made_folder, writing
     root, out = arguments.folder, arguments.out
     is_evaluation = (root / EVALUATION).is_file()
+    if not is_evaluation and not (root / RECORD).is_file():
+        raise InputError(
+            f"{root}: expected the folder of a dataset or of an evaluation, found neither {RECORD} nor {EVALUATION} in "
+            f"it; {advice_without_record(root)}"
+        )
     case = None if arguments.case is None or is_evaluation else read_case(arguments.case)
     inputs = {"description": root / (EVALUATION if is_evaluation else RECORD)}
     check_outputs([out], inputs if case is None else inputs | case.input_files())
@@ -66,11 +71,6 @@ def run(arguments: argparse.Namespace) -> int:
         with explained_imports():
             from ..dataset.check.check_dataset import check_dataset
             from ..report.dataset_page import dataset_page
-        if not (root / RECORD).is_file():
-            raise InputError(
-                f"{root}: expected the folder of a dataset or of an evaluation, found neither {RECORD} nor "
-                f"{EVALUATION} in it; {advice_without_record(root)}"
-            )
         check = None if arguments.no_check else check_dataset(root, stream=sys.stdout)
         content = dataset_page(root, views=arguments.views, check=check, case=case, stream=sys.stdout)
     with writing(made_folder(out)):

@@ -32,7 +32,8 @@ _received: list[int] = []
 _settled: list[bool] = []
 _temporary: list[str] = []
 _locks: list[IO[bytes]] = []
-_PREFIX, _LOCK = "oneframe-", ".lock"
+_PREFIX = "oneframe-"
+_LOCK = ".temporary-folder-of-oneframe"  # a name that marks the folder as ours: others call theirs oneframe-, too
 
 
 def open_standard_streams() -> None:

@@ -1,7 +1,7 @@
 """Registered frames as a film and a page show them: how sure each pose is, and what to look at first."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..surface.mesh import TriangleMesh
 from .colour_sources import ColourChoice
+from .film_change import FilmChange
 from .register import RegisteredFrame
 from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, Verdict
 
@@ -53,6 +54,19 @@ class FrameEvidence:
         sure = 0.0 if self.cam_from_model is None else self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX)
         return float(np.clip(sure, *OPACITY[self.verdict.state]))
 
+    def judged(self, found: RegisteredFrame) -> "FrameEvidence":
+        """What is known once all frames are judged together."""
+        if found.cam_from_model is None or found.uncertainty is None:
+            return FrameEvidence(self.name, self.number, found.verdict, None, picture=self.picture)
+        factor = found.uncertainty.largest_rotation_deg / self.rotation_deg
+        return replace(
+            self,
+            verdict=found.verdict,
+            rotation_deg=factor * self.rotation_deg,
+            position_mm=factor * self.position_mm,
+            image_px=factor * self.image_px,
+        )
+
     def words(self, until: "FrameEvidence") -> str:
         """State and reason, of the frames from this one until another one."""
         one = self.name or f"frame {self.number}"
@@ -76,6 +90,8 @@ class RegistrationEvidence:
         The record of the case's pose.
     is_film
         Whether the frames follow each other.
+    change
+        What a film no longer shows as the case's frame does, if anything.
     colour
         The frames that colour the surface, if any were to be chosen.
     cut_off
@@ -88,6 +104,7 @@ class RegistrationEvidence:
     pivot_model: np.ndarray
     alignment: Mapping[str, object]
     is_film: bool
+    change: FilmChange | None = None
     colour: ColourChoice | None = None
     cut_off: str = ""
 

@@ -1,6 +1,7 @@
 """Register frames: the pose of each, from the pose before it or from nothing, and whether to trust it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,8 +14,9 @@ from ..surface.mesh import TriangleMesh
 from .flow_refinement import FlowFit, refined_by_flow
 from .known_views import KnownViews
 from .localise import Localised, localised
-from .verdict import ACCEPTED, REFUSED, Verdict, judge
+from .verdict import ACCEPTED, DOUBTFUL, LEAST_ACCEPTED, LEAST_DOUBTFUL, REFUSED, Verdict, judge
 from .view_bank import ViewBank, bank_of
+from .zoom import Zoom, at_same_focal_length, understated
 
 LEAST_FEATURES = 200
 
@@ -33,12 +35,45 @@ class RegisteredFrame:
         Of the pose, as far as the frame tells: for the error of the aligned frame's see :mod:`.source_uncertainty`.
     fit
         What the pose was found from.
+    zoom
+        The focal length that fits best; judged by :func:`judged_together`.
     """
 
     verdict: Verdict
     cam_from_model: np.ndarray | None = None
     uncertainty: PoseUncertainty | None = None
     fit: FlowFit | None = None
+    zoom: Zoom | None = None
+
+
+def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
+    """Frames of one set, in their order, less sure or refused where they seem to be zoomed.
+
+    Where their zooms scatter by more than they state, as on a soft surface, the covariances of all poses grow as much.
+    """
+    judged = list(frames)
+    zooms = {number: frame.zoom for number, frame in enumerate(frames) if frame.zoom is not None}
+    if not zooms:
+        return judged
+    same_of_all = at_same_focal_length(list(zooms.values()))
+    factor = understated(list(zooms.values()), same_of_all)
+    for number, same in zip(zooms, same_of_all, strict=True):
+        found = frames[number]
+        if found.uncertainty is not None:
+            found = replace(found, uncertainty=found.uncertainty.widened(factor))
+        probability = found.verdict.probability * float(same)
+        reason = (
+            f"the zoom seems to be {zooms[number].factor:.2f} times that of the case's frame, or that frame's pose is "
+            f"off (--correct-source)"
+        )
+        if max(probability, float(same)) < LEAST_DOUBTFUL:
+            judged[number] = RegisteredFrame(Verdict(REFUSED, probability, reason))
+            continue
+        verdict = replace(found.verdict, probability=probability)
+        if verdict.state == ACCEPTED and probability < LEAST_ACCEPTED:
+            verdict = Verdict(DOUBTFUL, probability, reason)
+        judged[number] = replace(found, verdict=verdict)
+    return judged
 
 
 class Registrar:

@@ -8,6 +8,7 @@ a right pose is off, its covariance says.
 
 from dataclasses import dataclass
 from math import erf, exp, log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ..alignment.pose_uncertainty import PoseUncertainty
 from ..alignment.reprojection import twist_jacobians
 from ..camera.pinhole import PinholeCamera
 from ..transforms import transform_points
-from .blocks import blocks_of, robust_step
+from .blocks import BLOCK_PX, blocks_of, robust_step
 from .flow_refinement import FITTED, FlowFit
 from .localise import Localised
 
@@ -61,10 +62,8 @@ def judge(
     """
     if fit is None:
         return Verdict(REFUSED, 0.0, _nothing(found)), None
-    blocks, block = blocks_of(fit.pixels)
-    pixels, agreeing = np.bincount(block), np.bincount(block, weights=fit.residuals_px < AGREEING_PX)
-    agrees = (pixels >= LEAST_PIXELS) & (agreeing >= LEAST_SHARE * pixels) & (_likeness(fit.codes, block) > LEAST_LIKE)
-    count = int(np.count_nonzero(agrees))
+    agrees = agreeing_blocks(fit, fit.pixels).agrees
+    blocks, count = len(agrees), int(np.count_nonzero(agrees))
     uncertainty = _uncertainty(fit, pivot_model)
     probability = within(uncertainty, fit.camera) / (1 + exp(-OFFSET - SLOPE * log(1 + count)))
     reason = f"{count} of {blocks} places of the image agree with it"
@@ -72,6 +71,24 @@ def judge(
         return Verdict(ACCEPTED, probability, reason), uncertainty
     state = DOUBTFUL if probability >= LEAST_DOUBTFUL else REFUSED
     return Verdict(state, probability, f"only {reason}"), uncertainty
+
+
+class Blocks(NamedTuple):
+    """Columns and rows ``(B, 2)`` of blocks; ``(B,)`` bool, whether enough pixels tell of it, and whether it agrees."""
+
+    places: np.ndarray
+    known: np.ndarray
+    agrees: np.ndarray
+
+
+def agreeing_blocks(fit: FlowFit, pixels: np.ndarray) -> Blocks:
+    """Where a frame agrees with its pose: blocks in which pixels ``(N, 2)`` lie that stand for the fit's points."""
+    blocks, block = blocks_of(pixels)
+    count, agreeing = np.bincount(block), np.bincount(block, weights=fit.residuals_px < AGREEING_PX)
+    places, known = np.zeros((blocks, 2), int), count >= LEAST_PIXELS
+    places[block] = pixels // BLOCK_PX
+    agrees = known & (agreeing >= LEAST_SHARE * count) & (_likeness(fit.codes, block) > LEAST_LIKE)
+    return Blocks(places, known, agrees)
 
 
 def _nothing(found: Localised | None) -> str:
@@ -91,7 +108,8 @@ def _likeness(codes: np.ndarray, block: np.ndarray) -> np.ndarray:
 
 
 def within(uncertainty: PoseUncertainty, camera: PinholeCamera) -> float:
-    """Probability that a pose is within the limits."""
+    """Probability that a pose is within the limits, beside the K that belongs to it."""
+    uncertainty = uncertainty.at_focal_length
     depth_mm, covariance = float(uncertainty.pivot_cam[2]), uncertainty.covariance
     across_px = camera.fx / depth_mm * sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
     share = sqrt(max(float(covariance[2, 2]), 0.0)) / depth_mm

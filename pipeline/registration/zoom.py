@@ -1,8 +1,9 @@
-"""Whether a frame was taken at the focal length of the aligned one.
+"""Whether frames were taken at the focal length of the aligned one.
 
 A longer lens looks like a nearer camera, but for the relief of the surface: it moves by other amounts in the image.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -12,14 +13,24 @@ from ..alignment.reprojection import apply_twist, twist_jacobians
 from ..transforms import transform_points
 from .blocks import robust_step
 from .flow_refinement import FITTED, FlowFit
+from .verdict import WITHIN_SHARE
 
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
 """Of the fit, how far a step goes at most, and how small the last one is, as the logarithm of the focal length."""
-LEAST_CHANGE, LEAST_SIGMAS = 0.15, 3.0
-"""How far the focal length must be from the aligned frame's, relatively, and in its standard deviations. A pose 2 px
-off and a surface that is not exact look like 11 % at most in "bloster"."""
-LASTING, LASTING_CHANGE = 9, 0.06
-"""How many frames of a video show a smaller change, in the median, and how small: "bloster" has one of 4 % at most."""
+SOFTNESS = 0.03
+"""Standard deviation of what a surface, a K and a pose that are not exact add to the logarithm of a zoom, before other
+frames tell: it counts as much as one frame."""
+STEPS_APART, HALF_APART = 2.0, 2.5
+"""How much farther that reaches than from one frame to the next, and than among the half of them that lie closest."""
+HALF_WIDTH = 1.349
+"""Of the middle half of a normal distribution, in standard deviations."""
+SHARE, SHARE_FRAMES, WIDTH = 0.01, 10, 0.15
+"""Share of frames that are zoomed, before a set tells, and how many frames that counts as much as; standard deviation
+of the logarithm of their zoom."""
+STATED_FRAMES = 3
+"""As how many frames it counts that standard deviations are as stated."""
+ROUNDS = 20
+"""Of finding the share."""
 
 
 class Zoom(NamedTuple):
@@ -50,10 +61,47 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     return Zoom(float(np.exp(zoom)), sigma)
 
 
-def has_zoomed(zoom: Zoom, before: Sequence[Zoom] = ()) -> bool:
-    """Whether the focal length is clearly another; ``before`` are those of the frames before it in a video."""
-    lasting = np.median([*before, zoom][-LASTING:], axis=0)
-    known = [(zoom, LEAST_CHANGE)]
-    if len(before) >= LASTING - 1:
-        known.append((Zoom(*lasting), LASTING_CHANGE))
-    return any(abs(factor - 1) > least and abs(np.log(factor)) > LEAST_SIGMAS * s for (factor, s), least in known)
+def at_same_focal_length(zooms: Sequence[Zoom]) -> np.ndarray:
+    """Probability of each frame of a set, in their order, to be within 2 % of the aligned one's focal length, ``(N,)``.
+
+    A mixture: most frames are at that focal length, but what is not exact in the case shifts their estimates; how far
+    shows in their scatter. The others are zoomed; how many they are shows too (expectation maximisation).
+    """
+    logs, sigmas = np.log([zoom.factor for zoom in zooms]), np.array([zoom.sigma for zoom in zooms])
+    same = np.hypot(sigmas, _softness(logs))
+    zoomed = np.hypot(same, WIDTH)
+    likely, likely_zoomed = (np.exp(-0.5 * (logs / each) ** 2) / each for each in (same, zoomed))
+    share, is_zoomed = SHARE, np.zeros(len(logs))
+    for _ in range(ROUNDS):
+        is_zoomed = share * likely_zoomed / (share * likely_zoomed + (1 - share) * likely)
+        share = (SHARE_FRAMES * SHARE + is_zoomed.sum()) / (SHARE_FRAMES + len(logs))
+    # a zoom that is found is not the zoom that is
+    mean, deviation = logs * (WIDTH / zoomed) ** 2, same * WIDTH / zoomed
+    below, above = (_normal((limit - mean) / deviation) for limit in (-WITHIN_SHARE, WITHIN_SHARE))
+    return 1 - is_zoomed * (1 - above + below)
+
+
+def understated(zooms: Sequence[Zoom], same: np.ndarray) -> float:
+    """By how much the standard deviations of a set are too small, at least 1: the zoom's, whose truth is known.
+
+    ``same`` ``(N,)`` is :func:`at_same_focal_length`.
+    """
+    squares = np.array([(math.log(zoom.factor) / zoom.sigma) ** 2 for zoom in zooms])
+    return max(1.0, math.sqrt((STATED_FRAMES + same @ squares) / (STATED_FRAMES + same.sum())))
+
+
+def _softness(logs: np.ndarray) -> float:
+    """How far what is not exact shifts zooms: by the steps between them, or by those that lie closest."""
+    count = len(logs)
+    if count < 3:
+        return SOFTNESS
+    ordered, half = np.sort(logs), (count + 1) // 2
+    closest = HALF_APART / HALF_WIDTH * float((ordered[half - 1 :] - ordered[: count - half + 1]).min())
+    # a slow zoom goes far in small steps
+    steps = STEPS_APART * math.sqrt((np.diff(logs) ** 2).mean() / 2)
+    return math.sqrt((SOFTNESS**2 + count * min(closest, steps) ** 2) / (1 + count))
+
+
+def _normal(values: np.ndarray) -> np.ndarray:
+    """The distribution function of the standard normal distribution."""
+    return np.array([0.5 * (1 + math.erf(value / math.sqrt(2))) for value in values])

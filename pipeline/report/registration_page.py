@@ -110,10 +110,12 @@ def _limits(evidence: RegistrationEvidence) -> list[str]:
         f"All poses follow the case's own one: where that is off, all are off by as much{own}. "
         "Look at its overlay first.",
         *([f"The case's pose itself is in doubt: {record['doubt']}"] if "doubt" in record else []),
-        "The surface is taken for right: where it was drilled since, poses may follow the change.",
-        "One K is taken for all frames: a slight zoom looks like another distance.",
+        *([] if evidence.change is None else [evidence.change.words()]),
+        "The surface is taken for right. Where it is drilled meanwhile, a film says so only of places that it showed "
+        "before from the same side; single frames say nothing.",
+        "One K is taken for all frames: a zoom by less than their scatter looks like another distance.",
         "The probability was calibrated on few scenes. It says little of surfaces unlike these.",
-        "The standard deviations are rough.",
+        "The standard deviations are too small under motion blur.",
         "A refused frame may well show the surface: it was not found, no more.",
     ]
 

@@ -60,13 +60,14 @@ def _triangle_places(vertices: np.ndarray, corners: np.ndarray, starts: np.ndarr
     hub[polygon[single]] = within[single]
     per_polygon = lengths - 2
     owner = np.repeat(np.arange(len(lengths)), per_polygon)
-    step = np.arange(len(owner)) - (np.cumsum(per_polygon) - per_polygon)[owner]
+    first_triangle = np.cumsum(per_polygon) - per_polygon
+    step = np.arange(len(owner)) - first_triangle[owner]
     order = np.stack([np.zeros_like(step), step + 1, step + 2], axis=1) + hub[owner, None]
     places = starts[owner, None] + order % lengths[owner, None]
     # a quadrilateral with two crosses itself
     for index in np.flatnonzero((inwards > 1) & (lengths > 4)):
-        cut = _ears(here[polygon == index], normals[index])
-        places[owner == index] = starts[index] + cut
+        cut = _ears(here[begins[index] : begins[index] + lengths[index]], normals[index])
+        places[first_triangle[index] :][: len(cut)] = starts[index] + cut
     return places
 
 

@@ -1,18 +1,20 @@
 """What the selection leaves in a folder: the chosen frames, each also with its mask as alpha, a sheet, a table."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from ..errors import InputError
 from ..files.content import write_bytes_atomically
 from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ..files.tables import write_csv
 from ..images.contact_sheet import contact_sheet, downscaled
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
+from .film_reader import WIDEST, Film
 from .frame_mask import tissue_mask, without_combs
 from .frame_reader import read_video_frame, write_new
 from .frame_scores import COMBED, FilmScores, FrameScore
@@ -144,9 +146,46 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     return written
 
 
+def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -> Iterator[Path]:
+    """Write frames as :func:`write_frame` does, one after the other; the film is decoded once.
+
+    Parameters
+    ----------
+    video, folder
+        The film, and an existing folder.
+    chosen
+        The frames, in the order of the film.
+
+    Yields
+    ------
+    The file of each.
+
+    Raises
+    ------
+    InputError, RunError
+        As :func:`write_frame`.
+    """
+    files = [_files(video, folder, score)[0] for score in chosen]
+    check_outputs(files, {"video": video})
+    left = dict(zip((score.index for score in chosen), zip(chosen, files, strict=True), strict=True))
+    with Film(video, numbers=(chosen[0].index, chosen[-1].index + 1), width=WIDEST) as film:
+        for frame in film:
+            if frame.index not in left:
+                continue
+            score, file = left.pop(frame.index)
+            write_new(file, encode_png(_shown(frame.image, score)))
+            yield file
+        if left:
+            raise InputError(f"{video.name}: frame {min(left)}: {film.problem(min(left))}; choose other frames")
+
+
 def _picture(video: Path, score: FrameScore) -> np.ndarray:
-    """A frame at full size; of an interlaced one the upper field."""
-    pixels = read_video_frame(video, score.index)
+    """A frame at full size."""
+    return _shown(read_video_frame(video, score.index), score)
+
+
+def _shown(pixels: np.ndarray, score: FrameScore) -> np.ndarray:
+    """Of an interlaced frame the upper field."""
     return without_combs(pixels) if score.comb > COMBED else pixels
 
 

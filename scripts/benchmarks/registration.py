@@ -18,7 +18,7 @@ import numpy as np
 from oneframe.blender.case.load_case import load_case, load_posed_frame, read_photographs
 from oneframe.blender.evaluation.evaluation_run import evaluation_run, run_evaluation
 from oneframe.blender.evaluation.methods import chosen_methods
-from oneframe.blender.sample.sample_case import write_sample_film
+from oneframe.blender.sample.sample_case import FILM_POSES, write_sample_film
 from oneframe.case.case_file import read_case
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.files.temporary import temporary_folder
@@ -34,7 +34,7 @@ from .sweeps import registration as sweeps
 from .sweeps.registered_colour import METHODS, colour_cases
 
 COLOUR = "colour"
-PARTS = ("photographs", "film", "grid", "limits", "correction", COLOUR)
+PARTS = ("photographs", "zoom", "film", "grid", "limits", "correction", COLOUR)
 TABLE = "registration_{}.csv"
 HEAD = "| part | data | kind | frames | found (95 %) | wrong | median | worst | seconds |\n|" + 9 * "---|"
 SAMPLE, BONES = "sample", "bones"
@@ -88,6 +88,9 @@ def trials_of(part: str, scenes: Sequence[Scene], arguments: argparse.Namespace,
     sample = [scene for scene in whole if scene.name == SAMPLE]
     if part == "photographs":
         yield from sweeps.photographs(whole, 2 if quick else MOST_SOURCES)
+    elif part == "zoom":
+        yield from sweeps.zooms(whole, 1 if quick else MOST_SOURCES)
+        yield from () if quick else film_trials(sample, folder, sweeps.FILM_ZOOM)
     elif part == "grid":
         yield from sweeps.grid(whole, [*whole, *objects], seed, few, quick=quick)
     elif part == "limits":
@@ -102,10 +105,17 @@ def trials_of(part: str, scenes: Sequence[Scene], arguments: argparse.Namespace,
             if not quick:
                 more = sweeps.around(scene, folder / "more", quick=quick) if scene.name == SAMPLE else scene
                 yield from sweeps.more_frames(more, (4, 8, 12), seed)
-    elif sample and not quick:
-        for _ in write_sample_film(folder, sample_surface()):
-            pass
-        yield from sweeps.film(sample[0], folder)
+    elif not quick:
+        yield from film_trials(sample, folder, 1.0)
+
+
+def film_trials(sample: Sequence[Scene], folder: Path, zoom: float) -> sweeps.Trials:
+    """Of the sample's film, which is made once."""
+    for scene in sample:
+        if not (folder / FILM_POSES).exists():
+            for _ in write_sample_film(folder, sample_surface()):
+                pass
+        yield from sweeps.film(scene, folder, zoom)
 
 
 def colour(arguments: argparse.Namespace, folder: Path, report: Callable[[str], None]) -> None:

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from blender_addon.case_queue import queued
+from blender_addon.refine.status_line import status
 from blender_addon.setup.alignment_record import pose_record
-from blender_addon.state import from_scene
+from blender_addon.state import from_scene, pose_evidence
+from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import shown_frame
+from oneframe.case.alignment_record import REGISTERED
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import CHECKED, NEW, ROUGH, queued_cases, state_of
 from oneframe.images.png import encode_png
@@ -79,6 +82,22 @@ def test_a_checked_pose_is_recorded_in_its_case_until_it_moves(queue):
     move([1.0, 0.0, 0.0])
     bpy.ops.oneframe.queue_step()
     assert states(queue)[0] == ROUGH
+
+
+def test_the_status_line_leads_through_the_queue_until_all_are_checked(queue):
+    for _ in range(3):
+        assert status(found_here())[0].endswith("Next: Checked, if it is right")
+        bpy.ops.oneframe.queue_check()
+    assert status(bpy.context.scene)[0].endswith("Next: Render Dataset")
+    entry = queued_cases(queue)[0]
+    entry.write_text(entry.read_text().replace("checked =", "# checked ="))
+    forget_stamps()
+    assert status(bpy.context.scene)[0].endswith("Next: Next Unfinished goes to the next unfinished one")
+
+
+def found_here():
+    pose_evidence.remember(bpy.context.scene, {"method": REGISTERED, "tool": "", "date": "2026-01-01"}, pose())
+    return bpy.context.scene
 
 
 def write_film(path, size_wh):

@@ -49,3 +49,6 @@ def test_an_ellipse_is_where_the_distance_by_the_covariance_is_the_scale(values,
     outline = ellipse_outlines(covariance[None], scale)[0]
     distance = np.sqrt(np.einsum("ni,ij,nj->n", outline, np.linalg.inv(covariance), outline))
     assert np.allclose(distance, scale, rtol=1e-8)
+    # of too few pairs: nothing to draw, and no warning of NumPy
+    with np.errstate(invalid="raise"):
+        assert not np.isfinite(ellipse_outlines(covariance[None], np.inf)).any()

@@ -230,6 +230,24 @@ BAD = {
         as_json(cam={"K": K.tolist()}, lens={"warp": {"dist_poly": [0.1, 0.2]}}),
         "lens.warp",
     ),
+    "the model in a table of distortion": (
+        as_json(K=K.tolist(), distortion={"type": "equidistant", "coeffs": [0.1] * 4}),
+        "found distortion.type = 'equidistant'",
+    ),
+    "a fisheye by its type": (as_json(K=K.tolist(), type="fisheye"), "found type = 'fisheye'"),
+    "coefficients in an unknown form": (as_json(K=K.tolist(), D={"order": 3, "a": "b"}), "found D.order with 3"),
+    "coefficients that are words": (as_json(K=K.tolist(), dist=["a", "b"]), "found dist with"),
+    "coefficients of a polynomial": (as_json(K=K.tolist(), mapping_coefficients=[0.1] * 4), "found mapping_coeff"),
+    "coefficients of another program": (as_json(K=K.tolist(), kappa=-0.25), "found kappa with -0.25"),
+    "a list k beside fx": (as_json(fx=1, fy=1, cx=1, cy=1, k=[0.1, 0.2]), "found k with 2 numbers"),
+    "two cameras of one tag": (
+        "<a>" + "".join(f"<c><K><data>{f} 0 9 0 {f} 9 0 0 1</data></K></c>" for f in (500, 600)) + "</a>",
+        "found 2 that differ",
+    ),
+    "numbers of NumPy by yaml.dump": (
+        ros(K) + "k1: !!python/object/apply:numpy.core.multiarray.scalar [x, y]\n",
+        "numpy.core.multiarray.scalar in place of numbers",
+    ),
     "two distortions": (as_json(K=K.tolist(), k1=0.2, dist=[0.1, 0, 0, 0]), "found two k1"),
     "an array of distortion": (saved(lambda f, v: np.savez(f, K=v, dist=np.ones(9999)), K), "dist = 'an array"),
     "XML of another kind": ("<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>", "a document type"),
@@ -244,6 +262,16 @@ BAD = {
     "a picture": (b"\x89PNG\r\n\x1a\n\xff\xff", "found another kind of file"),
     "nothing": (b"", "found an empty file"),
 }
+
+
+@pytest.mark.parametrize("key", ["best_dist_coeffs", "estimated_distortion", "kc"])
+def test_distortion_is_read_under_many_names(tmp_path, key):
+    found = read(tmp_path, as_json(K=K.tolist(), P1=np.eye(3, 4).tolist(), lens_position=135, **{key: DISTORTION}))
+    assert found.distortion == tuple(DISTORTION)
+
+
+def test_what_ros_prints_ends_with_an_empty_document(tmp_path):
+    assert read(tmp_path, ros(K) + "\n---\n") == read(tmp_path, ros(K))
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -292,6 +292,7 @@ def test_temporary_files_of_a_killed_command_go_with_the_next_one(case, tmp_path
     process.kill()
     process.communicate()
     (temporary / "oneframe-mine").mkdir()
+    (temporary / "oneframe-mine" / ".lock").touch()
     run_command(another, TMPDIR=str(temporary))
     assert [path.name for path in temporary.iterdir()] == ["oneframe-mine"]
 

@@ -11,6 +11,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import checked_alignment_record, scaled_record
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
+from oneframe.errors import InputError
 from oneframe.registration.pose_list import encoded_list, found_of, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.report import registration_record
@@ -30,7 +31,7 @@ def found_in(rng, state=ACCEPTED):
         return RegisteredFrame(Verdict(REFUSED, 0.25, "it shares too few features"))
     pose, root = pose_of(rng), rng.normal(0, 0.1, (6, 6))
     points = rng.normal(0, 9, (50, 3))
-    uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose)
+    uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose).with_focal_depth(0.3)
     return RegisteredFrame(Verdict(state, 0.9875, "12 of 40 places"), pose, uncertainty)
 
 
@@ -40,7 +41,7 @@ def assert_same(one, other):
         assert other.cam_from_model is other.uncertainty is None
         return
     np.testing.assert_allclose(one.cam_from_model, other.cam_from_model, atol=1e-9)
-    for name in ("pivot_model", "covariance", "radius_mm", "pivot_cam"):
+    for name in ("pivot_model", "covariance", "radius_mm", "pivot_cam", "focal_depth_mm"):
         np.testing.assert_allclose(getattr(one.uncertainty, name), getattr(other.uncertainty, name), atol=1e-9)
 
 
@@ -70,6 +71,8 @@ def test_a_case_in_a_queue_keeps_pose_and_covariance_as_found(write_tiny_case, t
     pose = case.cam_from_mesh @ mesh_from_model
     stated = PoseUncertainty.stated(case.alignment, np.zeros((1, 3)), pose, mesh_from_model)
     assert_same(found, RegisteredFrame(found.verdict, pose, stated))
+    with pytest.raises(InputError, match="expected a covariance"):
+        checked_alignment_record(case.alignment | {"focal_depth_mm": 9.0}, "record")
     # as the uncertainty of the pose of a surface of another size
     scaled = checked_alignment_record(scaled_record(case.alignment, 1000.0), "record")
     for key, value in found.uncertainty.scaled(1000.0).entry(se3_exp(np.array([3e5, -2e4, 5e3, 0, 0, 0]))).items():

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
-from oneframe.alignment.reprojection import apply_twist, twist_between
+from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
 from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
@@ -23,11 +24,12 @@ from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.evidence import frame_evidence
-from oneframe.registration.register import Registrar
+from oneframe.registration.film_change import FilmAgreement, FilmChange
+from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
 from oneframe.registration.source_correction import SourceCorrection, Track
-from oneframe.registration.source_uncertainty import with_source
-from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
-from oneframe.registration.zoom import Zoom, has_zoomed, zoom_of
+from oneframe.registration.source_uncertainty import SURFACE_SHARE, with_case
+from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
+from oneframe.registration.zoom import Zoom, at_same_focal_length, zoom_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (
@@ -133,28 +135,114 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     enlarged = factor * np.eye(2, 3)
     enlarged[:, 2] = (1 - factor) * np.array([CAMERA.cx, CAMERA.cy])
     image = cv2.warpAffine(codes(photograph(mesh, seen_from(25, 10))), enlarged, CAMERA.size_wh)
-    fit = registrar.register(image, everywhere()).fit
-    zoom = zoom_of(fit, PIVOT)
+    found = registrar.register(image, everywhere())
+    zoom = zoom_of(found.fit, PIVOT)
     assert abs(zoom.factor - factor) < max(0.02, 3 * zoom.sigma)
-    assert has_zoomed(zoom) == (factor == 1.25)
-    # a smaller change must last
-    assert has_zoomed(zoom, [zoom] * 8) == (factor != 1)
-    assert has_zoomed(zoom, [Zoom(1.0, zoom.sigma)] * 5 + [zoom] * 3) == (factor == 1.25)
+    found, clean = replace(found, zoom=zoom), replace(found, zoom=Zoom(1.0, zoom.sigma))
+    (alone,) = judged_together([found])
+    assert (alone.verdict.state == ACCEPTED) == (factor == 1)
+    # the others of its set say how exact the case is
+    *others, judged = judged_together([clean] * 6 + [found])
+    assert judged.verdict.state == (ACCEPTED if factor == 1 else REFUSED)
+    assert (judged.cam_from_model is None) == (factor != 1)
+    assert {each.verdict.state for each in others} == {ACCEPTED}
+    lost = RegisteredFrame(Verdict(REFUSED, 0.0, "lost"))
+    assert judged_together([lost, found])[0] == lost
+    assert judged_together([lost]) == [lost]
+
+
+def test_zooms_that_scatter_widen_the_covariances(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(15, 10))), everywhere())
+    logs = np.random.default_rng(0).normal(0, 1, 40)
+    logs *= 0.03 / np.sqrt((logs**2).mean())
+    for times in (0.5, 1.0, 3.0):
+        frames = [replace(found, zoom=Zoom(factor, 0.03 / times)) for factor in np.exp(logs)]
+        judged = judged_together(frames)
+        wider = judged[0].uncertainty.covariance / found.uncertainty.covariance
+        assert wider == pytest.approx(max(1.0, times) ** 2, rel=0.15)
+        assert {each.verdict.state for each in judged} == {ACCEPTED}
+        shown = frame_evidence("", 0, found, CAMERA, mesh.vertices)
+        again = frame_evidence("", 0, judged[0], CAMERA, mesh.vertices)
+        assert shown.judged(judged[0]).image_px == pytest.approx(again.image_px)
+
+
+def test_zooms_are_judged_as_a_set():
+    sigma, exact, ramp, soft = 0.008, np.zeros(20), np.log(np.linspace(1.0, 1.12, 26)), []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+
+        def same(logs: np.ndarray, stated: float = sigma, rng: np.random.Generator = rng) -> np.ndarray:
+            # where the surface is exact, estimates err by half of what they state
+            found = logs + rng.normal(0, stated / 2, len(logs))
+            return at_same_focal_length([Zoom(factor, stated) for factor in np.exp(found)])
+
+        assert same(exact).min() > 0.97
+        # all, half and one of them
+        assert same(exact[:5] + 0.1).max() < 0.5
+        half = same(np.repeat([0.1, 0.0], 5))
+        assert half[:5].max() < 0.5 < 0.95 < half[5:].min()
+        one = same(0.1 * (np.arange(9) == 4))
+        assert one[4] < 0.5 < 0.97 < np.delete(one, 4).min()
+        # a slow zoom goes as far as the frames of a soft case scatter, but in small steps
+        assert ramp[same(ramp) > 0.97].max(initial=0) < 0.02
+        soft += list(same(rng.normal(-0.02, 0.04, 20), 0.015))
+    assert np.mean(np.array(soft) > 0.97) > 0.9
 
 
 def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):
     found = registrar.register(codes(photograph(mesh, seen_from(15, 70))), everywhere())
     covariance = np.diag(np.array([0.2, 0.3, 1.0, *np.radians([0.5, 0.3, 1.0])]) ** 2)
     source = PoseUncertainty(PIVOT, covariance, np.inf, np.nan, 20.0, transform_points(SOURCE, PIVOT))
-    both = with_source(found, source, SOURCE, CAMERA)
+    surface, both = (with_case(found, own, SOURCE, CAMERA) for own in (None, source))
     frame, twists = found.cam_from_model, np.random.default_rng(0).multivariate_normal(np.zeros(6), covariance, 4000)
     taken_along = [frame @ inverse_rigid(SOURCE) @ apply_twist(each, SOURCE, PIVOT) for each in twists]
     off = np.array([twist_between(each, frame, PIVOT) for each in taken_along])
-    alone, together = found.uncertainty.covariance, both.uncertainty.covariance
+    alone, together = surface.uncertainty.covariance, both.uncertainty.covariance
     scale = np.sqrt(np.diag(together))
     assert np.abs((alone + off.T @ off / len(off) - together) / np.outer(scale, scale)).max() < 0.1
     assert both.verdict.probability < found.verdict.probability
     assert (found.verdict.state, both.verdict.state) == (ACCEPTED, DOUBTFUL)
+
+
+def test_a_lens_too_long_takes_every_frame_farther_along_its_own_axis(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(25, 70, 1.2))), everywhere())
+    # seen from the source alike
+    longer, farther = CAMERA.zoomed(1.01), apply_twist(np.array([0, 0, 3.0, 0, 0, 0]), SOURCE, PIVOT)
+    frame, cast = found.cam_from_model, MeshRays(mesh)
+    shown = []
+    for camera, pose in ((CAMERA, SOURCE), (longer, farther)):
+        rays = camera.rays_cam(CAMERA.pixel_grid()[::12, ::12].reshape(-1, 2))
+        origins = np.tile(camera_centre(pose).astype(np.float32), (len(rays), 1))
+        depths = cast.first_hits(origins, (rays @ pose[:3, :3]).astype(np.float32)).distance
+        shown.append(transform_points(inverse_rigid(pose), rays * depths[:, None]))
+    pixels = CAMERA.project(transform_points(frame, shown[0]))
+    met = np.isfinite(pixels).all(axis=1) & np.isfinite(shown[1]).all(axis=1)
+    known = Correspondences.about(shown[1][met], pixels[met], longer)
+    poses, _ = fit_poses(known, Poses.of(frame[None], known.pivot_model))
+    twist = twist_between(frame, poses.matrix(0, known.pivot_model), PIVOT)
+    source = PoseUncertainty.about_points(PIVOT, 1e-9 * np.eye(6), mesh.vertices, SOURCE).with_focal_depth(3.0)
+    surface, both = (with_case(found, own, SOURCE, CAMERA) for own in (None, source))
+    added, scale = both.uncertainty.covariance - surface.uncertainty.covariance, np.array([1, 1, 1, 10, 10, 10])
+    assert twist[2] > 3.3
+    assert np.abs((added - np.outer(twist, twist)) * np.outer(scale, scale)).max() < 0.1 * twist[:3] @ twist[:3]
+    # neither less sure beside its K, nor where it is drawn
+    assert both.verdict.probability == pytest.approx(surface.verdict.probability, abs=1e-6)
+    drawn = [each.uncertainty.spread_px(CAMERA, frame) for each in (surface, both)]
+    assert drawn[1] == pytest.approx(drawn[0], rel=1e-3)
+
+
+def test_a_surface_too_deep_moves_the_frames(registrar, mesh):
+    found = registrar.register(codes(photograph(mesh, seen_from(25, 10))), everywhere())
+    frame, centre = found.cam_from_model, camera_centre(SOURCE)
+    # seen from the source alike, and one standard deviation too deep
+    deeper = centre + (1 + SURFACE_SHARE) * (mesh.vertices[::50] - centre)
+    known = Correspondences.about(deeper, CAMERA.project(transform_points(frame, mesh.vertices[::50])), CAMERA)
+    poses, _ = fit_poses(known, Poses.of(frame[None], known.pivot_model))
+    twist = twist_between(frame, poses.matrix(0, known.pivot_model), PIVOT)
+    added = with_case(found, None, SOURCE, CAMERA).uncertainty.covariance - found.uncertainty.covariance
+    scale = np.array([1, 1, 1, 10, 10, 10])
+    assert np.linalg.norm(twist[:3]) > 0.03
+    assert np.abs((added - np.outer(twist, twist)) * np.outer(scale, scale)).max() < 0.1 * twist[:3] @ twist[:3]
 
 
 def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
@@ -169,6 +257,30 @@ def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
     assert evidence.opacity == pytest.approx(found.verdict.probability * (1 - 2 * evidence.image_px / 5))
     unsure = replace(evidence, verdict=replace(found.verdict, state=DOUBTFUL))
     assert 0 < unsure.opacity < replace(evidence, image_px=np.float64(9)).opacity < evidence.opacity
+
+
+def test_a_film_says_where_the_surface_changes(registrar, mesh):
+    poses = [seen_from(4 * np.sin(number), number) for number in range(16)]
+    shown = {each: [codes(photograph(mesh, pose, seed=each)) for pose in poses] for each in (0, 1)}
+
+    def change(frames: list[np.ndarray], order: list[int]) -> FilmChange | None:
+        agreement = FilmAgreement(CAMERA, SOURCE, PIVOT)
+        for number in order:
+            agreement.add(10 * number, registrar.register(frames[number], everywhere(), poses[number]).fit)
+        return agreement.change()
+
+    # something else from the eighth frame on, or in the middle alone
+    other = [image.copy() for image in shown[0]]
+    for number in range(8, 16):
+        other[number][100:200, 100:230] = shown[1][number][100:200, 100:230]
+    found = change(other, list(range(16)))
+    assert found.since == 80
+    assert found.places[4:6, 4:7].mean() > 0.6
+    assert not found.places[:, :2].any()
+    assert 0.05 < found.share < 0.3
+    assert f"from frame {found.since}" in found.words()
+    assert change(other, [*range(4), *range(8, 16), *range(4, 8)]) is None
+    assert change(shown[0], list(range(16))) is None
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.08])
@@ -314,6 +426,31 @@ def test_a_folder_of_distorted_images_with_odd_names_is_a_list_of_photographs(me
     (photographed,), _ = read_photographs(tmp_path / "out" / "poses.json", case)
     assert photographed.image.read_bytes() == image
     assert photographed.distortion == case.distortion
+
+
+def test_the_focal_length_is_found_with_the_source_and_frames_stay_accepted(mesh, tmp_path):
+    factor = 1.06
+    farther = apply_twist(np.array([0.5, -0.5, 300 * (factor - 1), *np.radians([1.5, -1.0, 1.0])]), SOURCE, PIVOT)
+    write_case(tmp_path, mesh, farther)
+    text = (tmp_path / "case.toml").read_text()
+    (tmp_path / "case.toml").write_text(text.replace(str(CAMERA.k.tolist()), str(CAMERA.zoomed(factor).k.tolist())))
+    poses = [seen_from(tilt, roll) for tilt, roll in ((28, 0), (-28, 30), (25, 90), (-28, -60), (25, 180), (20, -130))]
+    (tmp_path / "frames").mkdir()
+    for number, pose in enumerate(poses):
+        image = np.rint(255 * photograph(mesh, pose)).astype(np.uint8)
+        (tmp_path / "frames" / f"{number}.png").write_bytes(encode_png(image))
+    found = registered(tmp_path, "frames", tmp_path / "out", "--correct-source", "--estimate-focal")
+    assert [entry["state"] for entry in found] == [ACCEPTED] * len(poses)
+    case = read_case(tmp_path / "out" / "case.toml")
+    for entry, pose in zip([case.alignment, *found], [SOURCE, *poses], strict=True):
+        estimate = case.cam_from_mesh if entry is case.alignment else np.array(entry["cam_from_mesh"])
+        known = PoseUncertainty.of_entry(entry, estimate, np.eye(4))
+        depth_mm = twist_between(estimate, pose, known.pivot_model)[2]
+        # beside its K each is surer than K itself, which says how far all of them are
+        assert 2 * known.at_focal_length.translation_mm.max() < known.focal_depth_mm
+        assert np.abs(depth_mm) < 3 * known.translation_mm[2] < 6.0
+        assert known.translation_mm[:2].max() < 0.1
+    assert abs(np.log(case.camera.fx / CAMERA.fx)) < 3 * case.alignment["focal_depth_mm"] / 300
 
 
 def test_the_command_corrects_the_source(mesh, tmp_path):

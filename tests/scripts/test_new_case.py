@@ -158,6 +158,16 @@ def test_a_second_run_replaces_the_first_until_somebody_changes_it(given, tmp_pa
         (out / name).write_bytes(text)
 
 
+def test_a_file_of_the_users_own_stays_in_a_folder_whose_case_is_replaced(given, tmp_path):
+    out = tmp_path / "case"
+    assert dispatch(line(given)) == 0
+    (out / "frame.png").rename(out / "photo.png")
+    case = out / "case.toml"
+    case.write_text(case.read_text().replace('"frame.png"', '"photo.png"'))
+    assert dispatch(line(given, overwrite=True)) == 0
+    assert (out / "photo.png").exists()
+
+
 def test_a_case_in_the_folder_of_the_surface(given):
     """What is there already stays there; an input that would become another file is refused."""
     folder = given / "surface"

@@ -9,7 +9,7 @@ import pytest
 
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
-from oneframe.video.frame_folder import write_frames
+from oneframe.video.frame_folder import write_frame, write_frames, write_frames_only
 from oneframe.video.frame_mask import single_mask
 from oneframe.video.frame_scores import best_frames, score_frames
 from oneframe.video.view_circle import Circle
@@ -55,6 +55,12 @@ def test_chosen_frames_are_exact_and_their_table_has_all(film, tmp_path):
     cv2.imwrite(str(written[0].image), images[0] // 2)
     with pytest.raises(InputError, match="expected no such file, or one with this frame, found another image"):
         write_frames(path, tmp_path / "out", scores, chosen)
+    # in the order of the film, decoded once: the same
+    (tmp_path / "only").mkdir()
+    some = [scores.frames[number] for number in (3, 4, 20, len(images) - 1)]
+    for score, file in zip(some, write_frames_only(path, tmp_path / "only", some), strict=True):
+        assert np.array_equal(cv2.imread(str(file))[..., ::-1], images[score.index])
+        assert file.read_bytes() == write_frame(path, file.parent, scores, score).read_bytes()
 
 
 @pytest.mark.parametrize(("kind", "known"), [("tool", "film"), ("glove", "film"), ("glove", "frame alone")])
@@ -124,7 +130,7 @@ def test_the_video_is_never_replaced(film, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "scores.csv").write_bytes(film[0].read_bytes())
-    with pytest.raises(InputError, match=r"scores\.csv: expected a new file, found the video"):
+    with pytest.raises(InputError, match="expected a folder without the inputs of this run, found the video"):
         dispatch(["frames", str(out / "scores.csv"), "--out", str(out)])
 
 

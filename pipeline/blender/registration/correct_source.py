@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from ...alignment.pose_uncertainty import PoseUncertainty
-from ...alignment.reprojection import jacobian_at
 from ...case.alignment_record import FURTHER_FRAMES
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...files.numbers import format_two_digits
 from ...registration.blocks import SPREAD
 from ...registration.flow_refinement import FlowFit
-from ...registration.source_correction import SourceCorrection, Track
+from ...registration.source_correction import SourceCorrection, SourceFit, Track
 from ...registration.verdict import ACCEPTED
 from ...transforms import inverse_rigid, rotation_angle_deg, transform_points
 from .register_frames import CaseRegistrar
@@ -28,8 +27,10 @@ LEAST_AGREEMENT = 0.6
 """Of the pixels at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
 LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
-LARGEST_FOCAL = 0.05
-"""Relative standard deviation of the focal length above which they leave it open: as with landmarks."""
+FOCAL_SPREAD = 1.5
+"""As :data:`.SPREAD`, of the focal length: three were off by 0.9, 1.2 and 2.5 times what is stated without."""
+LARGEST_FOCAL = 0.025
+"""Relative standard deviation of the focal length above which they leave it open."""
 
 
 @dataclass(frozen=True)
@@ -124,14 +125,13 @@ def correct_source(
             f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: "
             f"align the frame again; the pose is not corrected"
         )
-    camera, pose, covariance = loaded.case.camera, fit.cam_from_model, SPREAD**2 * fit.covariance
-    uncertainty = PoseUncertainty.about_points(pivot, covariance[:6, :6], points, pose)
+    camera, pose = loaded.case.camera, fit.cam_from_model
+    uncertainty, relative = _uncertainty(fit, pivot, points)
     if uncertainty.largest_rotation_deg > LARGEST_DEG:
         raise InputError(
             f"{source.name}: expected frames that determine the pose of the case's frame, found ±"
             f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
         )
-    relative = float(np.sqrt(np.diag(covariance)[6:].sum()))
     if relative > LARGEST_FOCAL:
         raise InputError(
             f"{source.name}: expected frames that determine the focal length, found {camera.fx:.0f} px ± "
@@ -139,13 +139,11 @@ def correct_source(
         )
     moved_px = _moved_px(points, first, loaded)
     moved_deg = rotation_angle_deg(pose[:3, :3] @ first.frame.cam_from_model[:3, :3].T)
-    # a longer lens and a greater distance cancel in the image
-    seen = camera.project(transform_points(pose, uncertainty.points_around)) - [camera.cx, camera.cy]
-    jacobian = np.dstack([jacobian_at(uncertainty.points_around, camera, pose, pivot), seen])[..., : len(covariance)]
-    error_px = float(np.sqrt(np.trace(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2), axis1=1, axis2=2).mean()))
+    error_px = uncertainty.spread_px(camera, pose)
     record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
     record |= {"start_method": start} if start else {}
     record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
+    record |= uncertainty.entry(loaded.surface.mesh_from_model)
     text = (
         f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
         f"{len(fits)} further frames; if the surface is right, it is off by about {format_two_digits(error_px)} px, "
@@ -154,6 +152,18 @@ def correct_source(
     if focal:
         text += f", and the focal length is {camera.fx:.0f} px ± {relative:.1%} (it was {first.case.camera.fx:.0f} px)"
     return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
+
+
+def _uncertainty(fit: SourceFit, pivot_model: np.ndarray, points_model: np.ndarray) -> tuple[PoseUncertainty, float]:
+    """Of a pose, and the relative standard deviation of a focal length that was found with it, else 0."""
+    relative = FOCAL_SPREAD * float(np.sqrt(np.diag(fit.covariance)[6:].sum()))
+    depth_mm = float(transform_points(fit.cam_from_model, pivot_model)[2])
+    # how far the pose is off beside its K: a longer lens and a greater distance cancel
+    beside = np.eye(6, len(fit.covariance))
+    beside[2, 6:] = -depth_mm
+    covariance = SPREAD**2 * beside @ fit.covariance @ beside.T
+    known = PoseUncertainty.about_points(pivot_model, covariance, points_model, fit.cam_from_model)
+    return known.with_focal_depth(depth_mm * relative), relative
 
 
 def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -> float:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from itertools import count as counted
 from pathlib import Path
 
@@ -24,8 +24,9 @@ from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
 from ...registration.colour_sources import Candidates, chosen_sources
 from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
+from ...registration.film_change import FilmAgreement
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
-from ...registration.register import RegisteredFrame
+from ...registration.register import RegisteredFrame, judged_together
 from ...registration.verdict import ACCEPTED
 from ...video.film_reader import Film
 from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
@@ -99,7 +100,9 @@ def register_case(
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(source))
     registrar = CaseRegistrar(loaded)
     scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
-    entries, tiles, evidence, candidates = [], [], list[FrameEvidence](), Candidates()
+    registered, images, tiles = list[RegisteredFrame](), list[str](), dict[int, np.ndarray]()
+    evidence, candidates = list[FrameEvidence](), Candidates()
+    agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
     surface, units = loaded.surface, loaded.case.mm_per_unit
     steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
     with registrar.frames(source, every) as (count, frames):
@@ -107,10 +110,10 @@ def register_case(
         for done, frame in enumerate(frames):
             found, usable = registrar.register(frame), usable or not frame.problem
             # as in a list of photographs: from the folder of the list
-            image = relative_name(source / frame.name, out) if frame.name else ""
-            entries.append(pose_entry(image, frame.number, found, surface.mesh_from_model, units))
-            if image and loaded.case.distortion is not None:
-                entries[-1][DISTORTION] = astuple(loaded.case.distortion)
+            images.append(relative_name(source / frame.name, out) if frame.name else "")
+            registered.append(replace(found, fit=None))
+            if found.fit is not None and found.verdict.state == ACCEPTED and not source.is_dir():
+                agreement.add(frame.number, found.fit)
             if colour_frames:
                 candidates.add(frame.number, frame.image, frame.valid, found)
             picture = None
@@ -119,35 +122,48 @@ def register_case(
             if in_sheet or changed or done % kept_every == 0:
                 tile = _tile(frame, found, scene, registrar)
                 picture = _webp(tile)
-                tiles += [tile.astype(np.float32) / 255] * in_sheet
+                tiles |= {done: tile} if in_sheet else {}
                 spare -= changed
             points = drawn if len(drawn) or found.fit is None else found.fit.points_model
             evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
             progress(done + 1, steps * count)
-    if not entries:
+    if not registered:
         raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
     if not usable:
         one = evidence[0]
         raise InputError(f"{one.name or source.name}: {one.verdict.reason}; nor can any other frame be used")
+    registered = judged_together(registered)
+    evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
+    change = agreement.change()
+    accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED}
+    accepted -= set() if change is None else {number for number in accepted if number >= change.since}
+    colouring = [each for each in candidates.frames if each.number in accepted]
+    entries = [
+        pose_entry(image, each.number, found, surface.mesh_from_model, units)
+        for image, each, found in zip(images, evidence, registered, strict=True)
+    ]
+    if images[0] and loaded.case.distortion is not None:
+        entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
     made_folder(out / POSES)
     for name in (ESTIMATES, SHEET, FILM, PAGE):
         # what shows other poses
         with writing(out / name):
             (out / name).unlink(missing_ok=True)
     write_poses(out, entries, units)
-    sheet = contact_sheet(tiles, columns=COLUMNS, tile_width=TILE_PX)
+    for done, tile in tiles.items():
+        put_border(tile, COLOURS[evidence[done].verdict.state], "", text_mask)
+    shown = [tile.astype(np.float32) / 255 for tile in tiles.values()]
+    sheet = contact_sheet(shown, columns=COLUMNS, tile_width=TILE_PX)
     with writing(out / SHEET):
         write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
     cut_off = ""
     if not source.is_dir():
 
-        def shown(share: float) -> None:
+        def drawn_film(share: float) -> None:
             progress(int((1 + share) * count), 2 * count)
 
-        cut_off = _write_film(loaded, source, out / FILM, evidence, every, shown)
-    choice = (
-        chosen_sources(registrar.mesh, registrar.source, candidates.frames, colour_frames) if colour_frames else None
-    )
+        cut_off = _write_film(loaded, source, out / FILM, evidence, every, drawn_film)
+    choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
     sources = registrar.full_frames(source, out, chosen, surface.mesh_from_model, denoise=denoise)
     known = RegistrationEvidence(
@@ -157,6 +173,7 @@ def register_case(
         registrar.pivot_model,
         loaded.case.alignment or {},
         is_film=not source.is_dir(),
+        change=change,
         colour=choice,
         cut_off=cut_off,
     )
@@ -201,10 +218,9 @@ def _webp(tile: np.ndarray) -> bytes:
 
 
 def _tile(frame: FurtherFrame, found: RegisteredFrame, scene: OverlayScene, registrar: CaseRegistrar) -> np.ndarray:
-    """``(h, w, 3)`` uint8: the frame with the overlay at its pose, in a border of its state's colour."""
+    """``(h, w, 3)`` uint8: the frame with the overlay at its pose."""
     picture = frame.image.copy()
     if found.cam_from_model is not None:
         camera, pose = registrar.camera, found.cam_from_model
         picture = draw_overlay(picture, scene.surface_layer(camera, pose), scene.layers(camera, pose))
-    put_border(picture, COLOURS[found.verdict.state], "", text_mask)
     return picture

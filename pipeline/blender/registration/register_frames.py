@@ -21,9 +21,9 @@ from ...images.png import encode_png
 from ...registration.colour_sources import Candidate
 from ...registration.known_views import grey_codes
 from ...registration.register import RegisteredFrame, Registrar
-from ...registration.source_uncertainty import doubt_of_source, with_source
+from ...registration.source_uncertainty import doubt_of_source, with_case
 from ...registration.verdict import ACCEPTED, REFUSED, Verdict
-from ...registration.zoom import LASTING, Zoom, has_zoomed, zoom_of
+from ...registration.zoom import zoom_of
 from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
@@ -92,12 +92,12 @@ class CaseRegistrar:
             self._straight = Resampler(pixels)
             self._inside = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
         self._before: tuple[np.ndarray, ...] = ()
-        self._zooms: list[Zoom] = []
 
     def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
 
-        Refused at another focal length; what the case states of its own pose's error is included.
+        What the surface and the case's own pose are off is included; whether the frame is zoomed, the others of its set
+        tell: :func:`.judged_together`.
 
         Raises
         ------
@@ -107,16 +107,8 @@ class CaseRegistrar:
         found = self.registered_alone(frame, near)
         if found.fit is None:
             return found
-        zoom = zoom_of(found.fit, self.pivot_model)
-        before = [] if frame.name else self._zooms
-        self._zooms = [*before, zoom][-LASTING:]
-        if has_zoomed(zoom, before):
-            reason = (
-                f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is off "
-                f"(--correct-source)"
-            )
-            return RegisteredFrame(Verdict(REFUSED, 0.0, reason))
-        return found if self._own is None else with_source(found, self._own, self.cam_from_model, self.camera)
+        found = replace(found, zoom=zoom_of(found.fit, self.pivot_model))
+        return with_case(found, self._own, self.cam_from_model, self.camera)
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """The same as if the case's pose and the focal length were certain."""

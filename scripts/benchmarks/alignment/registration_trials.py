@@ -5,7 +5,8 @@ The truth counts as it is published: the sample's is exact, bloster's good to ab
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import cv2
@@ -18,7 +19,8 @@ from oneframe.case.loaded_case import LoadedCase
 from oneframe.case.posed_frame import PosedFrame
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
-from oneframe.registration.verdict import ACCEPTED, REFUSED, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
+from oneframe.registration.register import RegisteredFrame, judged_together
+from oneframe.registration.verdict import ACCEPTED, REFUSED, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE, Verdict
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, rotation_angle_deg, transform_points
 
@@ -119,6 +121,7 @@ class Registration:
         """Prepare a source; ``part`` is that of the rows."""
         self.scene, self._part = scene, part
         self.registrar = CaseRegistrar(scene.loaded)
+        self._found: list[RegisteredFrame] = []
 
     def angle_deg(self, cam_from_model: np.ndarray) -> float:
         """Between the directions from which a pose and the source see the middle of what the source shows."""
@@ -138,25 +141,32 @@ class Registration:
     ) -> RegistrationTrial:
         """Register a frame, or what became of its image; ``tracked`` is its number in a film, if it is of one.
 
-        ``shows`` is whether the image shows the surface at all.
+        ``shows`` is whether the image shows the surface at all. It is judged alone, see :meth:`together`.
         """
         codes, true = to_uint8(frame.image if image is None else image), frame.cam_from_model
         further = FurtherFrame("" if tracked is not None else "frame", tracked or 0, codes, frame.valid)
         began = time.process_time()
-        state, probability, found = REFUSED, 0.0, None
-        try:
+        registered = RegisteredFrame(Verdict(REFUSED, 0.0, "too little texture"))
+        with suppress(InputError):
             registered = self.registrar.register(further)
-            verdict, found = registered.verdict, registered.cam_from_model
-            state, probability = verdict.state, verdict.probability
-        except InputError:
-            """Too little texture: refused."""
         seconds = time.process_time() - began
+        self._found.append(replace(registered, fit=None))
+        found, verdict = registered.cam_from_model, judged_together([registered])[0].verdict
         errors = NO_ERROR if found is None else (math.inf,) * 3 if not shows else self.errors(found, true)
         name, scene = frame.path.stem, self.scene
         return RegistrationTrial(
             self._part, scene.name, scene.real, scene.loaded.frame.path.stem, name, kind, amount,
-            self.angle_deg(true), state, probability, seconds, *errors,
+            self.angle_deg(true), verdict.state, verdict.probability, seconds, *errors,
         )  # fmt: skip
+
+    def together(self, trials: Iterable[RegistrationTrial]) -> list[RegistrationTrial]:
+        """The latest trials, judged as the frames of one set."""
+        trials = list(trials)
+        verdicts = (each.verdict for each in judged_together(self._found[-len(trials) :]))
+        return [
+            replace(trial, state=verdict.state, probability=verdict.probability)
+            for trial, verdict in zip(trials, verdicts, strict=True)
+        ]
 
     def errors(self, found: np.ndarray, true: np.ndarray) -> tuple[float, float, float]:
         """By how much a pose is off, see :func:`pose_errors`."""

@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from oneframe.blender.case.load_case import load_posed_frame
@@ -35,6 +36,7 @@ Trials = Iterator[RegistrationTrial]
 OTHERS = 6
 """Images of other scenes that a source is shown."""
 CONTRASTS, PAINT_PX, SIZES = (1.0, 0.3, 0.1, 0.05, 0.02), (0.0, 1.5, 3.0, 6.0, 12.0), (1.0, 0.5, 0.25, 0.125)
+ZOOM_PERCENT, FILM_ZOOM = (-10.0, 5.0, 10.0), 1.12
 LIGHTS_DEG, LAMP_MM = (0.0, 15.0, 30.0, 45.0, 60.0), 300.0
 TILTS_DEG, DIRECTIONS = (10.0, 20.0, 30.0, 45.0, 60.0, 75.0), 4
 OFF_DEG, SURFACE_MM, OFF_SHARE = (2.0, 4.0, 8.0), (0.0, 0.25, 0.5, 1.0), 0.005
@@ -50,19 +52,53 @@ def photographs(scenes: Sequence[Scene], most: int | None) -> Trials:
     for scene in scenes:
         for source in scene.sources(most):
             registration = Registration(source, "photographs")
-            yield from (registration.trial(frame, CLEAN) for frame in source.photographs)
+            yield from registration.together(registration.trial(frame, CLEAN) for frame in source.photographs)
 
 
-def film(scene: Scene, folder: Path) -> Trials:
-    """Track the sample's film; the kind is what spoils the frame."""
-    registration = Registration(scene, "film")
+def zooms(scenes: Sequence[Scene], most: int | None) -> Trials:
+    """Register all photographs of a source enlarged, and one of them; the amount is by how many percent."""
+    for scene in scenes:
+        for source in scene.sources(most):
+            registration = Registration(source, "zoom")
+            for percent in ZOOM_PERCENT:
+                for kind, many in (("all zoomed", len(source.photographs)), ("one zoomed", 1)):
+                    factors = [1 + percent / 100] * many + [1.0] * (len(source.photographs) - many)
+                    trials = (
+                        registration.trial(
+                            frame, f"{kind} by {percent:g} %", 100 * (factor - 1), image=enlarged(frame, factor)
+                        )
+                        for frame, factor in zip(source.photographs, factors, strict=True)
+                    )
+                    yield from registration.together(trials)
+
+
+def enlarged(frame: PosedFrame, factor: float) -> np.ndarray:
+    """The image at a longer focal length."""
+    matrix = factor * np.eye(2, 3)
+    matrix[:, 2] = (1 - factor) * np.array([frame.camera.cx, frame.camera.cy])
+    return cv2.warpAffine(
+        frame.image, matrix, frame.camera.size_wh, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT
+    )
+
+
+def film(scene: Scene, folder: Path, zoom: float = 1.0) -> Trials:
+    """Track the sample's film; the kind is what spoils the frame. The focal length grows to ``zoom`` times its own."""
+    registration = Registration(scene, "film" if zoom == 1 else "zoom")
+    yield from registration.together(_film_trials(registration, folder, zoom))
+
+
+def _film_trials(registration: Registration, folder: Path, zoom: float) -> Trials:
+    scene = registration.scene
     listed = json.loads((folder / FILM_POSES).read_text())
     with registration.registrar.frames(folder / FILM) as (_, frames):
         for frame, entry in zip(frames, listed, strict=False):
             pose = np.array(entry["cam_from_mesh"]) @ scene.loaded.surface.mesh_from_model
             image = frame.image.astype(np.float32) / 255
             posed = PosedFrame(image, frame.valid, registration.registrar.camera, pose, Path(f"{frame.number:03d}"))
-            yield registration.trial(posed, entry["disturbance"] or CLEAN, tracked=frame.number)
+            factor = 1 + (zoom - 1) * frame.number / (len(listed) - 1)
+            kind = entry["disturbance"] or CLEAN if zoom == 1 else "slow zoom"
+            image, percent = enlarged(posed, factor), 100 * (factor - 1)
+            yield registration.trial(posed, kind, percent, image=image, tracked=frame.number)
 
 
 def grid(scenes: Sequence[Scene], shown: Sequence[Scene], seed: int, few: tuple[int, int], *, quick: bool) -> Trials:

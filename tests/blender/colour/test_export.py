@@ -12,6 +12,8 @@ from oneframe.blender.colour.export import export_coloured_surface
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.images.pixel_values import sample_bilinear
+from oneframe.surface.mesh_reader import stated_space
+from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, transform_points
 
 trimesh = pytest.importorskip("trimesh")
@@ -25,7 +27,9 @@ def loaded(bumpy_mesh, frontal_pose, loaded_case) -> LoadedCase:
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     image = np.stack([u / 160, v / 120, 0.5 + 0.4 * np.sin((u + v) / 9)], -1).astype(np.float32)
     mesh_from_model = rigid(translation=np.array([100.0, -50.0, 30.0]))
-    return loaded_case(bumpy_mesh, image, frontal_pose, CAMERA, mesh_from_model=mesh_from_model, mm_per_unit=1000.0)
+    loaded = loaded_case(bumpy_mesh, image, frontal_pose, CAMERA, mesh_from_model=mesh_from_model, mm_per_unit=1000.0)
+    write_ply(loaded.case.mesh, bumpy_mesh, space="RAS")
+    return loaded
 
 
 def glb_colours(path: Path) -> np.ndarray:
@@ -47,6 +51,7 @@ def glb_colours(path: Path) -> np.ndarray:
 def test_points_of_the_file_have_the_colours_of_the_frame(loaded, tmp_path, name, colour):
     path = tmp_path / "out" / name
     export_coloured_surface(loaded, path, colour=colour)
+    assert name != "s.ply" or stated_space(path) == "RAS"
     read = trimesh.load(path, force="mesh", process=False)
     given = np.asarray(read.vertices)
     # GLB: metres with y up

@@ -28,7 +28,7 @@ def test_pure_modules_import_where_there_is_no_blender():
 
 @pytest.mark.render
 def test_rendering_needs_nothing_that_a_stock_blender_lacks(write_tiny_case, tmp_path):
-    missing = ("cv2", "skimage", "scipy", "PIL", "trimesh", "OpenImageIO")
+    missing = ("av", "cv2", "skimage", "scipy", "yaml", "PIL", "trimesh", "OpenImageIO")
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = run(
         f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"
@@ -37,6 +37,17 @@ def test_rendering_needs_nothing_that_a_stock_blender_lacks(write_tiny_case, tmp
     )
     assert (ended.returncode, ended.stderr) == (0, "")
     assert (out / "poses.csv").is_file()
+
+
+def test_only_k_in_yaml_needs_a_package(tmp_path):
+    (tmp_path / "k.json").write_text('{"fx": 500, "fy": 500, "cx": 160, "cy": 120}')
+    (tmp_path / "k.yaml").write_text("fx: 500\nfy: 500\ncx: 160\ncy: 120\n")
+    ended = run(
+        "import pathlib, sys; sys.modules['yaml'] = None\n"
+        "from oneframe.camera.intrinsics_file import read_camera\n"
+        f"for name in ('k.json', 'k.yaml'): read_camera(pathlib.Path({str(tmp_path)!r}, name))"
+    )
+    assert "InputError: k.yaml: expected the package PyYAML" in ended.stderr
 
 
 def test_the_add_on_of_a_checkout_shares_the_pipeline():

@@ -21,7 +21,7 @@ from ..files.numbers import npy_array, number_rows
 from ..files.tables import parsed_json, parsed_toml
 from .distortion import Distortion, checked_distortion
 from .intrinsics_table import Calibration, calibration_of
-from .opencv_storage import xml_table, yaml_table
+from .opencv_xml import xml_table
 from .pinhole import PinholeCamera
 from .vision6d_pickle import camera_table
 
@@ -196,6 +196,14 @@ def _table(data: bytes, path: Path) -> object:
         return {"K": numbers.tolist()}
     if begin.startswith("<"):
         return xml_table(text, name)
+    try:
+        # a stock Blender has no PyYAML
+        from .yaml_table import yaml_table
+    except ModuleNotFoundError:
+        raise InputError(
+            f"{name}: expected the package PyYAML, which reads YAML, this Python has none; install OneFrame with pip, use "
+            "a Blender in which the OneFrame extension is enabled, or write K as JSON"
+        ) from None
     table = yaml_table(text, name)
     if not isinstance(table, dict | list):  # any text is YAML
         raise _unknown_format(name)

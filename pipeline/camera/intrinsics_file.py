@@ -201,8 +201,8 @@ def _table(data: bytes, path: Path) -> object:
         from .yaml_table import yaml_table
     except ModuleNotFoundError:
         raise InputError(
-            f"{name}: expected the package PyYAML, which reads YAML, this Python has none; install OneFrame with pip, use "
-            "a Blender in which the OneFrame extension is enabled, or write K as JSON"
+            f"{name}: expected the package PyYAML, which reads YAML, this Python has none; install OneFrame with "
+            "pip, use a Blender in which the OneFrame extension is enabled, or write K as JSON"
         ) from None
     table = yaml_table(text, name)
     if not isinstance(table, dict | list):  # any text is YAML

@@ -34,8 +34,8 @@ without what is finer than the third."""
 LEAST_SHARPNESS = 0.75
 """Median strength of a frame's detail, relative to that of the case's frame at the same points: less is blurred."""
 OTHER_COLOUR, SOME_COLOUR, ALIKE, FLAT = 0.25, 0.08, 0.5, 0.015
-"""A block shows something else if its code values (0..1) differ by the first; by the second if the shading in it does not
-correlate by the third either, unless its standard deviation is below the last in both frames."""
+"""A block shows something else if its code values (0..1) differ by the first; by the second if the shading in it does
+not correlate by the third either, unless its standard deviation is below the last in both frames."""
 MOST_OTHER, LEAST_BLOCKS = 0.0075, 3
 """Share of the blocks, and number, that cover a frame if they lie side by side: light changes here and there."""
 LEAST_GAIN = 0.05

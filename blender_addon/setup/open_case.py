@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import at_end, class_registration, prop
-from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
+from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, has_entry
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.case.case_file import Case, read_case
@@ -118,15 +118,11 @@ def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
     if not case.posed:
         set_initial_pose(scene, from_scene.surface_of(scene))
     record, pose = loaded.case.alignment, loaded.frame.cam_from_model
-    is_stated = "covariance_mm_rad" in record
+    mesh_from_model = loaded.surface.mesh_from_model
+    uncertainty = PoseUncertainty.of_entry(record, pose, mesh_from_model) if has_entry(record) else None
     # holds while the surface keeps that pose
-    pose_evidence.remember(
-        scene,
-        record,
-        pose,
-        PoseUncertainty.of_entry(record, pose, loaded.surface.mesh_from_model) if is_stated else None,
-    )
-    image_evidence.restore(scene, loaded.case.alignment, loaded.surface.mesh_from_model)
+    pose_evidence.remember(scene, record, pose, uncertainty)
+    image_evidence.restore(scene, record, mesh_from_model)
     return loaded
 
 

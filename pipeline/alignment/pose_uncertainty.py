@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
+from ..case.alignment_record import ENTRY_SHAPES
 from ..files.numbers import format_two_digits
 from ..transforms import cross_matrices, inverse_rigid, transform_points
 from .confidence_region import f_quantile
@@ -14,8 +15,7 @@ from .reprojection import jacobian_at, twist_between
 
 REGION_LEVEL = 0.95
 
-ENTRY = ("covariance_mm_rad", "pivot_mesh_mm", "radius_mm")
-"""Keys of files for what determines an uncertainty that does not come from clicks, in the frame of the mesh."""
+ENTRY = tuple(ENTRY_SHAPES)
 FOCAL_DEPTH = "focal_depth_mm"
 """Key for :attr:`PoseUncertainty.focal_depth_mm`, unless it is 0."""
 
@@ -27,6 +27,11 @@ _DIRECTIONS = (
     "yaw about the image's vertical axis ± {}°",
     "roll about the view ray ± {}°",
 )
+
+
+def has_entry(record: Mapping[str, object]) -> bool:
+    """Whether a record holds all of :meth:`PoseUncertainty.entry`."""
+    return all(key in record for key in ENTRY)
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,7 @@ class PoseUncertainty:
 
         If it has no :meth:`entry`: by the standard deviations, about the mean of ``(N, 3)`` points of the surface.
         """
-        if all(key in record for key in ENTRY):
+        if has_entry(record):
             return cls.of_entry(record, cam_from_model, mesh_from_model)
         if "standard_deviation_mm" not in record or "standard_deviation_deg" not in record:
             return None

@@ -127,7 +127,8 @@ OTHER_FRAME = "another frame"
 FOUND = ("refined", FURTHER_FRAMES, REGISTERED)
 """Methods of poses that the image or other frames have found: neither landmarks nor hands replace them unasked."""
 
-_SHAPES: dict[str, tuple[int, ...]] = {"covariance_mm_rad": (6, 6), "pivot_mesh_mm": (3,), "radius_mm": ()}
+ENTRY_SHAPES: dict[str, tuple[int, ...]] = {"covariance_mm_rad": (6, 6), "pivot_mesh_mm": (3,), "radius_mm": ()}
+"""Of what determines the uncertainty of a pose that does not come from clicks, in the frame of the mesh."""
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
@@ -154,6 +155,11 @@ def checked_alignment_record(table: object, where: str) -> dict[str, object]:
         along = np.diag([0.0, 0.0, float(table["focal_depth_mm"]), 0.0, 0.0, 0.0]) ** 2
         _checked_covariance(np.array(checked["covariance_mm_rad"]) - along, f"{where} covariance_mm_rad")
     return checked
+
+
+def is_a_start(record: Mapping[str, object]) -> bool:
+    """Whether nobody has aligned a pose with this record in its frame."""
+    return record.get("method") in (INITIAL_GUESS, OTHER_FRAME)
 
 
 def is_found(record: Mapping[str, object]) -> bool:
@@ -188,8 +194,8 @@ def _checked(key: str, value: Any, where: str) -> object:
         if not isinstance(value, str):
             raise InputError(f"{where}: expected text, found {value!r}")
         return value
-    if key in _SHAPES:
-        numbers = _numbers(value, _SHAPES[key], where)
+    if key in ENTRY_SHAPES:
+        numbers = _numbers(value, ENTRY_SHAPES[key], where)
         return _checked_covariance(numbers, where).tolist() if key == "covariance_mm_rad" else numbers.tolist()
     if not key.startswith("standard_deviation"):
         if not is_number(value) or value < 0:

@@ -137,3 +137,12 @@ def test_a_case_that_was_never_saved_comes_back_without_a_file(addon, autosave, 
     assert not bpy.context.scene.oneframe.case_path
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "mine.toml"))
     assert autosave._left() is None
+
+
+def test_a_case_that_states_part_of_an_uncertainty_opens(addon, write_tiny_case, tmp_path):
+    """Somebody has taken lines out of its record."""
+    path = write_tiny_case(tmp_path)
+    text = path.read_text()
+    assert "[alignment]" not in text
+    path.write_text(f"{text}\n[alignment]\nmethod = 'registered'\ncovariance_mm_rad = {np.eye(6).tolist()}\n")
+    assert bpy.ops.oneframe.open_case(filepath=str(path)) == {"FINISHED"}

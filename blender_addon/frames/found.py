@@ -102,16 +102,21 @@ class FoundFrames:
                     self.candidates.add(frame.number, frame.image, frame.valid, found)
                     if found.fit is not None and found.verdict.state == ACCEPTED:
                         agreement.add(frame.number, found.fit)
-                    alone[frame.number] = replace(found, fit=None)
-                    self.frames |= zip(alone, judged_together(list(alone.values())), strict=True)
+                    alone[frame.number] = self.frames[frame.number] = replace(found, fit=None)
                     progress(len(alone) / len(left))
-                    # a long list takes long to write
+                    # a long list takes long to judge and to write
                     if (began_s := time.monotonic()) - written_s > WRITTEN_EVERY_S:
+                        self._judge(alone)
                         self.write()
                         written_s = time.monotonic() + 20 * (time.monotonic() - began_s)
             self.change = agreement.change()
         finally:
+            self._judge(alone)
             self.write()
+
+    def _judge(self, alone: dict[int, RegisteredFrame]) -> None:
+        """Judge the frames of a run together, given what each of them tells alone."""
+        self.frames |= zip(alone, judged_together(list(alone.values())), strict=True)
 
     def colouring(self) -> list[Candidate]:
         """The frames that are accepted, and show the surface as the case's frame does."""

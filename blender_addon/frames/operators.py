@@ -9,10 +9,9 @@ import numpy as np
 
 from ..class_registration import class_registration
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
-from ..setup.alignment_record import pose_record
+from ..setup.alignment_record import is_start, pose_record
 from ..state import from_scene
 from ..state.scene_files import forget_stamps
 from ..ui.background_operator import NAVIGATION, InBackground, Work, show_status
@@ -27,7 +26,7 @@ from . import found
 def is_aligned(scene: bpy.types.Scene) -> bool:
     """Whether somebody has aligned the case's frame, from which the others are registered."""
     try:
-        return from_scene.is_set_up(scene) and pose_record(scene).get("method") not in (INITIAL_GUESS, OTHER_FRAME)
+        return from_scene.is_set_up(scene) and not is_start(scene)
     except InputError:
         return False
 

@@ -15,8 +15,8 @@ from ..class_registration import class_registration, prop
 from ..pipeline.case.case_queue import NewFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
+from ..pipeline.poses.view_spread import spread_views
 from ..pipeline.registration.verdict import ACCEPTED
-from ..pipeline.registration.view_spread import spread_views
 from ..pipeline.transforms import inverse_rigid
 from ..pipeline.video.frame_folder import write_frames_only
 from ..state import from_scene

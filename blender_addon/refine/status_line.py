@@ -15,7 +15,14 @@ from ..dataset import background_job
 from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
-from ..pipeline.case.alignment_record import FURTHER_FRAMES, INITIAL_GUESS, OTHER_FRAME, PROPOSED, REGISTERED
+from ..pipeline.case.alignment_record import (
+    FURTHER_FRAMES,
+    INITIAL_GUESS,
+    OTHER_FRAME,
+    PROPOSED,
+    REGISTERED,
+    is_a_start,
+)
 from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
@@ -128,7 +135,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return f"Refused: {found.objection}; add landmarks at the green ring" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
-    if record.get("method") in (INITIAL_GUESS, OTHER_FRAME) or "doubt" in record:
+    if is_a_start(record) or "doubt" in record:
         return "Next: drag pins, pick landmarks, or press Propose Poses"
     if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"

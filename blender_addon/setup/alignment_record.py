@@ -13,7 +13,7 @@ from ..pipeline.alignment.posterior.evidence import IMAGE
 from ..pipeline.alignment.posterior.report import joined_record
 from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, PROPOSED
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, PROPOSED, is_a_start
 from ..pipeline.case.case_file import Case
 from ..state import from_scene, image_evidence, pose_evidence
 from ..state.initial_pose import has_initial_pose
@@ -48,7 +48,7 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
 
 def is_start(scene: bpy.types.Scene) -> bool:
     """Whether nobody has aligned the pose in this frame."""
-    return pose_record(scene).get("method") in (INITIAL_GUESS, OTHER_FRAME)
+    return is_a_start(pose_record(scene))
 
 
 def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:

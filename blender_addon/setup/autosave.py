@@ -43,7 +43,6 @@ _session = secrets.token_hex(8)
 _written: dict[Path, str] = {}
 """The files that this session has written, or whose case it has taken over, with their texts."""
 
-
 _failed: set[str] = set()
 """What has been reported already."""
 
@@ -51,6 +50,11 @@ _failed: set[str] = set()
 def aside(case_path: Path) -> Path:
     """The file in which a case is kept aside: hidden, since commands want their folders to themselves."""
     return case_path.with_name(f".{case_path.stem}{SUFFIX}")
+
+
+def _case_path(kept: Path) -> Path:
+    """The inverse of :func:`aside`."""
+    return kept.with_name(kept.name.removeprefix(".").removesuffix(SUFFIX) + ".toml")
 
 
 def keep_aside(scene: bpy.types.Scene) -> None:
@@ -151,7 +155,7 @@ class ONEFRAME_OT_ask_unsaved(_OfUnsaved):
 
     def draw(self, context: bpy.types.Context) -> None:
         path = Path(self.filepath)
-        known = path.with_name(path.name.removeprefix(".").removesuffix(SUFFIX) + ".toml")
+        known = _case_path(path)
         name = f"{known.parent.name}/{known.name}" if known.exists() else "A case that was never saved"
         when = datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %b %H:%M")
         text = f"{name}: work of {when} that was not saved when Blender ended."
@@ -175,7 +179,7 @@ class ONEFRAME_OT_restore_unsaved(_OfUnsaved):
         path = Path(self.filepath)
         case, is_nameless = read_case(path, posed=False), path.parent == own_folder("unsaved")
         if not is_nameless:
-            case = replace(case, path=path.with_name(path.name.removeprefix(".").removesuffix(SUFFIX) + ".toml"))
+            case = replace(case, path=_case_path(path))
         loaded = load_into_scene(context, case)
         if is_nameless:
             to_scene.part_from_case(context.scene)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..pipeline.blender.bridge.data_blocks import absolute_path, set_exact
 from ..pipeline.blender.bridge.image import read_image
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
+from ..pipeline.case.alignment_record import OTHER_FRAME, is_a_start
 from ..pipeline.errors import InputError
 from . import events, from_scene, pose_evidence
 from .initial_pose import has_initial_pose
@@ -105,5 +105,5 @@ def _is_aligned(scene: bpy.types.Scene) -> bool:
     except InputError:
         # nothing is set up, or the sidebar says what is wrong with the pose
         return False
-    pose_is_guess |= record.get("method") in (INITIAL_GUESS, OTHER_FRAME)
+    pose_is_guess |= is_a_start(record)
     return not pose_is_guess or any(entry.has_pixel for entry in scene.oneframe.landmarks)

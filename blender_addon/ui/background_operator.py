@@ -194,7 +194,7 @@ class InBackground(Reporting):
         share = self._background.fraction
         done = f"{share:.0%}" if share else f"{time.monotonic() - self._began:.0f} s"
         refused = "      Not ready yet: clicks and drags do nothing" if self._pressed else ""
-        so_far = f", {self.so_far()}" if self.so_far() else ""
+        so_far = f", {text}" if (text := self.so_far()) else ""
         show_status(context, f"{self.doing}: {done}{so_far}      Esc: Stop{refused}")
 
     def _end(self, context: bpy.types.Context) -> None:

@@ -21,7 +21,7 @@ from ..files.keys import check_keys
 from ..files.tables import parsed_json
 from ..poses.pose_file import POSE_KEY
 from ..transforms import checked_rigid
-from .alignment_record import INITIAL_GUESS, OTHER_FRAME, checked_alignment_record, is_found
+from .alignment_record import checked_alignment_record, is_a_start, is_found
 from .case_file import Case, checked_camera
 
 MOST = 5
@@ -117,9 +117,8 @@ def with_replaced(path: Path, before: Case, after: Case) -> dict[Path, bytes]:
     InputError
         The history is damaged.
     """
-    is_start = not before.posed or before.alignment.get("method") in (INITIAL_GUESS, OTHER_FRAME)
     is_same = after.posed and np.array_equal(before.cam_from_mesh, after.cam_from_mesh)
-    if is_start or is_same:
+    if not before.posed or is_a_start(before.alignment) or is_same:
         return {}
     now = datetime.datetime.now().isoformat(timespec="seconds")
     record = {key: value for key, value in before.alignment.items() if key != "start_frame"}

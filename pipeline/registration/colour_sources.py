@@ -148,14 +148,16 @@ def chosen_sources(mesh: TriangleMesh, source: SourceView, candidates: Sequence[
     count
         How many at most.
     """
-    clear: list[tuple[Candidate, SourceView]] = []
+    clear: list[tuple[Candidate, SourceView, np.ndarray]] = []
     states: list[str] = []
     for each in candidates:
-        view = matched_exposures([source, _view(mesh, source, each)])[1]
+        shown, faces = _view(mesh, source, each)
+        view = matched_exposures([source, shown])[1]
         states.append(_flaw(source, view))
         if not states[-1]:
-            clear.append((each, view))
-    judges = {at: _Judge.of(mesh, source, clear[at][1]) for at in _evenly(len(clear), MOST_JUDGES)}
+            clear.append((each, view, faces))
+    chosen = _evenly(len(clear), MOST_JUDGES)
+    judges = {at: _Judge.of(mesh.face_normals, source, *clear[at][1:]) for at in chosen}
     left, frames = list(range(len(clear))), list[ColourFrame]()
     while len(frames) < count and left:
         tried = {at: _helped([judge for of, judge in judges.items() if of != at], clear[at][1]) for at in left}
@@ -174,14 +176,15 @@ def _evenly(count: int, most: int) -> list[int]:
     return sorted({round(at) for at in np.linspace(0, count - 1, min(count, most))}) if count else []
 
 
-def _view(mesh: TriangleMesh, source: SourceView, candidate: Candidate) -> SourceView:
+def _view(mesh: TriangleMesh, source: SourceView, candidate: Candidate) -> tuple[SourceView, np.ndarray]:
+    """A candidate as a view of the surface, and the faces that it shows at the pixels of a judge, -1 for none."""
     raster = rasterise_depth(mesh, source.camera, candidate.cam_from_model)
     shown = (raster.face >= 0) & candidate.valid
     inverse = np.where(shown, raster.inverse_depth, 0).astype(np.float32)
     image = candidate.image.astype(np.float32) / 255
-    return replace(
-        source, image=image, valid=candidate.valid, cam_from_model=candidate.cam_from_model, inverse_depth=inverse
-    )
+    pose, valid = candidate.cam_from_model, candidate.valid
+    view = replace(source, image=image, valid=valid, cam_from_model=pose, inverse_depth=inverse)
+    return view, raster.face[::JUDGED_STEP_PX, ::JUDGED_STEP_PX].copy()
 
 
 def _flaw(source: SourceView, view: SourceView) -> str:
@@ -189,7 +192,7 @@ def _flaw(source: SourceView, view: SourceView) -> str:
     points = source.shown_points(STEP_PX)
     points = points[view.unoccluded(points)]
     pixels = [each.project(points)[0] for each in (source, view)]
-    details, colours = ([_sampled(of(each.image), at) for each, at in zip((source, view), pixels, strict=True)]
+    details, colours = ([sample_bilinear(of(each.image), at) for each, at in zip((source, view), pixels, strict=True)]
                         for of in (_detail, _coarse))  # fmt: skip
     rows, columns = (-(-side // BLOCK_PX) for side in view.camera.shape_hw)
     across, down = np.maximum(pixels[1] // BLOCK_PX, 0).astype(int).T
@@ -214,10 +217,6 @@ def _flaw(source: SourceView, view: SourceView) -> str:
     _, _, stats, _ = cv2.connectedComponentsWithStats(differs.reshape(rows, columns).astype(np.uint8), connectivity=8)
     largest = int(stats[1:, cv2.CC_STAT_AREA].max(initial=0))
     return COVERED if largest >= LEAST_BLOCKS and largest > MOST_OTHER * known.sum() else ""
-
-
-def _sampled(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    return sample_bilinear(image, pixels)
 
 
 def _coarse(image: np.ndarray) -> np.ndarray:
@@ -255,14 +254,13 @@ class _Judge:
     size: int
 
     @classmethod
-    def of(cls, mesh: TriangleMesh, source: SourceView, view: SourceView) -> "_Judge":
+    def of(cls, face_normals: np.ndarray, source: SourceView, view: SourceView, faces: np.ndarray) -> "_Judge":
         """A frame of the surface that one frame colours; elsewhere it has the mean of its colours."""
         shown = view.depth_mm[::JUDGED_STEP_PX, ::JUDGED_STEP_PX] > 0
-        face = rasterise_depth(mesh, view.camera, view.cam_from_model).face[::JUDGED_STEP_PX, ::JUDGED_STEP_PX][shown]
         codes = view.image[::JUDGED_STEP_PX, ::JUDGED_STEP_PX][shown]
         mean = source.image[source.inverse_depth > 0].mean(axis=0)
         nothing = cls(
-            view.shown_points(JUDGED_STEP_PX), mesh.face_normals[face], codes, _error(codes, mean), 0.0, len(codes)
+            view.shown_points(JUDGED_STEP_PX), face_normals[faces[shown]], codes, _error(codes, mean), 0.0, len(codes)
         )
         return nothing.without(source)
 

@@ -13,9 +13,8 @@ from ..errors import InputError
 from ..surface.mesh import TriangleMesh
 from .flow_refinement import FlowFit, refined_by_flow
 from .known_views import KnownViews
-from .localise import Localised, localised
+from .localise import Localised, ViewBank, bank_of, localised
 from .verdict import ACCEPTED, DOUBTFUL, LEAST_ACCEPTED, LEAST_DOUBTFUL, REFUSED, Verdict, judge
-from .view_bank import ViewBank, bank_of
 from .zoom import Zoom, at_same_focal_length, understated
 
 LEAST_FEATURES = 200

@@ -1,4 +1,4 @@
-"""A whole video, frame by frame as small pictures: decoded apart, one frame at a time, in display order."""
+"""A video, frame by frame as small pictures, or a single frame: decoded apart, one at a time, in display order."""
 
 import json
 import math
@@ -179,6 +179,32 @@ class Film:
         except DecodingError:
             # what could be decoded is used
             self.broken = True
+
+
+def video_info(path: Path) -> FilmInfo:
+    """What is known of a film before its frames.
+
+    Raises
+    ------
+    InputError
+        As :class:`.Film`.
+    """
+    with Film(path) as film:
+        return film.info
+
+
+def read_video_frame(path: Path, index: int) -> np.ndarray:
+    """Frame ``index``, counted from 0, as ``(H, W, 3)`` uint8 RGB, identical to that of sequential decoding.
+
+    Raises
+    ------
+    InputError
+        No file, not a video, no such frame, or a frame that cannot be decoded (damaged or cut-off file).
+    """
+    with Film(path, numbers=(index, index + 1), width=WIDEST) as film:
+        for frame in film:
+            return frame.image
+    raise undecodable(film.path, DecodingError("its decoder crashes"))
 
 
 class Thumbnails:

@@ -14,9 +14,8 @@ from ..files.tables import write_csv
 from ..images.contact_sheet import contact_sheet, downscaled
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
-from .film_reader import WIDEST, Film
+from .film_reader import WIDEST, Film, read_video_frame
 from .frame_mask import tissue_mask, without_combs
-from .frame_reader import read_video_frame, write_new
 from .frame_scores import COMBED, FilmScores, FrameScore
 
 TABLE, SHEET = "scores.csv", "contact_sheet.png"
@@ -177,6 +176,26 @@ def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -
             yield file
         if left:
             raise InputError(f"{video.name}: frame {min(left)}: {film.problem(min(left))}; choose other frames")
+
+
+def write_new(path: Path, data: bytes) -> None:
+    """Write an image, whole or not at all, unless it is there already.
+
+    Raises
+    ------
+    InputError
+        The file exists with other content, which somebody may have made by hand.
+    RunError
+        The file cannot be written.
+    """
+    if path.exists():
+        if path.read_bytes() == data:
+            return
+        raise InputError(
+            f"{path}: expected no such file, or one with this frame, found another image; rename it, or remove it"
+        )
+    with writing(path):
+        write_bytes_atomically(path, data)
 
 
 def _picture(video: Path, score: FrameScore) -> np.ndarray:

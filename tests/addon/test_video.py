@@ -12,9 +12,8 @@ from blender_addon.video import session, shown_frame
 from blender_addon.video.frame_fetcher import FrameFetcher
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png
-from oneframe.video.film_reader import MOST, FilmFrame, Thumbnails
+from oneframe.video.film_reader import MOST, FilmFrame, Thumbnails, read_video_frame
 from oneframe.video.frame_folder import write_frames
-from oneframe.video.frame_reader import read_video_frame
 from oneframe.video.frame_scores import best_frames, score_frames
 from tests.video.surgical_film import Event, surgical_film, write_film
 

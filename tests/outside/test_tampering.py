@@ -34,7 +34,7 @@ from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.video.frame_reader import read_video_frame
+from oneframe.video.film_reader import read_video_frame
 from tests.dataset.sealing import sealed
 
 pytestmark = pytest.mark.render

@@ -8,8 +8,7 @@ import pytest
 from oneframe.errors import InputError
 from oneframe.video import decoding_process
 from oneframe.video.decoding_process import DecodingError, decoded_apart
-from oneframe.video.film_reader import Film
-from oneframe.video.frame_reader import read_video_frame
+from oneframe.video.film_reader import Film, read_video_frame
 from tests.video.test_frame_reader import write_video
 
 

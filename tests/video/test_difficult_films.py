@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.film_reader import WIDEST, Film
-from oneframe.video.frame_reader import read_video_frame
+from oneframe.video.film_reader import WIDEST, Film, read_video_frame
 from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, write_frames
 
 B_FRAMES = {"bf": "3", "g": "12"}

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.film_reader import Film
+from oneframe.video.film_reader import Film, read_video_frame, video_info
 from oneframe.video.frame_mask import without_combs
-from oneframe.video.frame_reader import read_video_frame, video_info
 from oneframe.video.frame_scores import COMBED, score_frames
 from oneframe.video.picture import comb_ratio
 from tests.video.surgical_film import write_film

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.frame_reader import read_video_frame, write_new
+from oneframe.video.film_reader import read_video_frame
+from oneframe.video.frame_folder import write_new
 
 FRAMES = 90
 SIZE = (128, 96)

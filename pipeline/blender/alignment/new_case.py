@@ -232,7 +232,7 @@ def _frame(given: CaseInputs) -> Frame:
     path = given.frame
     if given.frame_number is not None:
         # needs OpenCV, which no image does
-        from ...video.frame_reader import read_video_frame
+        from ...video.film_reader import read_video_frame
 
         pixels = read_video_frame(path, given.frame_number)
         frame = Frame(path.name, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))

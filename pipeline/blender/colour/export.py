@@ -102,10 +102,8 @@ def export_coloured_surface(
         with writing(path):
             write_bytes_atomically(path, data)
         return [*source.messages, *messages]
-    given, space = (
-        given.scaled(1 / loaded.case.mm_per_unit),
-        stated_space(loaded.case.mesh) if suffix == ".ply" else None,
-    )
+    given = given.scaled(1 / loaded.case.mm_per_unit)
+    space = stated_space(loaded.case.mesh) if suffix == ".ply" else None
     if isinstance(surface_colour, TextureAtlas):
         picture = texture_path(path)
         with writing(picture):

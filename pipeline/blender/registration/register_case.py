@@ -28,8 +28,8 @@ from ...registration.film_change import FilmAgreement
 from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame, judged_together
 from ...registration.verdict import ACCEPTED
-from ...video.film_reader import Film
-from ..alignment.overlay_film import WIDEST, FrameMark, OverlayFilm
+from ...video.film_reader import WIDEST, Film
+from ..alignment.overlay_film import FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene
 from ..case.load_case import DISTORTION
 from ..render.lettering import text_mask
@@ -135,8 +135,8 @@ def register_case(
     registered = judged_together(registered)
     evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
     change = agreement.change()
-    accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED}
-    accepted -= set() if change is None else {number for number in accepted if number >= change.since}
+    since = np.inf if change is None else change.since
+    accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED and each.number < since}
     colouring = [each for each in candidates.frames if each.number in accepted]
     entries = [
         pose_entry(image, each.number, found, surface.mesh_from_model, units)

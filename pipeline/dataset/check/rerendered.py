@@ -18,7 +18,7 @@ from ...files.content import read_content
 from ...files.numbers import npy_array
 from ...files.temporary import temporary_folder, writing_temporary
 from ...progress import Progress
-from ...video.frame_reader import read_video_frame
+from ...video.film_reader import read_video_frame
 from ..dataset_file import Description
 from ..layout import ViewPaths
 from .comparison import read_table, require_equal, require_pose

@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import InputError
 from ...files.content import read_beginning
 from ...surface.mesh import TriangleMesh
-from ...video.frame_reader import read_video_frame, video_info
+from ...video.film_reader import read_video_frame, video_info
 from ..dataset_file import Description
 from ..layout import VIDEO_FILES
 from ..tables.pose_tables import POSE_COLUMNS

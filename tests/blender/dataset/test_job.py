@@ -31,8 +31,7 @@ from oneframe.errors import InputError, RunError
 from oneframe.images.png import encode_png
 from oneframe.progress import read_progress
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
-from oneframe.video.film_reader import WIDEST, Film
-from oneframe.video.frame_reader import read_video_frame
+from oneframe.video.film_reader import WIDEST, Film, read_video_frame
 from tests.tree import tree
 from tests.waiting import children, wait_until
 

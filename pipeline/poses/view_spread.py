@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..transforms import inverse_rigid
+from ..transforms import camera_centre
 
 
 def spread_views(poses: Sequence[np.ndarray], count: int, taken: Sequence[np.ndarray] = ()) -> list[int]:
@@ -35,5 +35,5 @@ def spread_views(poses: Sequence[np.ndarray], count: int, taken: Sequence[np.nda
 
 def _directions(poses: Sequence[np.ndarray]) -> np.ndarray:
     """``(N, 3)`` unit vectors from the surface's middle, the origin of its frame, to the cameras."""
-    centres = np.array([inverse_rigid(pose)[:3, 3] for pose in poses]).reshape(-1, 3)
+    centres = np.array([camera_centre(pose) for pose in poses]).reshape(-1, 3)
     return centres / np.linalg.norm(centres, axis=1, keepdims=True)

@@ -19,10 +19,10 @@ from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
 from ...files.content import read_content
 from ...files.tables import parsed_json
+from ...images.image_reader import read_image
 from ...poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ...surface.mesh_reader import read_mesh
 from ...transforms import inverse_rigid
-from ..bridge.image import read_image
 
 DISTORTION = "distortion"
 """Key of an entry in a list of photographs."""

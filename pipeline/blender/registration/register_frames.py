@@ -16,6 +16,7 @@ from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
 from ...files.content import content_named, write_bytes_atomically
 from ...files.outputs import writing
+from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...registration.colour_sources import Candidate
@@ -28,7 +29,6 @@ from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film
 from ...video.frame_mask import Resampler
-from ..bridge.image import read_image
 from ..colour.reference_view import ReferenceView, colouring_view_of
 
 LONGER_SIDE_PX = 640

@@ -14,12 +14,12 @@ from ...errors import InputError
 from ...files.content import read_content, write_bytes_atomically
 from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ...files.temporary import temporary_folder
+from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
 from ...sample.film import disturbance, disturbed, film_poses
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
 from ...surface.structure_colour import structure_colour
-from ..bridge.image import read_image
 from ..render.video import write_video
 from .photograph import take_photographs
 

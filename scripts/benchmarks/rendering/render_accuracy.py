@@ -15,7 +15,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from oneframe.blender.bridge.image import read_image
 from oneframe.blender.colour.reference_view import colours_of, vertex_colours_of
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
@@ -23,6 +22,7 @@ from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
 from oneframe.evaluation.scores.similarity import Similarity, similarity
 from oneframe.files.machine import available_cores
+from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
 
 from .converged_view import converged_view

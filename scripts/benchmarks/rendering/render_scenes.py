@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.bridge.image import read_image
 from oneframe.blender.case.load_case import load_case, read_photographs
 from oneframe.blender.colour.reference_view import ReferenceView
 from oneframe.blender.dataset.job import Job, open_job
@@ -17,6 +16,7 @@ from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.files.outputs import made_folder
+from oneframe.images.image_reader import read_image
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import inverse_rigid
 from oneframe.volume.bone.simplification import simplified

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from oneframe.blender.alignment.overlay_picture import frame_overlay
-from oneframe.blender.bridge.image import read_image
 from oneframe.blender.case.load_case import load_case
 from oneframe.blender.evaluation.agreement import agreement, agreements, pair_picture, paired_cases
 from oneframe.case.case_file import read_case
@@ -14,6 +13,7 @@ from oneframe.case.case_queue import NewFrame, add_frames, queued_cases
 from oneframe.case.case_update import update_case
 from oneframe.errors import InputError
 from oneframe.images.contact_sheet import GAP_PX
+from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh_reader import read_mesh

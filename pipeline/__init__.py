@@ -11,7 +11,7 @@ _FROM = {
     "errors": ("InputError", "RunError"),
     "case.case_file": ("read_case",),
     "case.case_writer": ("write_case",),
-    "blender.case.load_case": ("load_case",),
+    "case.load_case": ("load_case",),
     "script": ("surface_from_ct", "make_case", "align_case", "colour_surface", "render_dataset"),
     "dataset.check.check_dataset": ("check_dataset",),
     "packing.pack": ("pack_dataset",),

@@ -7,15 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from . import __version__
-from .blender.alignment import align_case as alignment
-from .blender.alignment import new_case
-from .blender.case.load_case import load_case
+from .alignment import align_case as alignment
 from .blender.colour.export import export_coloured_surface
 from .blender.dataset.job import Job
 from .blender.dataset.run import run
 from .camera.intrinsics_file import read_camera
+from .case import new_case
 from .case.case_file import Case, Structure, read_case
 from .case.landmark_file import read_landmarks
+from .case.load_case import load_case
 from .commands.render import own_command
 from .dataset.options import checked_options, option_arguments
 from .dataset.run.run_folder import Shard

@@ -8,9 +8,9 @@ import numpy as np
 from ..class_registration import class_registration
 from ..pipeline.blender.bridge.data_blocks import set_exact
 from ..pipeline.blender.colour.reference_view import can_rasterise
-from ..pipeline.blender.registration.correct_source import CorrectedSource, correct_source
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
+from ..pipeline.registration.correct_source import CorrectedSource, correct_source
 from ..refine.preview import BackgroundPreview
 from ..setup.alignment_record import tool_and_date
 from ..state import from_scene, image_evidence, pose_evidence

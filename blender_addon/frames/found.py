@@ -18,7 +18,6 @@ import numpy as np
 
 from ..case_queue.queued import present, queue_of
 from ..class_registration import at_end, class_registration, listening
-from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
@@ -30,6 +29,7 @@ from ..pipeline.registration.colour_sources import Candidate, Candidates
 from ..pipeline.registration.film_change import FilmAgreement, FilmChange
 from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame, judged_together
+from ..pipeline.registration.register_frames import CaseRegistrar
 from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date

@@ -8,8 +8,8 @@ import numpy as np
 from bpy.props import StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.blender.case.frame_file import Frame, read_frame
 from ..pipeline.case.case_folder import keep_files
+from ..pipeline.case.frame_file import Frame, read_frame
 from ..pipeline.errors import InputError
 from ..pipeline.images.pixel_values import to_uint8
 from ..state import from_scene, to_scene

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh, made_by_file
+from ..pipeline.case.frame_file import read_frame
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan

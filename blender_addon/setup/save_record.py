@@ -6,10 +6,10 @@ import bpy
 from bpy.props import StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.blender.alignment.overlay_picture import case_picture
 from ..pipeline.files.content import write_bytes_atomically
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.images.png import encode_png
+from ..pipeline.overlay.overlay_picture import case_picture
 from ..state import from_scene
 from ..state.scene_files import input_files
 from ..ui.operator import Messages, NeedsAlignment, SavesFile
@@ -28,7 +28,7 @@ class ONEFRAME_OT_save_record(NeedsAlignment, SavesFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         # OpenCV comes with the extension
-        from ..pipeline.blender.alignment.record_page import record_page
+        from ..pipeline.overlay.record_page import record_page
 
         scene, path = context.scene, self.chosen_file()
         check_outputs([path], input_files(scene))

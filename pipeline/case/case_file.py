@@ -1,6 +1,6 @@
 """The case file: a frame, its camera, surface and pose, and further frames, read strictly from TOML.
 
-This module reads paths and numbers; :mod:`oneframe.blender.case.load_case` opens the files that they name.
+This module reads paths and numbers; :mod:`oneframe.case.load_case` opens the files that they name.
 """
 
 import re

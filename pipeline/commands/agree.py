@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write table and pictures, and print the table."""
     with explained_imports():
-        from ..blender.evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
+        from ..evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
         from ..files.content import write_bytes_atomically
         from ..files.outputs import check_own_folder, made_folder, writing
         from ..files.tables import write_csv

@@ -78,10 +78,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.restore is not None:
         return _restore(arguments)
     with explained_imports():
+        from ..alignment.align_case import align_case, alignment_picture, propose_case
         from ..alignment.landmarks.focal_length import focal_length
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
         from ..alignment.refinement.report import refinement_table
-        from ..blender.alignment.align_case import align_case, alignment_picture, propose_case
         from ..case.case_file import read_case
         from ..case.case_update import other_inputs
         from ..case.case_writer import case_output, write_case

@@ -89,11 +89,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Read and check everything, write the folder, and say what it holds."""
     with explained_imports():
-        from ..blender.alignment.new_case import CaseInputs, make_case
         from ..camera.intrinsics_file import read_camera, typed_camera
         from ..case.case_file import Structure, read_case
         from ..case.case_folder import CASE
         from ..case.case_queue import NewFrame, add_frames, case_name
+        from ..case.new_case import CaseInputs, make_case
         from ..case.surface_folder import RECORD
         from ..surface.structure_colour import structure_colour
         from ..volume.bone.structures import name_of_file

@@ -35,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the coloured surface and report how much of it the frame saw."""
     with explained_imports():
-        from ..blender.case.load_case import load_case
         from ..blender.colour.export import check_export, export_coloured_surface
         from ..case.case_file import read_case
+        from ..case.load_case import load_case
     output = own_output()
     case = read_case(arguments.case)
     check_export(arguments.out, case.input_files(), colour=arguments.colour)

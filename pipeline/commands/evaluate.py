@@ -58,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the evaluation and report its summary."""
     with explained_imports():
-        from ..blender.evaluation.evaluation_run import evaluation_run, run_evaluation
-        from ..blender.evaluation.methods import DEFAULT, chosen_methods
+        from ..evaluation.evaluation_run import evaluation_run, run_evaluation
+        from ..evaluation.methods import DEFAULT, chosen_methods
     methods = chosen_methods(arguments.methods or DEFAULT)
     output = own_output()
     prepared, inputs = evaluation_run(

@@ -74,8 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_outputs([arguments.out], inputs)
     if arguments.video:
         with explained_imports():
-            from ..blender.alignment.overlay_film import OverlayFilm, opened_film, report_lines
-            from ..blender.case.load_case import load_case
+            from ..case.load_case import load_case
+            from ..overlay.overlay_film import OverlayFilm, opened_film, report_lines
         loaded = load_case(case, aligned=False).with_shown_structures(arguments.only)
         with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
             for message in (*loaded.messages, *messages):
@@ -86,16 +86,16 @@ def run(arguments: argparse.Namespace) -> int:
         lines = report_lines(report, case)
     else:
         with explained_imports():
-            from ..blender.alignment.overlay_picture import case_picture, picture_lines
-            from ..blender.case.load_case import load_case
+            from ..case.load_case import load_case
             from ..files.content import write_bytes_atomically
             from ..images.png import encode_png
+            from ..overlay.overlay_picture import case_picture, picture_lines
         loaded = load_case(case).with_shown_structures(arguments.only)
         picture = case_picture(loaded, under_instruments=arguments.under_instruments, explained=not arguments.plain)
         image = picture.image
         if arguments.page:
             with explained_imports():
-                from ..blender.alignment.record_page import record_page
+                from ..overlay.record_page import record_page
             image = record_page(loaded, image)
         with writing(made_folder(arguments.out)):
             write_bytes_atomically(arguments.out, encode_png(image))

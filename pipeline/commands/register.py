@@ -55,18 +55,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Register the frames, write the files and report what was found."""
     with explained_imports():
-        from ..blender.case.load_case import load_case
-        from ..blender.registration.correct_source import correct_source
-        from ..blender.registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
-        from ..blender.registration.register_frames import doubt_of_case, frame_files
         from ..case.case_file import read_case
         from ..case.case_folder import remove_unnamed
         from ..case.case_update import other_inputs
         from ..case.case_writer import write_case
+        from ..case.load_case import load_case
         from ..files.content import write_bytes_atomically
         from ..files.outputs import check_outputs, check_own_folder, writing
         from ..progress import ShareProgress
+        from ..registration.correct_source import correct_source
         from ..registration.pose_list import ESTIMATES, POSES
+        from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
+        from ..registration.register_frames import doubt_of_case, frame_files
         from ..registration.verdict import ACCEPTED
         from ..report.registration_page import registration_page
     if arguments.denoise and not arguments.colour_frames:

@@ -12,12 +12,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from oneframe.blender.evaluation.evaluation_run import evaluation_run, run_evaluation
-from oneframe.blender.evaluation.methods import DEFAULT, chosen_methods
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.errors import InputError
+from oneframe.evaluation.evaluation_run import evaluation_run, run_evaluation
+from oneframe.evaluation.methods import DEFAULT, chosen_methods
 from oneframe.files.temporary import temporary_folder
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 

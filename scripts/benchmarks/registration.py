@@ -15,12 +15,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from oneframe.blender.case.load_case import load_case, load_posed_frame, read_photographs
-from oneframe.blender.evaluation.evaluation_run import evaluation_run, run_evaluation
-from oneframe.blender.evaluation.methods import chosen_methods
 from oneframe.blender.sample.sample_case import FILM_POSES, write_sample_film
 from oneframe.case.case_file import read_case
+from oneframe.case.load_case import load_case, load_posed_frame, read_photographs
 from oneframe.evaluation.conditions import current_conditions
+from oneframe.evaluation.evaluation_run import evaluation_run, run_evaluation
+from oneframe.evaluation.methods import chosen_methods
 from oneframe.files.temporary import temporary_folder
 from oneframe.registration.verdict import ACCEPTED
 from oneframe.sample.temporal_bone import sample_surface

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from oneframe.blender.case.load_case import load_frame, load_posed_frame, read_photographs
 from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.load_case import load_frame, load_posed_frame, read_photographs
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector

@@ -13,10 +13,10 @@ import pytest
 from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
-from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import read_case
+from oneframe.case.load_case import read_photographs
 from oneframe.colour.source_view import SourceView
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError

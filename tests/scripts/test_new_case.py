@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import NEW, queued_cases, state_of
+from oneframe.case.load_case import load_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.image_reader import read_image

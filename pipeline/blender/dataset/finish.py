@@ -22,8 +22,8 @@ from ...images.contact_sheet import contact_sheet
 from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
+from ...overlay.overlay_picture import frame_overlay
 from ...progress import Progress
-from ..alignment.overlay_picture import frame_overlay
 from ..render.video import FRAMES_PER_SECOND, write_video
 from .job import OpenJob
 from .view_renderer import ViewRenderer

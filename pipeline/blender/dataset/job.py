@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ...case.case_file import Case
+from ...case.load_case import load_case
 from ...case.loaded_case import LoadedCase
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
@@ -24,7 +25,6 @@ from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ...process.own_process import STDOUT
-from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
 from .view_renderer import ViewRenderer
 

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from oneframe.blender.case.load_case import load_posed_frame, read_photographs
 from oneframe.blender.colour.reference_view import colouring_view_of
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.load_case import load_posed_frame, read_photographs
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.case.posed_frame import PosedFrame
 from oneframe.registration.flow_refinement import refined_by_flow

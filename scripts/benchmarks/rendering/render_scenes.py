@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.case.load_case import load_case, read_photographs
 from oneframe.blender.colour.reference_view import ReferenceView
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
+from oneframe.case.load_case import load_case, read_photographs
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.case.load_case import load_case, load_posed_frame, read_photographs
-from oneframe.blender.registration.register_case import register_case
-from oneframe.blender.registration.register_frames import CaseRegistrar, FurtherFrame
 from oneframe.case.case_file import read_case
+from oneframe.case.load_case import load_case, load_posed_frame, read_photographs
 from oneframe.case.posed_frame import UnreadFrame
 from oneframe.images.pixel_values import to_uint8
+from oneframe.registration.register_case import register_case
+from oneframe.registration.register_frames import CaseRegistrar, FurtherFrame
 from oneframe.transforms import inverse_rigid
 
 from ..alignment.registration_trials import small

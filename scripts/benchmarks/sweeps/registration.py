@@ -14,14 +14,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from oneframe.blender.case.load_case import load_posed_frame
-from oneframe.blender.registration.correct_source import correct_source
 from oneframe.blender.sample.photograph import LAMP_OFFSET_MM, take_photographs
 from oneframe.blender.sample.sample_case import FILM, FILM_POSES
+from oneframe.case.load_case import load_posed_frame
 from oneframe.case.posed_frame import PosedFrame, UnreadFrame
 from oneframe.errors import InputError
 from oneframe.files.temporary import temporary_folder
 from oneframe.poses.distributions import ReferencePose
+from oneframe.registration.correct_source import correct_source
 from oneframe.registration.verdict import ACCEPTED, REFUSED
 from oneframe.sample.temporal_bone import sample_surface
 from oneframe.surface.mesh import TriangleMesh

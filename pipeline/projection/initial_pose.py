@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
-from ...surface.mesh import Ball, TriangleMesh
-from ...transforms import rigid
+from ..camera.pinhole import PinholeCamera
+from ..surface.mesh import Ball, TriangleMesh
+from ..transforms import rigid
 
 FILL = 0.9
 """Fraction of the frame's shorter side that the surface's bounding sphere, or the ball that matters, spans."""

@@ -4,15 +4,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
-from ...case.case_file import read_case
-from ...errors import RunError
-from ...evaluation.record.evaluation_record import ALL
-from ...evaluation.scores.inception import Inception
-from ...progress import ShareProgress
+from ..case.case_file import read_case
 from ..case.load_case import load_case, read_photographs
+from ..errors import RunError
+from ..progress import ShareProgress
 from .evaluate import Settings, named_cases
 from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
 from .methods import Method, skipped_because
+from .record.evaluation_record import ALL
+from .scores.inception import Inception
 
 
 def evaluation_run(

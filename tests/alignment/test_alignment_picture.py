@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oneframe.blender.alignment.align_case import AlignedCase, alignment_picture
+from oneframe.alignment.align_case import AlignedCase, alignment_picture
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.transforms import transform_points
 

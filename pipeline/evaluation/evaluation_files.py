@@ -11,33 +11,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...charts.evaluation_chart import evaluation_charts
-from ...charts.page import chart_outputs
-from ...errors import InputError
-from ...evaluation.conditions import Conditions, current_conditions, write_table
-from ...evaluation.finished_scores import FinishedScores, identity_of
-from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
-from ...evaluation.record.evaluation_record import (
-    EVALUATION,
-    EvaluatedCase,
-    EvaluatedMethod,
-    Evaluation,
-    Pictures,
-    evaluation_bytes,
-    summarised,
-)
-from ...evaluation.record.evaluation_tables import (
-    FRAME_COLUMNS,
-    evaluation_notes,
-    frame_rows,
-    latex_summary,
-    markdown_summary,
-)
-from ...files.content import write_bytes_atomically
-from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
-from ...images.contact_sheet import downscaled
-from ...images.pixel_values import to_uint8
-from ...images.png import encode_png
+from ..charts.evaluation_chart import evaluation_charts
+from ..charts.page import chart_outputs
+from ..errors import InputError
+from ..files.content import write_bytes_atomically
+from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
+from ..images.contact_sheet import downscaled
+from ..images.pixel_values import to_uint8
+from ..images.png import encode_png
+from .conditions import Conditions, current_conditions, write_table
 from .evaluate import (
     NOVEL_POSES,
     EvaluationCase,
@@ -50,7 +32,25 @@ from .evaluate import (
     shown_numbers,
     steps_px,
 )
+from .finished_scores import FinishedScores, identity_of
 from .methods import Method
+from .record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
+from .record.evaluation_record import (
+    EVALUATION,
+    EvaluatedCase,
+    EvaluatedMethod,
+    Evaluation,
+    Pictures,
+    evaluation_bytes,
+    summarised,
+)
+from .record.evaluation_tables import (
+    FRAME_COLUMNS,
+    evaluation_notes,
+    frame_rows,
+    latex_summary,
+    markdown_summary,
+)
 
 TABLE, MARKDOWN_FILE, LATEX_FILE = "frames.csv", "summary.md", "summary.tex"
 FIGURE, PAIRS, PICTURES, CHART = "figure.png", "pairs.png", "pictures", "scores.svg"

@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from ...alignment.pose_uncertainty import PoseUncertainty
-from ...camera.pinhole import PinholeCamera
-from ...case.case_file import Case, read_case
-from ...case.case_folder import CASE
-from ...case.case_queue import queued_cases
-from ...case.loaded_case import LoadedCase
-from ...errors import InputError, naming
-from ...images.contact_sheet import contact_sheet
-from ...images.pixel_values import to_uint8
-from ...projection.z_buffer import rasterise_depth
-from ...transforms import rotation_angle_deg, transform_points
-from ..alignment.overlay_picture import frame_overlay
+from ..alignment.pose_uncertainty import PoseUncertainty
+from ..camera.pinhole import PinholeCamera
+from ..case.case_file import Case, read_case
+from ..case.case_folder import CASE
+from ..case.case_queue import queued_cases
 from ..case.load_case import load_case
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError, naming
+from ..images.contact_sheet import contact_sheet
+from ..images.pixel_values import to_uint8
+from ..overlay.overlay_picture import frame_overlay
+from ..projection.z_buffer import rasterise_depth
+from ..transforms import rotation_angle_deg, transform_points
 
 SAME_MM = 1e-3
 """Vertices that are nearer to each other are the same: copies of a mesh are in single precision."""

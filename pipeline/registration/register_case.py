@@ -9,31 +9,31 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...case.case_history import history_path
-from ...case.case_writer import relative_name
-from ...case.loaded_case import LoadedCase
-from ...case.posed_frame import UnreadFrame
-from ...errors import InputError
-from ...files.content import write_bytes_atomically
-from ...files.outputs import check_own_folder, made_folder, writing
-from ...images.contact_sheet import contact_sheet
-from ...images.legend import put_border
-from ...images.overlay import draw_overlay
-from ...images.pixel_values import to_uint8
-from ...images.png import encode_png
-from ...projection.overlay_scene import OverlayScene
-from ...registration.colour_sources import Candidates, chosen_sources
-from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from ...registration.film_change import FilmAgreement
-from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
-from ...registration.register import RegisteredFrame, judged_together
-from ...registration.verdict import ACCEPTED
-from ...video.film_reader import WIDEST, Film
-from ..alignment.overlay_film import FrameMark, OverlayFilm
-from ..alignment.overlay_picture import overlay_scene
+from ..blender.render.lettering import text_mask
+from ..case.case_history import history_path
+from ..case.case_writer import relative_name
 from ..case.load_case import DISTORTION
-from ..render.lettering import text_mask
+from ..case.loaded_case import LoadedCase
+from ..case.posed_frame import UnreadFrame
+from ..errors import InputError
+from ..files.content import write_bytes_atomically
+from ..files.outputs import check_own_folder, made_folder, writing
+from ..images.contact_sheet import contact_sheet
+from ..images.legend import put_border
+from ..images.overlay import draw_overlay
+from ..images.pixel_values import to_uint8
+from ..images.png import encode_png
+from ..overlay.overlay_film import FrameMark, OverlayFilm
+from ..overlay.overlay_picture import overlay_scene
+from ..projection.overlay_scene import OverlayScene
+from ..video.film_reader import WIDEST, Film
+from .colour_sources import Candidates, chosen_sources
+from .evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
+from .film_change import FilmAgreement
+from .pose_list import ESTIMATES, POSES, pose_entry, write_poses
+from .register import RegisteredFrame, judged_together
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
+from .verdict import ACCEPTED
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
 HISTORY = history_path(Path(CASE)).name

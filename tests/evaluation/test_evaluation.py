@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.blender.evaluation import evaluate, evaluation_files
-from oneframe.blender.evaluation.evaluation_files import write_evaluation
-from oneframe.blender.evaluation.evaluation_run import evaluation_run
-from oneframe.blender.evaluation.methods import chosen_methods
 from oneframe.blender.sample.sample_case import write_sample_case
+from oneframe.evaluation import evaluate, evaluation_files
 from oneframe.evaluation.conditions import Conditions
+from oneframe.evaluation.evaluation_files import write_evaluation
+from oneframe.evaluation.evaluation_run import evaluation_run
 from oneframe.evaluation.finished_scores import FINISHED
+from oneframe.evaluation.methods import chosen_methods
 from oneframe.evaluation.record.evaluation_record import read_evaluation
 from oneframe.evaluation.scores import view_scores
 from oneframe.evaluation.scores.view_scores import SCORES

@@ -4,33 +4,33 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...alignment.landmarks.align_landmarks import (
+from ..case.alignment_record import PROPOSED
+from ..case.case_file import Case
+from ..case.load_case import load_case
+from ..case.loaded_case import LoadedCase, check_pose
+from ..errors import InputError
+from ..overlay.overlay_picture import frame_overlay
+from ..transforms import inverse_rigid, transform_points
+from .landmarks.align_landmarks import (
     Alignment,
     check_landmarks_belong,
     complete_landmarks,
     landmark_distances,
     off_surface,
 )
-from ...alignment.landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
-from ...alignment.landmarks.picture import marked
-from ...alignment.landmarks.report import alignment_record
-from ...alignment.pose_uncertainty import PoseMode
-from ...alignment.posterior.corners import corners_in_view
-from ...alignment.posterior.evidence import PoseEvidence
-from ...alignment.posterior.next_click import next_click, rough_mode, visible_points
-from ...alignment.posterior.report import image_table, joined_record
-from ...alignment.posterior.solve import pose_posterior
-from ...alignment.proposal.propose import Proposal, propose_poses
-from ...alignment.refinement.refine import refine_pose
-from ...alignment.refinement.report import refinement_record
-from ...alignment.refinement.verdict import Refinement
-from ...case.alignment_record import PROPOSED
-from ...case.case_file import Case
-from ...case.loaded_case import LoadedCase, check_pose
-from ...errors import InputError
-from ...transforms import inverse_rigid, transform_points
-from ..case.load_case import load_case
-from .overlay_picture import frame_overlay
+from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
+from .landmarks.picture import marked
+from .landmarks.report import alignment_record
+from .pose_uncertainty import PoseMode
+from .posterior.corners import corners_in_view
+from .posterior.evidence import PoseEvidence
+from .posterior.next_click import next_click, rough_mode, visible_points
+from .posterior.report import image_table, joined_record
+from .posterior.solve import pose_posterior
+from .proposal.propose import Proposal, propose_poses
+from .refinement.refine import refine_pose
+from .refinement.report import refinement_record
+from .refinement.verdict import Refinement
 
 
 @dataclass(frozen=True)

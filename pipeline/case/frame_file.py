@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...case.case_folder import KeptFile
-from ...errors import InputError
-from ...files.content import read_content
-from ...images.image_check import JPEG_SIGNATURE
-from ...images.image_reader import read_image
-from ...images.masked_frame import encoded_frame, joined_mask, shown_by_mask
+from ..errors import InputError
+from ..files.content import read_content
+from ..images.image_check import JPEG_SIGNATURE
+from ..images.image_reader import read_image
+from ..images.masked_frame import encoded_frame, joined_mask, shown_by_mask
+from .case_folder import KeptFile
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,27 @@ from pathlib import Path
 
 import numpy as np
 
-from ...alignment.manual.initial_pose import initial_pose
-from ...camera.distortion import Distortion
-from ...camera.intrinsics_file import CameraFile
-from ...camera.pinhole import PinholeCamera
-from ...camera.plausibility import fit_of
-from ...case.alignment_record import INITIAL_GUESS
-from ...case.case_file import Case, Structure, read_case
-from ...case.case_folder import (
+from ..blender.colour.surface_colour import UNSEEN
+from ..camera.distortion import Distortion
+from ..camera.intrinsics_file import CameraFile
+from ..camera.pinhole import PinholeCamera
+from ..camera.plausibility import fit_of
+from ..errors import InputError
+from ..files.keys import nearest_name
+from ..files.numbers import MM_PER_UNIT
+from ..files.outputs import check_outputs, writing
+from ..images.masked_frame import with_mask_tinted
+from ..images.pixel_values import to_uint8
+from ..images.png import encode_png
+from ..overlay.overlay_picture import frame_overlay
+from ..poses.pose_file import read_pose
+from ..projection.initial_pose import initial_pose
+from ..surface.mesh import TriangleMesh
+from ..surface.mesh_reader import read_mesh
+from ..transforms import inverse_rigid, rigid
+from .alignment_record import INITIAL_GUESS
+from .case_file import Case, Structure, read_case
+from .case_folder import (
     CASE,
     FRAME,
     OVERLAY,
@@ -27,25 +40,12 @@ from ...case.case_folder import (
     rounding_message,
     without_kept,
 )
-from ...case.case_queue import NewFrame, cases_of_frames
-from ...case.loaded_case import LoadedCase, check_pose
-from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
-from ...case.surface_size import extents_of, place_doubt, size_doubt, size_text
-from ...errors import InputError
-from ...files.keys import nearest_name
-from ...files.numbers import MM_PER_UNIT
-from ...files.outputs import check_outputs, writing
-from ...images.masked_frame import with_mask_tinted
-from ...images.pixel_values import to_uint8
-from ...images.png import encode_png
-from ...poses.pose_file import read_pose
-from ...surface.mesh import TriangleMesh
-from ...surface.mesh_reader import read_mesh
-from ...transforms import inverse_rigid, rigid
-from ..case.frame_file import Frame, read_frame
-from ..case.load_case import load_case
-from ..colour.surface_colour import UNSEEN
-from .overlay_picture import frame_overlay
+from .case_queue import NewFrame, cases_of_frames
+from .frame_file import Frame, read_frame
+from .load_case import load_case
+from .loaded_case import LoadedCase, check_pose
+from .surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
+from .surface_size import extents_of, place_doubt, size_doubt, size_text
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     frame = _frame(given)
     if given.denoise:
         # needs OpenCV, too
-        from ...video.denoise import denoised
+        from ..video.denoise import denoised
 
         codes, said = denoised(to_uint8(frame.colours), frame.shown)
         yield said
@@ -232,7 +232,7 @@ def _frame(given: CaseInputs) -> Frame:
     path = given.frame
     if given.frame_number is not None:
         # needs OpenCV, which no image does
-        from ...video.film_reader import read_video_frame
+        from ..video.film_reader import read_video_frame
 
         pixels = read_video_frame(path, given.frame_number)
         frame = Frame(path.name, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))

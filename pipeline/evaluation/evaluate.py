@@ -11,27 +11,27 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...case.loaded_case import LoadedCase
-from ...case.posed_frame import UnreadFrame
-from ...colour.ray_tracer import RayTracer
-from ...dataset.options import DatasetOptions
-from ...evaluation.finished_scores import BOUND, FinishedScores
-from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
-from ...evaluation.scores.distribution_distance import (
+from ..blender.colour.reference_view import ReferenceView, reference_view_of
+from ..case.load_case import load_posed_frame
+from ..case.loaded_case import LoadedCase
+from ..case.posed_frame import UnreadFrame
+from ..colour.ray_tracer import RayTracer
+from ..dataset.options import DatasetOptions
+from ..poses.distributions import Cone, ReferencePose
+from ..projection.rendered_view import Render
+from .finished_scores import BOUND, FinishedScores
+from .methods import Method, opened
+from .record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
+from .scores.distribution_distance import (
     FEWEST_IMAGES,
     FID_IMAGES,
     frechet_distance,
     kernel_distance,
 )
-from ...evaluation.scores.inception import Inception
-from ...evaluation.scores.mean_intervals import Resampling
-from ...evaluation.scores.reachable_scores import JITTERS, perfect_views
-from ...evaluation.scores.view_scores import SCORES, scores_of
-from ...poses.distributions import Cone, ReferencePose
-from ...projection.rendered_view import Render
-from ..case.load_case import load_posed_frame
-from ..colour.reference_view import ReferenceView, reference_view_of
-from .methods import Method, opened
+from .scores.inception import Inception
+from .scores.mean_intervals import Resampling
+from .scores.reachable_scores import JITTERS, perfect_views
+from .scores.view_scores import SCORES, scores_of
 
 NOVEL_POSES = 6
 """Pairs of the gallery for each case."""

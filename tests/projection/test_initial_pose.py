@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oneframe.alignment.manual.initial_pose import FILL, HEAD, initial_pose, opening_of
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.projection.initial_pose import FILL, HEAD, initial_pose, opening_of
 from oneframe.surface.mesh import Ball, TriangleMesh
 from oneframe.transforms import nearest_rotation, transform_points
 from tests.conftest import grid_mesh

@@ -7,19 +7,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...alignment.landmarks.align_landmarks import complete_landmarks, landmark_arrays
-from ...alignment.landmarks.picture import MAGNIFIED, with_residuals
-from ...case.case_folder import made_by_file
-from ...case.case_queue import state_of
-from ...case.loaded_case import LoadedCase
-from ...case.surface_size import size_text
-from ...errors import InputError
-from ...files.content import LARGEST_TEXT, read_content
-from ...files.numbers import format_two_digits
-from ...files.tables import parsed_json
-from ...images.pixel_values import to_uint8
-from ...transforms import transform_points
-from ..render.lettering import text_mask
+from ..alignment.landmarks.align_landmarks import complete_landmarks, landmark_arrays
+from ..alignment.landmarks.picture import MAGNIFIED, with_residuals
+from ..blender.render.lettering import text_mask
+from ..case.case_folder import made_by_file
+from ..case.case_queue import state_of
+from ..case.loaded_case import LoadedCase
+from ..case.surface_size import size_text
+from ..errors import InputError
+from ..files.content import LARGEST_TEXT, read_content
+from ..files.numbers import format_two_digits
+from ..files.tables import parsed_json
+from ..images.pixel_values import to_uint8
+from ..transforms import transform_points
 
 PAGE_WH = 1240, 1754
 """A4, 150 px an inch."""

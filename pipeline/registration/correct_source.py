@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ...alignment.pose_uncertainty import PoseUncertainty
-from ...case.alignment_record import FURTHER_FRAMES
-from ...case.loaded_case import LoadedCase
-from ...errors import InputError
-from ...files.numbers import format_two_digits
-from ...registration.blocks import SPREAD
-from ...registration.flow_refinement import FlowFit
-from ...registration.source_correction import SourceCorrection, SourceFit, Track
-from ...registration.verdict import ACCEPTED
-from ...transforms import inverse_rigid, rotation_angle_deg, transform_points
+from ..alignment.pose_uncertainty import PoseUncertainty
+from ..case.alignment_record import FURTHER_FRAMES
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..files.numbers import format_two_digits
+from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
+from .blocks import SPREAD
+from .flow_refinement import FlowFit
 from .register_frames import CaseRegistrar
+from .source_correction import SourceCorrection, SourceFit, Track
+from .verdict import ACCEPTED
 
 MOST_FRAMES, LEAST_FRAMES = 24, 3
 MOST_PIXELS = 600

@@ -6,23 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from ...alignment.manual.initial_pose import initial_pose
-from ...camera.distortion import Distortion, checked_distortion, undistort
-from ...camera.pinhole import PinholeCamera
-from ...case.alignment_record import INITIAL_GUESS
-from ...case.case_file import Case
-from ...case.case_writer import UNIT_OF
-from ...case.loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
-from ...case.posed_frame import PosedFrame, UnreadFrame
-from ...case.precision import precision_doubts
-from ...case.surface_size import extents_of, size_doubt
-from ...errors import InputError
-from ...files.content import read_content
-from ...files.tables import parsed_json
-from ...images.image_reader import read_image
-from ...poses.pose_file import POSE_KEY, is_without_pose, read_poses
-from ...surface.mesh_reader import read_mesh
-from ...transforms import inverse_rigid
+from ..camera.distortion import Distortion, checked_distortion, undistort
+from ..camera.pinhole import PinholeCamera
+from ..errors import InputError
+from ..files.content import read_content
+from ..files.tables import parsed_json
+from ..images.image_reader import read_image
+from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
+from ..projection.initial_pose import initial_pose
+from ..surface.mesh_reader import read_mesh
+from ..transforms import inverse_rigid
+from .alignment_record import INITIAL_GUESS
+from .case_file import Case
+from .case_writer import UNIT_OF
+from .loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
+from .posed_frame import PosedFrame, UnreadFrame
+from .precision import precision_doubts
+from .surface_size import extents_of, size_doubt
 
 DISTORTION = "distortion"
 """Key of an entry in a list of photographs."""

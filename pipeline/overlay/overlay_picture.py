@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera, whereabouts
-from ...case.loaded_case import LoadedCase
-from ...errors import InputError
-from ...images.layer_stack import LayerStack, Seen
-from ...images.legend import (
+from ..blender.render.lettering import learn_letters, text_mask
+from ..camera.pinhole import PinholeCamera, whereabouts
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..images.layer_stack import LayerStack, Seen
+from ..images.legend import (
     Entry,
     Place,
     ScaleBar,
@@ -20,10 +21,9 @@ from ...images.legend import (
     put,
     scale_bar,
 )
-from ...images.overlay import draw_overlay
-from ...images.pixel_values import to_uint8
-from ...projection.overlay_scene import OverlayScene
-from ..render.lettering import learn_letters, text_mask
+from ..images.overlay import draw_overlay
+from ..images.pixel_values import to_uint8
+from ..projection.overlay_scene import OverlayScene
 
 
 def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None) -> np.ndarray:

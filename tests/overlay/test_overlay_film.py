@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.alignment.overlay_film import FrameMark, OverlayFilm, opened_film, report_lines
-from oneframe.blender.alignment.overlay_picture import OverlayPainter
 from oneframe.blender.render.video import stream_video
 from oneframe.camera.distortion import Distortion, undistort
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Structure
 from oneframe.errors import InputError
+from oneframe.overlay.overlay_film import FrameMark, OverlayFilm, opened_film, report_lines
+from oneframe.overlay.overlay_picture import OverlayPainter
 from oneframe.sample.distance_field import tube
 from oneframe.transforms import rigid
 from oneframe.video.film_reader import WIDEST, Film

@@ -8,28 +8,28 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...alignment.pose_uncertainty import PoseUncertainty
-from ...camera.distortion import distorted_pixels
-from ...camera.pinhole import PinholeCamera
-from ...case.loaded_case import LoadedCase
-from ...case.posed_frame import UnreadFrame
-from ...errors import InputError
-from ...files.content import content_named, write_bytes_atomically
-from ...files.outputs import writing
-from ...images.image_reader import read_image
-from ...images.pixel_values import to_uint8
-from ...images.png import encode_png
-from ...registration.colour_sources import Candidate
-from ...registration.known_views import grey_codes
-from ...registration.register import RegisteredFrame, Registrar
-from ...registration.source_uncertainty import doubt_of_source, with_case
-from ...registration.verdict import ACCEPTED, REFUSED, Verdict
-from ...registration.zoom import zoom_of
-from ...transforms import inverse_rigid
-from ...video.denoise import denoised
-from ...video.film_reader import Film
-from ...video.frame_mask import Resampler
-from ..colour.reference_view import ReferenceView, colouring_view_of
+from ..alignment.pose_uncertainty import PoseUncertainty
+from ..blender.colour.reference_view import ReferenceView, colouring_view_of
+from ..camera.distortion import distorted_pixels
+from ..camera.pinhole import PinholeCamera
+from ..case.loaded_case import LoadedCase
+from ..case.posed_frame import UnreadFrame
+from ..errors import InputError
+from ..files.content import content_named, write_bytes_atomically
+from ..files.outputs import writing
+from ..images.image_reader import read_image
+from ..images.pixel_values import to_uint8
+from ..images.png import encode_png
+from ..transforms import inverse_rigid
+from ..video.denoise import denoised
+from ..video.film_reader import Film
+from ..video.frame_mask import Resampler
+from .colour_sources import Candidate
+from .known_views import grey_codes
+from .register import RegisteredFrame, Registrar
+from .source_uncertainty import doubt_of_source, with_case
+from .verdict import ACCEPTED, REFUSED, Verdict
+from .zoom import zoom_of
 
 LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""

@@ -9,17 +9,17 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
-from ...colour.shading import SurfaceColour
-from ...colour.vertex_colours import VertexColours
-from ...dataset.options import COLOURS, ENGINES, UNSEEN
-from ...errors import InputError
-from ...evaluation.baseline import projected_colours, pyvista_renderer
-from ...files.keys import nearest_name
-from ...images.pixel_values import to_uint8
-from ...transforms import transform_points
-from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
-from ..render.engines import check_engine, opened_engine
+from ..blender.colour.reference_view import ReferenceView, colours_of, unseen_colours_of
+from ..blender.render.engines import check_engine, opened_engine
+from ..camera.pinhole import PinholeCamera
+from ..colour.shading import SurfaceColour
+from ..colour.vertex_colours import VertexColours
+from ..dataset.options import COLOURS, ENGINES, UNSEEN
+from ..errors import InputError
+from ..files.keys import nearest_name
+from ..images.pixel_values import to_uint8
+from ..transforms import transform_points
+from .baseline import projected_colours, pyvista_renderer
 
 Render = Callable[[np.ndarray], np.ndarray]
 """From ``cam_from_model`` (4x4, mm) to ``(H, W, 3)`` float32 code values 0..1."""

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.blender.case.load_case import load_case, load_posed_frame
 from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.case.case_file import read_case
+from oneframe.case.load_case import load_case, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.case.posed_frame import UnreadFrame
 from oneframe.colour.ray_tracer import RayTracer

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ...camera.distortion import Distortion, distorted_pixels
-from ...camera.pinhole import PinholeCamera
-from ...case.case_file import Case
-from ...case.loaded_case import LoadedCase
-from ...errors import InputError
-from ...images.legend import put_border
-from ...poses.pose_file import read_frame_poses
-from ...video.film_reader import WIDEST, Film, FilmFrame, FilmInfo
-from ..render.lettering import text_mask
-from ..render.video import stream_video
+from ..blender.render.lettering import text_mask
+from ..blender.render.video import stream_video
+from ..camera.distortion import Distortion, distorted_pixels
+from ..camera.pinhole import PinholeCamera
+from ..case.case_file import Case
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..images.legend import put_border
+from ..poses.pose_file import read_frame_poses
+from ..video.film_reader import WIDEST, Film, FilmFrame, FilmInfo
 from .overlay_picture import OverlayPainter
 
 PLAUSIBLE_FPS = 1.0, 240.0
@@ -211,6 +211,6 @@ def report_lines(report: FilmReport, case: Case) -> list[str]:
 def _resampler(camera: PinholeCamera, distortion: Distortion | None) -> Callable[[np.ndarray], np.ndarray]:
     if distortion is None:
         return lambda image: image
-    from ...video.frame_mask import Resampler
+    from ..video.frame_mask import Resampler
 
     return Resampler(distorted_pixels(camera, distortion, camera.pixel_grid()))

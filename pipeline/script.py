@@ -14,8 +14,9 @@ from .blender.dataset.run import run
 from .camera.intrinsics_file import read_camera
 from .case import new_case
 from .case.case_file import Case, Structure, read_case
+from .case.frame import read_frame
 from .case.landmark_file import read_landmarks
-from .case.load_case import load_case
+from .case.loaded_case import load_case
 from .commands.render import own_command
 from .dataset.options import checked_options, option_arguments
 from .dataset.run.run_folder import Shard
@@ -89,12 +90,9 @@ def make_case(
         ),
         only=None,
         units="mm",
-        frame=Path(frame),
-        frame_number=None,
-        mask=None if mask is None else Path(mask),
+        frame=read_frame(Path(frame)) if mask is None else read_frame(Path(frame)).with_mask(Path(mask)),
         camera=read_camera(Path(camera)),
         rescale_camera=False,
-        pose=None,
     )
     for _message in new_case.make_case(given, Path(out), overwrite=overwrite):
         pass

@@ -16,10 +16,11 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, class_registration, drawing
-from ..pipeline.blender.colour.reference_view import ReferenceView, reference_view_of
+from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.colour.reference_view import ReferenceView
 from ..pipeline.dataset.description import view_camera
 from ..pipeline.dataset.options import DatasetOptions, merged_options
 from ..pipeline.errors import InputError

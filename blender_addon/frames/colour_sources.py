@@ -7,7 +7,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.case.posed_frame import UnreadFrame
+from ..pipeline.case.frame import UnreadFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_own_folder, made_folder
 from ..pipeline.registration.colour_sources import chosen_sources

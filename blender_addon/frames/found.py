@@ -94,8 +94,8 @@ class FoundFrames:
         alone, written_s = dict[int, RegisteredFrame](), time.monotonic()
         agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
         try:
-            with registrar.frames(film.path) as (_, frames):
-                for frame in frames:
+            with registrar.frames(film.path) as opened:
+                for frame in opened.frames:
                     if frame.number not in left:
                         continue
                     found = registrar.register(frame)

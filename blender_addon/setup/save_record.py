@@ -6,6 +6,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..class_registration import class_registration, prop
+from ..pipeline.blender.render.lettering import text_mask
 from ..pipeline.files.content import write_bytes_atomically
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.images.png import encode_png
@@ -34,8 +35,8 @@ class ONEFRAME_OT_save_record(NeedsAlignment, SavesFile):
         check_outputs([path], input_files(scene))
         loaded = from_scene.loaded_case(scene).with_shown_structures()
         loaded = replace(loaded, case=replace(loaded.case, alignment=pose_record(scene)))
-        picture = case_picture(loaded, under_instruments=False, explained=True).image
-        write_bytes_atomically(path, encode_png(record_page(loaded, picture)))
+        picture = case_picture(loaded, text_mask).image
+        write_bytes_atomically(path, encode_png(record_page(loaded, picture, text_mask)))
         return (f"saved {path}",)
 
 

@@ -6,10 +6,8 @@ import numpy as np
 
 from ..case.alignment_record import PROPOSED
 from ..case.case_file import Case
-from ..case.load_case import load_case
-from ..case.loaded_case import LoadedCase, check_pose
+from ..case.loaded_case import LoadedCase, check_pose, frame_overlay, load_case
 from ..errors import InputError
-from ..overlay.overlay_picture import frame_overlay
 from ..transforms import inverse_rigid, transform_points
 from .landmarks.align_landmarks import (
     Alignment,

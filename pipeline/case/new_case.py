@@ -1,4 +1,4 @@
-"""A new case from the files that a user has: K for the frame, mask, initial pose, and the folder with all of it."""
+"""A new case from the files that a user has: K for the frame, initial pose, and the folder with all of it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..blender.colour.surface_colour import UNSEEN
 from ..camera.distortion import Distortion
 from ..camera.intrinsics_file import CameraFile
 from ..camera.pinhole import PinholeCamera
@@ -18,7 +17,6 @@ from ..files.outputs import check_outputs, writing
 from ..images.masked_frame import with_mask_tinted
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
-from ..overlay.overlay_picture import frame_overlay
 from ..poses.pose_file import read_pose
 from ..projection.initial_pose import initial_pose
 from ..surface.mesh import TriangleMesh
@@ -41,9 +39,8 @@ from .case_folder import (
     without_kept,
 )
 from .case_queue import NewFrame, cases_of_frames
-from .frame_file import Frame, read_frame
-from .load_case import load_case
-from .loaded_case import LoadedCase, check_pose
+from .frame import Frame
+from .loaded_case import LoadedCase, check_pose, frame_overlay, load_case
 from .surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
 from .surface_size import extents_of, place_doubt, size_doubt, size_text
 
@@ -62,18 +59,14 @@ class CaseInputs:
         Names of the structures that are taken from the folder; ``None`` for all.
     units
         ``"mm"`` or ``"m"``: the unit of the meshes and the pose.
-    frame, frame_number
-        An image; or a video and the number of its frame, from 0.
-    mask
-        An image in which 0 shows no surface.
+    frame
+        With its mask, if it has one.
     camera
         K and distortion.
     rescale_camera
         Whether a K for another size of the same picture is rescaled.
     pose
         A file with ``cam_from_mesh``; ``None`` for an initial guess.
-    denoise
-        Whether much noise is removed from the frame.
     others
         Further frames of a queue, whose cases will be beside this one.
     """
@@ -82,19 +75,16 @@ class CaseInputs:
     structures: tuple[Structure, ...]
     only: tuple[str, ...] | None
     units: str
-    frame: Path
-    frame_number: int | None
-    mask: Path | None
+    frame: Frame
     camera: CameraFile
     rescale_camera: bool
-    pose: Path | None
-    denoise: bool = False
+    pose: Path | None = None
     others: tuple[Path, ...] = ()
 
     def files(self, folder: SurfaceFolder) -> dict[str, Path]:
         """All files that are read, by what they are; ``folder`` is what ``surface`` holds."""
-        files = {"frame": self.frame, "camera": self.camera.path, "surface": folder.mesh}
-        files |= {name: path for name, path in (("mask", self.mask), ("pose", self.pose)) if path is not None}
+        files = {"frame": self.frame.path, "camera": self.camera.path, "surface": folder.mesh}
+        files |= {name: path for name, path in (("mask", self.frame.mask), ("pose", self.pose)) if path is not None}
         if self.surface.is_dir():
             files["report of the surface"] = self.surface / RECORD
         return files | {f"structure {structure.name}": structure.mesh for structure in folder.structures}
@@ -118,15 +108,8 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     inputs = given.files(surface)
     names = [structure.name for structure in surface.structures]
     check_outputs(without_kept(folder_outputs(out, names), inputs), inputs)
-    frame = _frame(given)
-    if given.denoise:
-        # needs OpenCV, too
-        from ..video.denoise import denoised
-
-        codes, said = denoised(to_uint8(frame.colours), frame.shown)
-        yield said
-        frame = frame if codes is None else replace(frame, colours=codes / np.float32(255))
-    kept_frame = frame.kept(out / FRAME)
+    frame = given.frame
+    kept_frame = KeptFile(out / FRAME, frame.encoded())
     camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
     yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {frame.masked:.1%} masked"
     yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
@@ -228,24 +211,6 @@ def _camera(
     return camera, file.distortion_for(camera), doubts
 
 
-def _frame(given: CaseInputs) -> Frame:
-    path = given.frame
-    if given.frame_number is not None:
-        # needs OpenCV, which no image does
-        from ..video.film_reader import read_video_frame
-
-        pixels = read_video_frame(path, given.frame_number)
-        frame = Frame(path.name, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))
-    elif path.suffix.lower() in _VIDEOS:
-        raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
-    else:
-        frame = read_frame(path)
-    return frame if given.mask is None else frame.with_mask(given.mask)
-
-
-_VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm")
-
-
 def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: float) -> Iterator[str]:
     if message := rounding_message(mesh, surface.mesh.name):
         yield f"note: {message}"
@@ -280,5 +245,5 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
 
 def _overlay(loaded: LoadedCase) -> np.ndarray:
     """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
-    tinted = with_mask_tinted(loaded.frame.image, loaded.frame.valid, UNSEEN)
+    tinted = with_mask_tinted(loaded.frame.image, loaded.frame.valid)
     return frame_overlay(replace(loaded, frames=(replace(loaded.frame, image=tinted),)))

@@ -144,3 +144,13 @@ def _style(theme: Theme) -> Iterator[None]:
 def note(figure: Any, theme: Theme, text: str) -> None:
     """Write one line in small print below the chart."""
     figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=theme.muted)
+
+
+def round_ticks_inside(axes: Any, *, margin: float) -> None:
+    """About four round ticks along x, none of them outside the data."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.margins(x=margin)
+    low, high = axes.get_xlim()
+    axes.set_xticks([tick for tick in MaxNLocator(4).tick_values(low, high) if low <= tick <= high])
+    axes.set_xlim(low, high)

@@ -29,7 +29,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..case.posed_frame import PosedFrame
+from ..case.frame import PosedFrame
 from ..images.pixel_values import among_centres, sample_bilinear
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, inverse_rigid, transform_points

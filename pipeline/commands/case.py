@@ -2,11 +2,18 @@
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 from ..errors import InputError
 from ..process.arguments import at_least, explained_imports
 from ..process.own_process import own_output
+
+if TYPE_CHECKING:
+    from ..case.frame import Frame
+
+VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm")
 
 ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."
 EPILOG = """examples:
@@ -127,13 +134,10 @@ def run(arguments: argparse.Namespace) -> int:
         structures=tuple(structures),
         only=None if arguments.only is None else tuple(arguments.only),
         units=arguments.units,
-        frame=frame,
-        frame_number=arguments.frame_number,
-        mask=arguments.mask,
+        frame=_frame(arguments, output),
         camera=camera,
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
-        denoise=bool(arguments.denoise),
         others=tuple(others),
     )
     for line in make_case(given, out, overwrite=arguments.overwrite):
@@ -147,3 +151,31 @@ def run(arguments: argparse.Namespace) -> int:
         f"next: open {case} in Blender and align it, or: oneframe align {case} --landmarks FILE --out {aligned}\n"
     )
     return 0
+
+
+def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":
+    """The first frame that is named: an image, or one of a video; with its mask, and without noise if that is asked."""
+    with explained_imports():
+        import numpy as np
+
+        from ..case.frame import Frame, read_frame
+        from ..images.pixel_values import to_uint8
+    path = arguments.frame[0]
+    if arguments.frame_number is not None:
+        with explained_imports():
+            from ..video.film_reader import read_video_frame
+        pixels = read_video_frame(path, arguments.frame_number)
+        frame = Frame(path, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))
+    elif path.suffix.lower() in VIDEOS:
+        raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
+    else:
+        frame = read_frame(path)
+    if arguments.mask is not None:
+        frame = frame.with_mask(arguments.mask)
+    if arguments.denoise:
+        with explained_imports():
+            from ..video.denoise import denoised
+        codes, said = denoised(to_uint8(frame.colours), frame.shown)
+        output.write(f"{said}\n")
+        frame = frame if codes is None else replace(frame, colours=codes / np.float32(255))
+    return frame

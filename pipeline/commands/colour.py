@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..blender.colour.export import check_export, export_coloured_surface
         from ..case.case_file import read_case
-        from ..case.load_case import load_case
+        from ..case.loaded_case import load_case
     output = own_output()
     case = read_case(arguments.case)
     check_export(arguments.out, case.input_files(), colour=arguments.colour)

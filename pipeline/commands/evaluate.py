@@ -58,9 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the evaluation and report its summary."""
     with explained_imports():
+        from ..blender.render.engines import RENDERERS
         from ..evaluation.evaluation_run import evaluation_run, run_evaluation
         from ..evaluation.methods import DEFAULT, chosen_methods
-    methods = chosen_methods(arguments.methods or DEFAULT)
+    methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
     prepared, inputs = evaluation_run(
         [(arguments.case, arguments.photographs), *map(tuple, arguments.more)],

@@ -12,12 +12,10 @@ from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case, read_case
 from ..case.case_folder import CASE
 from ..case.case_queue import queued_cases
-from ..case.load_case import load_case
-from ..case.loaded_case import LoadedCase
+from ..case.loaded_case import LoadedCase, frame_overlay, load_case
 from ..errors import InputError, naming
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import to_uint8
-from ..overlay.overlay_picture import frame_overlay
 from ..projection.z_buffer import rasterise_depth
 from ..transforms import rotation_angle_deg, transform_points
 

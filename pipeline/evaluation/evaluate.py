@@ -11,16 +11,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..blender.colour.reference_view import ReferenceView, reference_view_of
-from ..case.load_case import load_posed_frame
+from ..case.frame import UnreadFrame, load_posed_frame
 from ..case.loaded_case import LoadedCase
-from ..case.posed_frame import UnreadFrame
 from ..colour.ray_tracer import RayTracer
+from ..colour.reference_view import ReferenceView, traced_view_of
 from ..dataset.options import DatasetOptions
 from ..poses.distributions import Cone, ReferencePose
 from ..projection.rendered_view import Render
 from .finished_scores import BOUND, FinishedScores
-from .methods import Method, opened
+from .methods import ChosenMethods, Method, opened
 from .record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
 from .scores.distribution_distance import (
     FEWEST_IMAGES,
@@ -88,7 +87,7 @@ class Settings:
     Attributes
     ----------
     methods
-        Those that can run.
+        What to compare.
     seed
         Of the bootstrap, the novel poses and the errors of poses.
     pose_error_px
@@ -97,7 +96,7 @@ class Settings:
         Network for FID and KID, if there is one.
     """
 
-    methods: Sequence[Method]
+    methods: ChosenMethods
     seed: int
     pose_error_px: float | None
     inception: Inception | None
@@ -105,7 +104,7 @@ class Settings:
     @property
     def compared(self) -> list[Method]:
         """The leading method and a peer, else the second: the methods of the figure and of the gallery."""
-        leading, *others = self.methods
+        leading, *others = self.methods.running
         return [leading, *sorted(others, key=lambda method: not method.peer)[:1]]
 
 
@@ -176,14 +175,14 @@ def evaluate_case(
         A photograph cannot be used, or the case shows no surface.
     """
     began = time.perf_counter()
-    source = reference_view_of(case.loaded, "raster")
-    trace = RayTracer(source.mesh, case.loaded.frame.camera, *source.views, rays=source.rays).render
-    novel_poses = _novel_poses(case, source, settings.seed)[:novel]
+    reference = traced_view_of(case.loaded)
+    trace = RayTracer(reference.mesh, case.loaded.frame.camera, *reference.views, rays=reference.rays).render
+    novel_poses = _novel_poses(case, reference, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses
     numbers, finished = range(len(case.photographs)), findings.finished
     real_features: dict[int, np.ndarray] = {}
-    for method in settings.methods:
+    for method in settings.methods.running:
         keys = [(case.name, method.name, number) for number in numbers]
         known = [number for number in numbers if keys[number] in finished]
         # the first view that there is stands for the case in the figure
@@ -191,7 +190,7 @@ def evaluate_case(
         rendered = [number for number in numbers if number in again or number not in known]
         for _ in known:
             advance()
-        with opened(method, source, case.loaded.frame.camera, poses) as render:
+        with opened(method, settings.methods.renderers, reference, case.loaded.frame.camera, poses) as render:
             findings.preparation_seconds += time.perf_counter() - began
             for shown in _shown_surfaces(case, trace, rendered):
                 key, both = keys[shown.number], None
@@ -219,7 +218,7 @@ def evaluate_case(
         if features:
             real, views = (np.stack(each) for each in zip(*features, strict=True))
             findings.features[case.name, method.name] = real, views
-        if method == settings.methods[0]:
+        if method == settings.methods.running[0]:
             leading = rows
             nothing = (row.image for row in rows if not _shows_surface(row.scores))
             findings.without_overlap += [(case.name, image) for image in nothing]
@@ -239,11 +238,11 @@ def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int])
         yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid, depth_mm)
 
 
-def _novel_poses(case: EvaluationCase, source: ReferenceView, seed: int) -> list[np.ndarray]:
+def _novel_poses(case: EvaluationCase, reference: ReferenceView, seed: int) -> list[np.ndarray]:
     """Poses from the default distribution of datasets."""
     options = DatasetOptions()
     cone = Cone(
-        reference=ReferencePose(case.loaded.frame.cam_from_model, source.pivot_model),
+        reference=ReferencePose(case.loaded.frame.cam_from_model, reference.pivot_model),
         cone_deg=options.cone_deg,
         roll_deg=options.roll_deg,
         distance_min=options.distance_min,

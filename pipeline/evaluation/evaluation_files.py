@@ -8,10 +8,8 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 
-import bpy
 import numpy as np
 
-from ..charts.evaluation_chart import evaluation_charts
 from ..charts.page import chart_outputs
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
@@ -33,7 +31,7 @@ from .evaluate import (
     steps_px,
 )
 from .finished_scores import FinishedScores, identity_of
-from .methods import Method
+from .record.evaluation_chart import evaluation_charts
 from .record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
 from .record.evaluation_record import (
     EVALUATION,
@@ -73,8 +71,6 @@ class EvaluationRun:
     ----------
     cases, settings
         The cases; methods and seeds.
-    skipped
-        Methods that cannot run, and why.
     pictures
         Number of photographs of each case of which pictures are written.
     """
@@ -82,7 +78,6 @@ class EvaluationRun:
     out: Path
     cases: Sequence[EvaluationCase]
     settings: Settings
-    skipped: Mapping[Method, str]
     pictures: int
 
 
@@ -104,7 +99,7 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
     }
     check_own_folder(out, _NAMES, read)
     kinds = ["real", "segmented"]
-    kinds += [f"{method.key}{suffix}" for method in run.settings.methods for suffix in ("", " difference")]
+    kinds += [f"{method.key}{suffix}" for method in run.settings.methods.running for suffix in ("", " difference")]
     outputs = [out / name for name in _FILES]
     outputs += [out / f"{stem} {kind}.png" for stem in _stems(run).values() for kind in kinds]
     for data in _chart_files(out, len(run.cases)):
@@ -145,7 +140,8 @@ def write_evaluation(
     finished = FinishedScores(made_folder(run.out / EVALUATION).parent, identity_of(known, [*inputs.values(), *images]))
     findings = Findings(finished)
     # what a step takes depends on the size of the photograph
-    steps = [steps_px(case, len(run.settings.methods)) for case in run.cases]
+    methods = run.settings.methods
+    steps = [steps_px(case, len(methods.running)) for case in run.cases]
     shares = itertools.accumulate(itertools.chain.from_iterable(steps))
     total = sum(map(sum, steps))
 
@@ -166,8 +162,11 @@ def write_evaluation(
         conditions=conditions,
         cases=cases,
         methods=(
-            *(EvaluatedMethod(method.name, method.peer) for method in run.settings.methods),
-            *(EvaluatedMethod(method.name, method.peer, reason) for method, reason in run.skipped.items()),
+            *(EvaluatedMethod(method.name, method.peer) for method in run.settings.methods.running),
+            *(
+                EvaluatedMethod(method.name, method.peer, reason)
+                for method, reason in run.settings.methods.skipped.items()
+            ),
         ),
         rows=tuple(findings.rows),
         summary=summarised(findings.rows, cases, rng),
@@ -218,12 +217,12 @@ def _chart_files(out: Path, cases: int) -> list[Path]:
 def _conditions(run: EvaluationRun) -> Conditions:
     settings = run.settings
     configuration = {
-        "methods": " ".join(method.key for method in settings.methods),
+        "methods": " ".join(method.key for method in settings.methods.running),
         "seed": settings.seed,
         "pose error": "measured" if settings.pose_error_px is None else f"{settings.pose_error_px:g} px",
         "inception": settings.inception.name if settings.inception else "none",
     }
-    return current_conditions(configuration, blender=bpy.app.version_string)
+    return current_conditions(configuration, blender=settings.methods.renderers.blender)
 
 
 def _stems(run: EvaluationRun) -> dict[tuple[str, int], str]:

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import TextIO
 
 from ..case.case_file import read_case
-from ..case.load_case import load_case, read_photographs
-from ..errors import RunError
+from ..case.loaded_case import load_case
 from ..progress import ShareProgress
+from ..registration.pose_list import read_photographs
 from .evaluate import Settings, named_cases
 from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
-from .methods import Method, skipped_because
+from .methods import ChosenMethods
 from .record.evaluation_record import ALL
 from .scores.inception import Inception
 
@@ -18,7 +18,7 @@ from .scores.inception import Inception
 def evaluation_run(
     pairs: Sequence[tuple[Path, Path]],
     out: Path,
-    methods: Sequence[Method],
+    methods: ChosenMethods,
     *,
     seed: int = 0,
     pose_error_px: float | None = None,
@@ -35,8 +35,6 @@ def evaluation_run(
     ------
     InputError
         A file cannot be used.
-    RunError
-        None of the methods can run here.
     """
     inputs: dict[str, Path] = {}
     given = []
@@ -49,13 +47,8 @@ def evaluation_run(
     if inception is not None:
         inputs["network"] = inception
         network = Inception(inception)
-    reasons = skipped_because(methods)
-    running = [method for method in methods if method.key not in reasons]
-    if not running:
-        raise RunError("; ".join(f"{method.key}: {reasons[method.key]}" for method in methods))
-    skipped = {method: reasons[method.key] for method in methods if method.key in reasons}
-    settings = Settings(running, seed, pose_error_px, network)
-    return EvaluationRun(out, named_cases(given), settings, skipped, pictures), inputs
+    settings = Settings(methods, seed, pose_error_px, network)
+    return EvaluationRun(out, named_cases(given), settings, pictures), inputs
 
 
 def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: TextIO) -> Iterator[str]:
@@ -71,7 +64,7 @@ def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: Te
         As :func:`.check_evaluation` and :func:`.write_evaluation`.
     """
     check_evaluation(run, inputs)
-    for method, reason in run.skipped.items():
+    for method, reason in run.settings.methods.skipped.items():
         yield f"{method.name}: skipped, {reason}"
     with ShareProgress("of the evaluation", stream=stream) as progress:
         evaluation, notes = write_evaluation(run, inputs, progress.reach)
@@ -82,6 +75,6 @@ def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: Te
         yield f"{ran.name}: SSIM {values} (whole / surface / observed)"
     limits = [evaluation.bound_of(case, f"ssim_{part}") for part in ("whole", "surface", "observed")]
     yield "limit: SSIM " + " / ".join("-" if each is None else f"{each.mean:.3f}" for each in limits)
-    already = {f"{method.name}: skipped, {reason}." for method, reason in run.skipped.items()}
+    already = {f"{method.name}: skipped, {reason}." for method, reason in run.settings.methods.skipped.items()}
     yield from (text for text in notes if text not in already)
     yield f"summary: {run.out / MARKDOWN_FILE}, figure: {run.out / FIGURE}"

@@ -2,26 +2,26 @@
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
 
-from ..blender.colour.reference_view import ReferenceView, colours_of, unseen_colours_of
-from ..blender.render.engines import check_engine, opened_engine
 from ..camera.pinhole import PinholeCamera
+from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ..colour.shading import SurfaceColour
 from ..colour.vertex_colours import VertexColours
 from ..dataset.options import COLOURS, ENGINES, UNSEEN
-from ..errors import InputError
+from ..errors import InputError, RunError
 from ..files.keys import nearest_name
 from ..images.pixel_values import to_uint8
+from ..projection.rendered_view import Render
 from ..transforms import transform_points
 from .baseline import projected_colours, pyvista_renderer
 
-Render = Callable[[np.ndarray], np.ndarray]
+ViewOf = Callable[[np.ndarray], np.ndarray]
 """From ``cam_from_model`` (4x4, mm) to ``(H, W, 3)`` float32 code values 0..1."""
 
 PAPER, PAPER_CLAMPED = "paper", "paper-clamped"
@@ -83,27 +83,58 @@ DEFAULT = (
 EVERY = "all"
 
 
-def chosen_methods(keys: Sequence[str]) -> tuple[Method, ...]:
+@dataclass(frozen=True)
+class Renderers:
+    """What Blender's room renders with.
+
+    Attributes
+    ----------
+    check
+        Raises InputError if the engine of this name cannot render on this machine.
+    opened
+        Opens the engine of a name for a surface, a camera, its colours, and ``unseen`` ones.
+    blender
+        Version of Blender.
+    """
+
+    check: Callable[[str], None]
+    opened: Callable[..., AbstractContextManager[Render]]
+    blender: str
+
+
+@dataclass(frozen=True)
+class ChosenMethods:
+    """The methods that can run on this machine, why others cannot, and what they render with."""
+
+    running: tuple[Method, ...]
+    skipped: Mapping[Method, str]
+    renderers: Renderers
+
+
+def chosen_methods(keys: Sequence[str], renderers: Renderers) -> ChosenMethods:
     """The methods of some keys, or all of them for :data:`EVERY`.
 
     Raises
     ------
     InputError
         An unknown key.
+    RunError
+        None of the methods can run here.
     """
     for key in keys:
         if key not in METHODS and key != EVERY:
             raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, (*METHODS, EVERY))}")
-    return tuple(METHODS[key] for key in (METHODS if EVERY in keys else dict.fromkeys(keys)))
+    methods = [METHODS[key] for key in (METHODS if EVERY in keys else dict.fromkeys(keys))]
+    failed = {renderer: _failure(renderer, renderers) for renderer in {method.renderer for method in methods}}
+    running = tuple(method for method in methods if not failed[method.renderer])
+    if not running:
+        raise RunError("; ".join(f"{method.key}: {failed[method.renderer]}" for method in methods))
+    return ChosenMethods(
+        running, {method: failed[method.renderer] for method in methods if method not in running}, renderers
+    )
 
 
-def skipped_because(methods: Sequence[Method]) -> dict[str, str]:
-    """Why methods cannot run on this computer, by key; those that can are left out."""
-    failed = {renderer: _failure(renderer) for renderer in {method.renderer for method in methods}}
-    return {method.key: failed[method.renderer] for method in methods if failed[method.renderer]}
-
-
-def _failure(renderer: str) -> str:
+def _failure(renderer: str, renderers: Renderers) -> str:
     if renderer == "pyvista":
         if find_spec("pyvista") is None:
             return "PyVista is not installed (pip install pyvista)"
@@ -116,7 +147,7 @@ def _failure(renderer: str) -> str:
         ended = subprocess.run([sys.executable, "-c", path + trial], capture_output=True, check=False)
         return "" if ended.returncode == 0 else "PyVista gets no OpenGL context on this machine"
     try:
-        check_engine(renderer)
+        renderers.check(renderer)
     except InputError:
         return "embreex is not installed" if renderer == "raster" else "Blender gets no OpenGL context on this machine"
     return ""
@@ -124,15 +155,15 @@ def _failure(renderer: str) -> str:
 
 @contextmanager
 def opened(
-    method: Method, source: ReferenceView, camera: PinholeCamera, poses: Sequence[np.ndarray]
-) -> Iterator[Render]:
+    method: Method, renderers: Renderers, reference: ReferenceView, camera: PinholeCamera, poses: Sequence[np.ndarray]
+) -> Iterator[ViewOf]:
     """Prepare a method for a reference view; inside the block it renders.
 
     Parameters
     ----------
-    method
-        One that can run, see :func:`skipped_because`.
-    source
+    method, renderers
+        One that can run, see :func:`chosen_methods`, and what it renders with.
+    reference
         The frame's view of the surface.
     camera
         Intrinsics of the views.
@@ -140,31 +171,33 @@ def opened(
         All poses that will be rendered, for the clipping planes of renderers that have fixed ones.
     """
     if method.renderer == "pyvista":
-        codes, depths = to_uint8(_paper_colours(method, source)), _depth_range(source, poses)
-        render = pyvista_renderer(source.mesh, codes, camera, samples=1, lit=False, depth_range_mm=depths)
+        codes, depths = to_uint8(_paper_colours(method, reference)), _depth_range(reference, poses)
+        render = pyvista_renderer(reference.mesh, codes, camera, samples=1, lit=False, depth_range_mm=depths)
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
-    unseen = unseen_colours_of(source, method.unseen)
-    with opened_engine(method.renderer, source.mesh, camera, _colours(method, source), unseen=unseen) as render_view:
+    unseen = unseen_colours_of(reference, method.unseen)
+    with renderers.opened(
+        method.renderer, reference.mesh, camera, _colours(method, reference), unseen=unseen
+    ) as render_view:
         yield lambda pose: render_view(pose).rgb
 
 
-def _colours(method: Method, source: ReferenceView) -> list[SurfaceColour]:
+def _colours(method: Method, reference: ReferenceView) -> list[SurfaceColour]:
     if method.peer:
-        rgb = _paper_colours(method, source)
+        rgb = _paper_colours(method, reference)
         everywhere = np.ones(len(rgb), bool)
         return [VertexColours(rgb, everywhere, everywhere)]
-    return colours_of(source, method.colour)[0]
+    return colours_of(reference, method.colour)[0]
 
 
-def _paper_colours(method: Method, source: ReferenceView) -> np.ndarray:
-    view, clamped = source.view, method.colour == PAPER_CLAMPED
-    return projected_colours(source.mesh, view.image, view.camera, view.cam_from_model, clamped=clamped)
+def _paper_colours(method: Method, reference: ReferenceView) -> np.ndarray:
+    view, clamped = reference.view, method.colour == PAPER_CLAMPED
+    return projected_colours(reference.mesh, view.image, view.camera, view.cam_from_model, clamped=clamped)
 
 
-def _depth_range(source: ReferenceView, poses: Sequence[np.ndarray]) -> tuple[float, float]:
+def _depth_range(reference: ReferenceView, poses: Sequence[np.ndarray]) -> tuple[float, float]:
     """Clipping planes in mm around the surface, from all of the poses."""
-    radius = source.mesh.radius
+    radius = reference.mesh.radius
     depths = [float(transform_points(pose, np.zeros((1, 3)))[0, 2]) for pose in poses]
     far = 1.01 * (max(depths) + radius)
     return max(0.99 * (min(depths) - radius), 1e-3 * far), far

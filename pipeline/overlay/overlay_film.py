@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..blender.render.lettering import text_mask
-from ..blender.render.video import stream_video
 from ..camera.distortion import Distortion, distorted_pixels
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
-from ..images.legend import put_border
+from ..images.legend import Write, put_border
 from ..poses.pose_file import read_frame_poses
 from ..video.film_reader import WIDEST, Film, FilmFrame, FilmInfo
 from .overlay_picture import OverlayPainter
@@ -115,41 +113,40 @@ class OverlayFilm:
         film: Film,
         poses: Sequence[np.ndarray | None],
         *,
-        explained: bool,
+        write: Write | None,
         marks: Mapping[int, FrameMark] | None = None,
     ) -> None:
-        """Prepare the film of a case, with legend and scale bar if it is ``explained``; see :func:`opened_film`.
+        """Prepare the film of a case; see :func:`opened_film`.
 
-        ``marks`` has those of the frames that are marked, by their numbers.
+        ``write`` draws the letters of legend and scale bar, ``None`` for neither; ``marks`` has those of the frames
+        that are marked, by their numbers, whose words need it too.
         """
-        self._film, self._poses, self._marks = film, poses, marks or {}
+        self._film, self._poses, self._write, self._marks = film, poses, write, marks or {}
         camera = loaded.frame.camera.for_images(film.info.size_wh, film.path.name)
-        self._painter = OverlayPainter(loaded, camera, explained=explained)
+        self._painter = OverlayPainter(loaded, camera, write)
         self._straight = _resampler(camera, loaded.case.distortion)
         self._counts = dict.fromkeys(("drawn", "without_pose", "out_of_view", "repeated", "left_out"), 0)
         self.fps, self.count = output_rate(film.info)
 
-    def write(self, out: Path, progress: Callable[[], None]) -> FilmReport:
-        """Encode the film; ``progress`` is called for each frame that is written.
+    @property
+    def report(self) -> FilmReport:
+        """What the pictures show that were drawn so far."""
+        return FilmReport(frames=self.count, **self._counts)
+
+    def pictures(self, progress: Callable[[], None]) -> Iterator[np.ndarray]:
+        """The :attr:`count` pictures of the film, :attr:`fps` a second; ``progress`` is called for each.
 
         Raises
         ------
         InputError
             None of its frames can be decoded.
-        OSError, RunError
-            As for :func:`oneframe.blender.render.video.stream_video`.
         """
+        for picture in self._steady():
+            progress()
+            yield picture
 
-        def pictures() -> Iterator[np.ndarray]:
-            for picture in self._pictures():
-                progress()
-                yield picture
-
-        stream_video(out, pictures(), self.count, fps=self.fps)
-        return FilmReport(frames=self.count, **self._counts)
-
-    def _pictures(self) -> Iterator[np.ndarray]:
-        """The pictures of the film that is written, at a steady rate."""
+    def _steady(self) -> Iterator[np.ndarray]:
+        """The pictures at a steady rate."""
         picture, sent, first_s = None, 0, 0.0
         for frame in self._film:
             if picture is None:
@@ -188,7 +185,7 @@ class OverlayFilm:
             image = painted.image
         if mark.codes is not None:
             image = image.copy()
-            put_border(image, mark.codes, mark.words, text_mask)
+            put_border(image, mark.codes, mark.words, self._write)
         return image
 
 

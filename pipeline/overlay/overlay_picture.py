@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..blender.render.lettering import learn_letters, text_mask
 from ..camera.pinhole import PinholeCamera, whereabouts
-from ..case.loaded_case import LoadedCase
+from ..case.loaded_case import LoadedCase, overlay_scene
 from ..errors import InputError
 from ..images.layer_stack import LayerStack, Seen
 from ..images.legend import (
     Entry,
     Place,
     ScaleBar,
+    Write,
     bar_panel,
     freest_corner,
     legend_panel,
@@ -23,30 +23,6 @@ from ..images.legend import (
 )
 from ..images.overlay import draw_overlay
 from ..images.pixel_values import to_uint8
-from ..projection.overlay_scene import OverlayScene
-
-
-def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None) -> np.ndarray:
-    """The frame with its overlay, ``(H, W, 3)`` float32 values 0..1.
-
-    Parameters
-    ----------
-    loaded
-        The case, at its pose; of its structures, those of :meth:`.LoadedCase.with_shown_structures`.
-    surface_depth_mm
-        ``(H, W)`` depth of the surface in the frame, 0 where there is none; rasterised if left out.
-    """
-    frame = loaded.frame
-    camera, pose = frame.camera, frame.cam_from_model
-    scene = overlay_scene(loaded.with_shown_structures())
-    return draw_overlay(frame.image, scene.surface_layer(camera, pose, surface_depth_mm), scene.layers(camera, pose))
-
-
-def overlay_scene(loaded: LoadedCase) -> OverlayScene:
-    """The surface and the structures of a case."""
-    surface = loaded.surface
-    return OverlayScene.of(surface.mesh, [(mesh, structure.colour) for structure, mesh in surface.structures])
-
 
 LEGEND_PLACES: tuple[Place, ...] = ((False, False), (True, False), (True, True), (False, True))
 BAR_PLACES: tuple[Place, ...] = ((False, True), (True, True), (True, False), (False, False))
@@ -117,13 +93,13 @@ class OverlayPicture:
 class OverlayPainter:
     """Paints the overlay of a case over images of one camera; legend and scale bar keep their corners."""
 
-    def __init__(self, loaded: LoadedCase, camera: PinholeCamera, *, explained: bool) -> None:
-        """Prepare a case for images of a camera; ``explained`` with legend and scale bar."""
-        self._loaded, self._camera, self._scene, self._explained = loaded, camera, overlay_scene(loaded), explained
+    def __init__(self, loaded: LoadedCase, camera: PinholeCamera, write: Write | None) -> None:
+        """Prepare a case for images of a camera; ``write`` draws the letters of legend and scale bar, if it has any."""
+        self._loaded, self._camera, self._scene, self._write = loaded, camera, overlay_scene(loaded), write
         self._places: tuple[Place, Place] | None = None
-        if explained:
-            # a film is painted while Blender encodes
-            learn_letters(string.printable + "".join(structure.name for structure, _ in loaded.surface.structures))
+        if write is not None:
+            # learns the letters: a film is painted while Blender, which draws them, encodes
+            write(string.printable + "".join(structure.name for structure, _ in loaded.surface.structures), 1.0)
 
     def paint(
         self, image: np.ndarray, cam_from_model: np.ndarray, *, clear: np.ndarray | None = None, sure: bool = True
@@ -148,8 +124,8 @@ class OverlayPainter:
         views = self._views(stack, cam_from_model)
         bar = self._bar(stack, surface.depth_mm)
         result = draw_overlay(image, surface, layers, stack, clear=clear)
-        if self._explained and sure:
-            self._explain(result, stack, views, bar)
+        if self._write is not None and sure:
+            self._explain(result, stack, views, bar, self._write)
         return OverlayPicture(result, views, bar, bool((surface.depth_mm > 0).any()))
 
     def _views(self, stack: LayerStack, cam_from_model: np.ndarray) -> tuple[StructureView, ...]:
@@ -174,15 +150,15 @@ class OverlayPainter:
         return scale_bar(self._camera.fx / depth, self._camera.shape_hw, f"at the {what}, {depth:.0f} mm away")
 
     def _explain(
-        self, image: np.ndarray, stack: LayerStack, views: Sequence[StructureView], bar: ScaleBar | None
+        self, image: np.ndarray, stack: LayerStack, views: Sequence[StructureView], bar: ScaleBar | None, write: Write
     ) -> None:
         shape = self._camera.shape_hw
         entries = [
             Entry(structure.colour, _spelt(view.name), view.note, is_dashed=view.visible_fraction < 0.5)
             for view, (structure, _) in zip(views, self._loaded.surface.structures, strict=True)
         ]
-        legend = legend_panel(entries, text_mask, shape) if entries else None
-        bar_drawn = bar_panel(bar, text_mask, shape) if bar else None
+        legend = legend_panel(entries, write, shape) if entries else None
+        bar_drawn = bar_panel(bar, write, shape) if bar else None
         if self._places is None:
             if bar is None:
                 # nothing is in view yet
@@ -210,24 +186,24 @@ def _spelt(name: str) -> str:
     return name.replace("_", " ")
 
 
-def case_picture(loaded: LoadedCase, *, under_instruments: bool, explained: bool) -> OverlayPicture:
+def case_picture(loaded: LoadedCase, write: Write | None, *, under_instruments: bool = False) -> OverlayPicture:
     """The frame of a case with its overlay.
 
     Parameters
     ----------
     loaded
         The case, at its pose.
+    write
+        Draws the letters of legend and scale bar; ``None`` for neither.
     under_instruments
         Leave pixels of the frame with alpha 0 as they are.
-    explained
-        Add legend and scale bar.
 
     Raises
     ------
     InputError
         The surface is not in view.
     """
-    painter = OverlayPainter(loaded, loaded.frame.camera, explained=explained)
+    painter = OverlayPainter(loaded, loaded.frame.camera, write)
     clear = loaded.frame.valid if under_instruments else None
     picture = painter.paint(to_uint8(loaded.frame.image), loaded.frame.cam_from_model, clear=clear)
     if not picture.shows_surface:

@@ -1,7 +1,7 @@
 """The record of an alignment on one page: the frame with its overlay and residuals, and what the case states."""
 
 from collections.abc import Iterator
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import cv2
@@ -9,7 +9,6 @@ import numpy as np
 
 from ..alignment.landmarks.align_landmarks import complete_landmarks, landmark_arrays
 from ..alignment.landmarks.picture import MAGNIFIED, with_residuals
-from ..blender.render.lettering import text_mask
 from ..case.case_folder import made_by_file
 from ..case.case_queue import state_of
 from ..case.loaded_case import LoadedCase
@@ -18,6 +17,7 @@ from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.numbers import format_two_digits
 from ..files.tables import parsed_json
+from ..images.legend import Write
 from ..images.pixel_values import to_uint8
 from ..transforms import transform_points
 
@@ -36,7 +36,7 @@ MADE_BY_KEYS = ("command", "threshold_hu", "strokes", "removed_mm3")
 Section = tuple[str, list[tuple[str, str]]]
 
 
-def record_page(loaded: LoadedCase, picture: np.ndarray) -> np.ndarray:
+def record_page(loaded: LoadedCase, picture: np.ndarray, write: Write) -> np.ndarray:
     """The page, ``(H, W, 3)`` uint8, A4 upright.
 
     Parameters
@@ -45,32 +45,30 @@ def record_page(loaded: LoadedCase, picture: np.ndarray) -> np.ndarray:
         The case, at its pose.
     picture
         Its :func:`.case_picture`, ``(H, W, 3)`` uint8.
+    write
+        Draws letters.
 
     Raises
     ------
     InputError
         What there is to say does not fit on the page.
     """
-    page = np.full((PAGE_WH[1], PAGE_WH[0], 3), 255, np.uint8)
-    case, width = loaded.case, PAGE_WH[0] - 2 * MARGIN
+    page, case = _Page(np.full((PAGE_WH[1], PAGE_WH[0], 3), 255, np.uint8), write), loaded.case
+    width = PAGE_WH[0] - 2 * MARGIN
     used = tuple(complete_landmarks(case.landmarks).values())
     if used:
         picture = to_uint8(with_residuals(picture / np.float32(255), used, case.camera, case.cam_from_mesh))
     scale = min(width / picture.shape[1], 0.55 * PAGE_WH[1] / picture.shape[0])
     size = round(scale * picture.shape[1]), round(scale * picture.shape[0])
     picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    top = (
-        _written(
-            page, f"Alignment of {case.path.parent.name or case.image.stem}", MARGIN, MARGIN // 2, 1.5 * HEADING_PX
-        )
-        + GAP
-    )
+    title = f"Alignment of {case.path.parent.name or case.image.stem}"
+    top = page.line(title, MARGIN, MARGIN // 2, 1.5 * HEADING_PX) + GAP
     left = MARGIN + (width - size[0]) // 2
-    page[top : top + size[1], left : left + size[0]] = picture
+    page.pixels[top : top + size[1], left : left + size[0]] = picture
     top += size[1] + GAP
     for number, sections in enumerate((_pose_sections(loaded), _source_sections(loaded))):
-        _column(page, sections, MARGIN + number * (width + GAP) // 2, top, (width - GAP) // 2)
-    return page
+        page.column(sections, MARGIN + number * (width + GAP) // 2, top, (width - GAP) // 2)
+    return page.pixels
 
 
 def _pose_sections(loaded: LoadedCase) -> Iterator[Section]:
@@ -134,36 +132,42 @@ def _text(value: object, unit: str) -> str:
     return f"{format_two_digits(value) if isinstance(value, float) else value} {unit}".rstrip()
 
 
-def _column(page: np.ndarray, sections: Iterator[Section], left: int, top: int, width: int) -> None:
-    for heading, rows in sections:
-        top = _written(page, heading, left, top, HEADING_PX)
-        for label, value in rows:
-            indent = left + (LABEL_PX if label else 0)
-            if label:
-                _written(page, label, left, top, LETTERS_PX, grey=110)
-            for line in _wrapped(value, left + width - indent):
-                top = _written(page, line, indent, top, LETTERS_PX)
-        top += GAP
+@dataclass(frozen=True)
+class _Page:
+    """``(H, W, 3)`` uint8 ``pixels`` that are written on."""
 
+    pixels: np.ndarray
+    write: Write
 
-def _wrapped(text: str, width: int) -> list[str]:
-    """Lines that are no wider than this, broken between words; a word that is wider stays whole."""
-    lines: list[str] = []
-    for word in text.split(" ") or [""]:
-        longer = f"{lines[-1]} {word}" if lines else word
-        if lines and text_mask(longer, LETTERS_PX).shape[1] <= width:
-            lines[-1] = longer
-        else:
-            lines.append(word)
-    return lines
+    def column(self, sections: Iterator[Section], left: int, top: int, width: int) -> None:
+        """Write sections one below the other."""
+        for heading, rows in sections:
+            top = self.line(heading, left, top, HEADING_PX)
+            for label, value in rows:
+                indent = left + (LABEL_PX if label else 0)
+                if label:
+                    self.line(label, left, top, LETTERS_PX, grey=110)
+                for line in self._wrapped(value, left + width - indent):
+                    top = self.line(line, indent, top, LETTERS_PX)
+            top += GAP
 
+    def line(self, text: str, left: int, top: int, size_px: float, grey: int = 0) -> int:
+        """Write a line; returns the top of the next one."""
+        mask = self.write(text, size_px)
+        part = self.pixels[top : top + mask.shape[0], left : left + mask.shape[1]]
+        if part.shape[0] < mask.shape[0]:
+            raise InputError("the record: expected lines for one page, found more; leave out landmarks that say little")
+        over = mask[:, : part.shape[1], None]
+        part[:] = np.rint(part * (1 - over) + grey * over)
+        return top + mask.shape[0]
 
-def _written(page: np.ndarray, text: str, left: int, top: int, size_px: float, grey: int = 0) -> int:
-    """Write a line; returns the top of the next one."""
-    mask = text_mask(text, size_px)
-    part = page[top : top + mask.shape[0], left : left + mask.shape[1]]
-    if part.shape[0] < mask.shape[0]:
-        raise InputError("the record: expected lines for one page, found more; leave out landmarks that say little")
-    over = mask[:, : part.shape[1], None]
-    part[:] = np.rint(part * (1 - over) + grey * over)
-    return top + mask.shape[0]
+    def _wrapped(self, text: str, width: int) -> list[str]:
+        """Lines that are no wider than this, broken between words; a word that is wider stays whole."""
+        lines: list[str] = []
+        for word in text.split(" ") or [""]:
+            longer = f"{lines[-1]} {word}" if lines else word
+            if lines and self.write(longer, LETTERS_PX).shape[1] <= width:
+                lines[-1] = longer
+            else:
+                lines.append(word)
+        return lines

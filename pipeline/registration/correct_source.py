@@ -51,7 +51,7 @@ class CorrectedSource:
 
 def correct_source(
     loaded: LoadedCase,
-    source: Path,
+    folder_or_video: Path,
     *,
     focal: bool = False,
     tool: str,
@@ -64,7 +64,7 @@ def correct_source(
     ----------
     loaded
         The case at its pose, which may be some degrees off.
-    source
+    folder_or_video
         Folder of images, or a video.
     focal
         Find the focal length too, the same in all frames; principal point and fy / fx stay.
@@ -83,11 +83,11 @@ def correct_source(
             f"{loaded.case.path.name}: expected no distortion where the focal length is to be found, found "
             f"coefficients: they belong to the focal length of their calibration; correct the pose alone"
         )
-    registrar = CaseRegistrar(loaded)
-    with registrar.frames(source) as (count, _):
-        every = -(-count // MOST_FRAMES)
-    with registrar.frames(source, every) as (_, chosen):
-        frames = [each for each in chosen if not each.problem]
+    registrar, name = CaseRegistrar(loaded), folder_or_video.name
+    with registrar.frames(folder_or_video) as opened:
+        every = -(-opened.count // MOST_FRAMES)
+    with registrar.frames(folder_or_video, every) as opened:
+        frames = [each for each in opened.frames if not each.problem]
     first, pivot = loaded, registrar.pivot_model
     start = (loaded.case.alignment or {}).get("method")
     poses = dict[int, np.ndarray]()
@@ -116,12 +116,12 @@ def correct_source(
     # of the last round: at a wrong pose of the case's frame, few of the frames agree
     if accepted < LEAST_FRAMES:
         raise InputError(
-            f"{source.name}: expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from "
+            f"{name}: expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from "
             f"other sides, found {accepted} of {len(frames)}; the pose is not corrected"
         )
     if fit.agreement < LEAST_AGREEMENT:
         raise InputError(
-            f"{source.name}: expected one pose of the case's frame with which the frames agree, found "
+            f"{name}: expected one pose of the case's frame with which the frames agree, found "
             f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: "
             f"align the frame again; the pose is not corrected"
         )
@@ -129,12 +129,12 @@ def correct_source(
     uncertainty, relative = _uncertainty(fit, pivot, points)
     if uncertainty.largest_rotation_deg > LARGEST_DEG:
         raise InputError(
-            f"{source.name}: expected frames that determine the pose of the case's frame, found ±"
+            f"{name}: expected frames that determine the pose of the case's frame, found ±"
             f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
         )
     if relative > LARGEST_FOCAL:
         raise InputError(
-            f"{source.name}: expected frames that determine the focal length, found {camera.fx:.0f} px ± "
+            f"{name}: expected frames that determine the focal length, found {camera.fx:.0f} px ± "
             f"{relative:.0%}; take K from a calibration, as microscopes need, and correct the pose alone"
         )
     moved_px = _moved_px(points, first, loaded)

@@ -1,36 +1,31 @@
-"""Register further frames to a case, and write their poses, a sheet of the frames, and of a video a film."""
+"""Register further frames to a case, and write their poses and a sheet of the frames; and draw the film of a video."""
 
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
-from itertools import count as counted
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ..blender.render.lettering import text_mask
 from ..case.case_history import history_path
 from ..case.case_writer import relative_name
-from ..case.load_case import DISTORTION
-from ..case.loaded_case import LoadedCase
-from ..case.posed_frame import UnreadFrame
+from ..case.frame import UnreadFrame
+from ..case.loaded_case import LoadedCase, overlay_scene
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
 from ..files.outputs import check_own_folder, made_folder, writing
 from ..images.contact_sheet import contact_sheet
-from ..images.legend import put_border
+from ..images.legend import Write, put_border
 from ..images.overlay import draw_overlay
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
-from ..overlay.overlay_picture import overlay_scene
-from ..projection.overlay_scene import OverlayScene
-from ..video.film_reader import WIDEST, Film
+from ..video.film_reader import Film
 from .colour_sources import Candidates, chosen_sources
 from .evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
 from .film_change import FilmAgreement
-from .pose_list import ESTIMATES, POSES, pose_entry, write_poses
+from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
 from .register import RegisteredFrame, judged_together
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
 from .verdict import ACCEPTED
@@ -47,15 +42,7 @@ STRUCTURE_POINTS = 200
 
 @dataclass(frozen=True)
 class Registration:
-    """What was found.
-
-    Attributes
-    ----------
-    evidence
-        Of each frame.
-    sources
-        The frames to colour the surface with.
-    """
+    """What was found: the evidence of each frame, and the frames to colour the surface with."""
 
     evidence: RegistrationEvidence
     sources: tuple[UnreadFrame, ...] = ()
@@ -63,21 +50,21 @@ class Registration:
 
 def register_case(
     loaded: LoadedCase,
-    source: Path,
+    frames: Path,
     out: Path,
     *,
     every: int = 1,
     colour_frames: int = 0,
     denoise: bool = False,
-    progress: Callable[[int, int], None],
+    progress: Callable[[float], None],
 ) -> Registration:
-    """Register all frames of a folder or a video, and write the files into a folder.
+    """Register all frames of a folder or a video, and write their poses and the sheet into a folder.
 
     Parameters
     ----------
     loaded
         The case at its pose, with the structures to draw.
-    source
+    frames
         Folder of images, or a video.
     out
         Folder to write.
@@ -88,7 +75,7 @@ def register_case(
     denoise
         Remove noise from these, see :mod:`oneframe.video.denoise`.
     progress
-        Called with the number of finished steps and of all: a frame is one, and another one in the film.
+        Called with the finished share, 0..1.
 
     Raises
     ------
@@ -97,87 +84,66 @@ def register_case(
     RunError
         A file cannot be written.
     """
-    check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(source))
-    registrar = CaseRegistrar(loaded)
-    scene, drawn = overlay_scene(loaded), _drawn_points(loaded)
-    registered, images, tiles = list[RegisteredFrame](), list[str](), dict[int, np.ndarray]()
-    evidence, candidates = list[FrameEvidence](), Candidates()
+    check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(frames))
+    registrar, is_film = CaseRegistrar(loaded), not frames.is_dir()
+    registered, evidence, candidates = list[RegisteredFrame](), list[FrameEvidence](), Candidates()
     agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
-    surface, units = loaded.surface, loaded.case.mm_per_unit
-    steps, spare, usable = 1 if source.is_dir() else 2, PICTURES, False
-    with registrar.frames(source, every) as (count, frames):
-        shown_every, kept_every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
-        for done, frame in enumerate(frames):
+    drawn, usable = _drawn_points(loaded), False
+    with registrar.frames(frames, every) as opened:
+        pictures = _Pictures(loaded, registrar, opened.count)
+        for done, frame in enumerate(opened.frames):
             found, usable = registrar.register(frame), usable or not frame.problem
-            # as in a list of photographs: from the folder of the list
-            images.append(relative_name(source / frame.name, out) if frame.name else "")
             registered.append(replace(found, fit=None))
-            if found.fit is not None and found.verdict.state == ACCEPTED and not source.is_dir():
+            if found.fit is not None and found.verdict.state == ACCEPTED and is_film:
                 agreement.add(frame.number, found.fit)
             if colour_frames:
                 candidates.add(frame.number, frame.image, frame.valid, found)
-            picture = None
-            in_sheet = done % shown_every == 0
-            changed = spare > 0 and (not evidence or evidence[-1].verdict.state != found.verdict.state)
-            if in_sheet or changed or done % kept_every == 0:
-                tile = _tile(frame, found, scene, registrar)
-                picture = _webp(tile)
-                tiles |= {done: tile} if in_sheet else {}
-                spare -= changed
             points = drawn if len(drawn) or found.fit is None else found.fit.points_model
+            picture = pictures.of(done, frame, found)
             evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
-            progress(done + 1, steps * count)
+            progress((done + 1) / opened.count)
     if not registered:
-        raise InputError(f"{source.name}: expected frames, cannot decode any; copy it again")
+        raise InputError(f"{frames.name}: expected frames, cannot decode any; copy it again")
     if not usable:
         one = evidence[0]
-        raise InputError(f"{one.name or source.name}: {one.verdict.reason}; nor can any other frame be used")
+        raise InputError(f"{one.name or frames.name}: {one.verdict.reason}; nor can any other frame be used")
     registered = judged_together(registered)
     evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
+    _write_lists(loaded, frames, out, evidence, registered)
+    with writing(out / SHEET):
+        write_bytes_atomically(out / SHEET, pictures.sheet(evidence))
     change = agreement.change()
     since = np.inf if change is None else change.since
     accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED and each.number < since}
     colouring = [each for each in candidates.frames if each.number in accepted]
-    entries = [
-        pose_entry(image, each.number, found, surface.mesh_from_model, units)
-        for image, each, found in zip(images, evidence, registered, strict=True)
-    ]
-    if images[0] and loaded.case.distortion is not None:
-        entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
-    made_folder(out / POSES)
-    for name in (ESTIMATES, SHEET, FILM, PAGE):
-        # what shows other poses
-        with writing(out / name):
-            (out / name).unlink(missing_ok=True)
-    write_poses(out, entries, units)
-    for done, tile in tiles.items():
-        put_border(tile, COLOURS[evidence[done].verdict.state], "", text_mask)
-    shown = [tile.astype(np.float32) / 255 for tile in tiles.values()]
-    sheet = contact_sheet(shown, columns=COLUMNS, tile_width=TILE_PX)
-    with writing(out / SHEET):
-        write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
-    cut_off = ""
-    if not source.is_dir():
-
-        def drawn_film(share: float) -> None:
-            progress(int((1 + share) * count), 2 * count)
-
-        cut_off = _write_film(loaded, source, out / FILM, evidence, every, drawn_film)
     choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
-    sources = registrar.full_frames(source, out, chosen, surface.mesh_from_model, denoise=denoise)
     known = RegistrationEvidence(
         tuple(evidence),
         registrar.mesh,
         registrar.source,
         registrar.pivot_model,
         loaded.case.alignment or {},
-        is_film=not source.is_dir(),
+        is_film=is_film,
         change=change,
         colour=choice,
-        cut_off=cut_off,
+        cut_off=opened.cut_off,
     )
-    return Registration(known, sources)
+    return Registration(
+        known, registrar.full_frames(frames, out, chosen, loaded.surface.mesh_from_model, denoise=denoise)
+    )
+
+
+def marked_film(loaded: LoadedCase, film: Film, evidence: Sequence[FrameEvidence], write: Write) -> OverlayFilm:
+    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked."""
+    poses: list[np.ndarray | None] = [None] * (max(each.number for each in evidence) + 1)
+    marks = dict[int, FrameMark]()
+    for each in evidence:
+        poses[each.number] = each.cam_from_model
+        sure = each.verdict.state == ACCEPTED
+        codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words(each))
+        marks[each.number] = FrameMark(each.opacity, codes, words)
+    return OverlayFilm(loaded, film, poses, write, marks=marks)
 
 
 def _drawn_points(loaded: LoadedCase) -> np.ndarray:
@@ -186,41 +152,56 @@ def _drawn_points(loaded: LoadedCase) -> np.ndarray:
     return np.concatenate([np.zeros((0, 3)), *(each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes)])
 
 
-def _write_film(
+def _write_lists(
     loaded: LoadedCase,
-    source: Path,
+    frames: Path,
     out: Path,
     evidence: Sequence[FrameEvidence],
-    every: int,
-    progress: Callable[[float], None],
-) -> str:
-    """The film with the overlay of each frame that has a pose, fainter where it is less sure; others are marked.
-
-    Returns a sentence if the film is cut off, else an empty one.
-    """
-    with Film(source, every=every, width=WIDEST) as film:
-        poses: list[np.ndarray | None] = [None] * (max(each.number for each in evidence) + 1)
-        marks = dict[int, FrameMark]()
-        for each in evidence:
-            poses[each.number] = each.cam_from_model
-            sure = each.verdict.state == ACCEPTED
-            codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words(each))
-            marks[each.number] = FrameMark(each.opacity, codes, words)
-        drawing, written = OverlayFilm(loaded, film, poses, explained=True, marks=marks), counted(1)
-        drawing.write(out, lambda: progress(next(written) / drawing.count))
-        return film.info.cut_off
+    registered: Sequence[RegisteredFrame],
+) -> None:
+    """Write the lists of poses, after removing what shows other ones."""
+    entries = []
+    for each, found in zip(evidence, registered, strict=True):
+        # as in a list of photographs: from the folder of the list
+        image = relative_name(frames / each.name, out) if each.name else ""
+        entries.append(pose_entry(image, each.number, found, loaded.surface.mesh_from_model, loaded.case.mm_per_unit))
+    if frames.is_dir() and loaded.case.distortion is not None:
+        entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
+    made_folder(out / POSES)
+    for name in (ESTIMATES, SHEET, FILM, PAGE):
+        with writing(out / name):
+            (out / name).unlink(missing_ok=True)
+    write_poses(out, entries, loaded.case.mm_per_unit)
 
 
-def _webp(tile: np.ndarray) -> bytes:
-    size_wh = PICTURE_PX, round(PICTURE_PX * tile.shape[0] / tile.shape[1])
-    small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
-    return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
+class _Pictures:
+    """Draws pictures of frames as evidence, and a sheet of some of them."""
 
+    def __init__(self, loaded: LoadedCase, registrar: CaseRegistrar, count: int) -> None:
+        self._scene, self._camera = overlay_scene(loaded), registrar.camera
+        self._sheet_every, self._every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
+        self._tiles, self._spare, self._state = dict[int, np.ndarray](), PICTURES, ""
 
-def _tile(frame: FurtherFrame, found: RegisteredFrame, scene: OverlayScene, registrar: CaseRegistrar) -> np.ndarray:
-    """``(h, w, 3)`` uint8: the frame with the overlay at its pose."""
-    picture = frame.image.copy()
-    if found.cam_from_model is not None:
-        camera, pose = registrar.camera, found.cam_from_model
-        picture = draw_overlay(picture, scene.surface_layer(camera, pose), scene.layers(camera, pose))
-    return picture
+    def of(self, place: int, frame: FurtherFrame, found: RegisteredFrame) -> bytes | None:
+        """The frame at this place with the overlay at its pose, as WebP; ``None`` if none is kept."""
+        in_sheet, changed = place % self._sheet_every == 0, self._spare > 0 and found.verdict.state != self._state
+        self._state = found.verdict.state
+        if not (in_sheet or changed or place % self._every == 0):
+            return None
+        self._spare -= changed
+        tile, pose = frame.image.copy(), found.cam_from_model
+        if pose is not None:
+            surface = self._scene.surface_layer(self._camera, pose)
+            tile = draw_overlay(tile, surface, self._scene.layers(self._camera, pose))
+        if in_sheet:
+            self._tiles[place] = tile
+        size_wh = PICTURE_PX, round(PICTURE_PX * tile.shape[0] / tile.shape[1])
+        small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
+        return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
+
+    def sheet(self, evidence: Sequence[FrameEvidence]) -> bytes:
+        """The sheet as PNG, with the state of each frame as its border."""
+        for place, tile in self._tiles.items():
+            put_border(tile, COLOURS[evidence[place].verdict.state])
+        shown = [tile.astype(np.float32) / 255 for tile in self._tiles.values()]
+        return encode_png(to_uint8(contact_sheet(shown, columns=COLUMNS, tile_width=TILE_PX)))

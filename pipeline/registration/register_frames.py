@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..blender.colour.reference_view import ReferenceView, colouring_view_of
 from ..camera.distortion import distorted_pixels
 from ..camera.pinhole import PinholeCamera
+from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase
-from ..case.posed_frame import UnreadFrame
+from ..colour.reference_view import ReferenceView, colouring_view_of
 from ..errors import InputError
 from ..files.content import content_named, write_bytes_atomically
 from ..files.outputs import writing
@@ -62,6 +62,15 @@ class FurtherFrame:
     image: np.ndarray
     valid: np.ndarray
     problem: str = ""
+
+
+@dataclass(frozen=True)
+class OpenedFrames:
+    """How many frames there are, the frames, and a sentence if the file of a video is cut off, else empty."""
+
+    count: int
+    frames: Iterator[FurtherFrame]
+    cut_off: str = ""
 
 
 class CaseRegistrar:
@@ -124,8 +133,8 @@ class CaseRegistrar:
         return found
 
     @contextmanager
-    def frames(self, source: Path, every: int = 1) -> Iterator[tuple[int, Iterator[FurtherFrame]]]:
-        """Open a folder of images or a video: how many frames there are, and the frames.
+    def frames(self, folder_or_video: Path, every: int = 1) -> Iterator[OpenedFrames]:
+        """Open a folder of images or a video.
 
         A frame that cannot be read, and an image of other proportions than K's or a frame of another size than the
         film's first one, comes with its problem.
@@ -135,20 +144,20 @@ class CaseRegistrar:
         InputError
             No images, not a video, or one of other proportions than K's.
         """
-        if source.is_dir():
-            paths = image_paths(source)
+        if folder_or_video.is_dir():
+            paths = image_paths(folder_or_video)
             if not paths:
-                raise InputError(f"{source}: expected images ({', '.join(IMAGES)}) or a video, found none")
+                raise InputError(f"{folder_or_video}: expected images ({', '.join(IMAGES)}) or a video, found none")
             chosen = list(enumerate(paths))[::every]
-            yield len(chosen), (self._of_image(number, path) for number, path in chosen)
+            yield OpenedFrames(len(chosen), (self._of_image(number, path) for number, path in chosen))
             return
-        with Film(source, every=every, width=self.camera.width) as film:
-            self._case.camera.for_images(film.info.size_wh, source.name)
-            yield film.info.frames, self._of_film(film, every)
+        with Film(folder_or_video, every=every, width=self.camera.width) as film:
+            self._case.camera.for_images(film.info.size_wh, folder_or_video.name)
+            yield OpenedFrames(film.info.frames, self._of_film(film, every), film.info.cut_off)
 
     def full_frames(
         self,
-        source: Path,
+        folder_or_video: Path,
         out: Path,
         chosen: Sequence[Candidate],
         mesh_from_model: np.ndarray,
@@ -163,7 +172,7 @@ class CaseRegistrar:
             An image cannot be written.
         """
         poses, written = {each.number: each.cam_from_model for each in chosen}, dict[int, UnreadFrame]()
-        for number, image, shown in self._full_images(source, poses):
+        for number, image, shown in self._full_images(folder_or_video, poses):
             size_wh = image.shape[1], image.shape[0]
             clean = denoised(image, shown)[0] if denoise else None
             image = image if clean is None else clean
@@ -172,21 +181,21 @@ class CaseRegistrar:
             path = content_named(out / FRAME.format(number), data)
             with writing(path):
                 write_bytes_atomically(path, data)
-            own = self._case.camera.for_images(size_wh, source.name)
+            own = self._case.camera.for_images(size_wh, folder_or_video.name)
             pose = poses[number] @ inverse_rigid(mesh_from_model)
             written[number] = UnreadFrame(path, own, self._case.distortion, pose)
         return tuple(written[number] for number in poses)
 
-    def _full_images(self, source: Path, numbers: Collection[int]) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    def _full_images(self, frames: Path, numbers: Collection[int]) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
         if not numbers:
             return
-        if source.is_dir():
-            paths = image_paths(source)
+        if frames.is_dir():
+            paths = image_paths(frames)
             for number in sorted(numbers):
                 image, valid = read_image(paths[number], paths[number].name)
                 yield number, to_uint8(image), valid
             return
-        with Film(source, width=self._case.camera.width) as film:
+        with Film(frames, width=self._case.camera.width) as film:
             for each in film:
                 if each.index in numbers:
                     yield each.index, each.image, np.ones(each.image.shape[:2], bool)
@@ -237,11 +246,11 @@ def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty
     return None if own is None else own.about(view.pivot_model, pose)
 
 
-def frame_files(source: Path) -> dict[str, Path]:
+def frame_files(frames: Path) -> dict[str, Path]:
     """All that is read of a folder of images or a video, by what it is."""
-    if not source.is_dir():
-        return {"video": source}
-    return {"folder of the frames": source} | {f"image {path.name}": path for path in image_paths(source)}
+    if not frames.is_dir():
+        return {"video": frames}
+    return {"folder of the frames": frames} | {f"image {path.name}": path for path in image_paths(frames)}
 
 
 def image_paths(folder: Path) -> list[Path]:

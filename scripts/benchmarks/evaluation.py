@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from oneframe.blender.render.engines import RENDERERS
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
@@ -46,7 +47,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     """Evaluate."""
     with temporary_folder() as folder:
         prepared, inputs = evaluation_run(
-            case_files(arguments, folder), arguments.out, chosen_methods(arguments.methods),
+            case_files(arguments, folder), arguments.out, chosen_methods(arguments.methods, RENDERERS),
             seed=arguments.seed, inception=arguments.inception, pictures=arguments.pictures,
         )  # fmt: skip
         for line in run_evaluation(prepared, inputs, stream=sys.stderr):

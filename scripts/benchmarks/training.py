@@ -25,7 +25,7 @@ from pathlib import Path
 import bpy
 
 from oneframe.case.case_file import read_case
-from oneframe.case.load_case import load_case
+from oneframe.case.loaded_case import load_case
 from oneframe.errors import RunError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.progress import Progress

@@ -8,14 +8,13 @@ import pytest
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import NewFrame, add_frames, queued_cases
 from oneframe.case.case_update import update_case
-from oneframe.case.load_case import load_case
+from oneframe.case.loaded_case import frame_overlay, load_case
 from oneframe.errors import InputError
 from oneframe.evaluation.agreement import agreement, agreements, pair_picture, paired_cases
 from oneframe.images.contact_sheet import GAP_PX
 from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
-from oneframe.overlay.overlay_picture import frame_overlay
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector, transform_points

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.case.case_file import read_case
-from oneframe.case.load_case import load_case, load_posed_frame
-from oneframe.case.loaded_case import LoadedCase
-from oneframe.case.posed_frame import UnreadFrame
+from oneframe.case.frame import UnreadFrame, load_posed_frame
+from oneframe.case.loaded_case import LoadedCase, load_case
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.reference_view import traced_view_of
 from oneframe.evaluation.scores.similarity import similarity
 from oneframe.transforms import checked_rigid, rigid
 
@@ -35,7 +34,7 @@ def loaded_case(folder: Path, *, image: Path, size: tuple, k: list, mesh: Path, 
 def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> float:
     photograph = UnreadFrame(image, loaded.case.camera, None, cam_from_mesh)
     real = load_posed_frame(photograph, loaded.surface.mesh_from_model, name="case.toml")
-    source = reference_view_of(loaded, "raster")
+    source = traced_view_of(loaded)
     view = RayTracer(source.mesh, loaded.frame.camera, *source.views, rays=source.rays).render(real.cam_from_model)
     compared = view.observed & real.valid
     return similarity(real.image, view.rgb, compared).correlation if compared.any() else -1.0

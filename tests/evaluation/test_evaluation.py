@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from oneframe.blender.render.engines import RENDERERS
 from oneframe.blender.sample.sample_case import write_sample_case
 from oneframe.evaluation import evaluate, evaluation_files
 from oneframe.evaluation.conditions import Conditions
@@ -122,7 +123,7 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch,
 
     def run(out: Path, until: float = 2.0, seed: int = 0) -> int:
         scored.clear()
-        prepared, inputs = evaluation_run(pairs, out, chosen_methods(methods), seed=seed, pictures=1)
+        prepared, inputs = evaluation_run(pairs, out, chosen_methods(methods, RENDERERS), seed=seed, pictures=1)
         prepared = replace(prepared, settings=replace(prepared.settings, inception=lambda _: None, pose_error_px=1.0))
         monkeypatch.setattr(evaluation_files, "_conditions", lambda run: Conditions("", {}, {"seed": seed}))
 

@@ -21,7 +21,7 @@ from oneframe.blender.bridge.camera import new_camera
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
-from oneframe.case.load_case import load_case
+from oneframe.case.loaded_case import load_case
 from oneframe.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from oneframe.colour.source_view import SourceView
 from oneframe.dataset.options import DatasetOptions

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.blender.render.lettering import text_mask
 from oneframe.blender.render.video import stream_video
 from oneframe.camera.distortion import Distortion, undistort
 from oneframe.camera.pinhole import PinholeCamera
@@ -56,8 +57,9 @@ def written(path, loaded, poses, out, **options):
     np.save(out.with_suffix(".npy"), np.array([np.full((4, 4), np.nan) if pose is None else pose for pose in poses]))
     shown = []
     with opened_film(path, out.with_suffix(".npy"), loaded) as (film, found, messages):
-        drawing = OverlayFilm(loaded, film, found, explained=True)
-        report = drawing.write(out, lambda: shown.append(1))
+        drawing = OverlayFilm(loaded, film, found, text_mask)
+        stream_video(out, drawing.pictures(lambda: shown.append(1)), drawing.count, fps=drawing.fps)
+        report = drawing.report
     assert len(shown) == report.frames == drawing.count
     return report, messages, decoded(out)
 
@@ -84,7 +86,7 @@ def test_every_frame_is_the_picture_of_its_pose(loaded, frontal_pose, tmp_path):
         f"{FRAMES} frames, {FRAMES - 2} with overlay, 1 without pose"
     )
     assert fps == pytest.approx(30000 / 1001, rel=1e-4)
-    painter = OverlayPainter(loaded, CAMERA, explained=True)
+    painter = OverlayPainter(loaded, CAMERA, text_mask)
     with Film(path) as film:
         images = [frame.image for frame in film]
     expected = [
@@ -105,11 +107,10 @@ def test_a_frame_that_is_less_sure_is_fainter_and_marked(loaded, frontal_pose, t
     path = write_film(tmp_path / "film.mkv", images)
     marks = {0: FrameMark(0.4), 1: FrameMark(0.4, red, "doubtful"), 2: FrameMark(0.0, red, "refused")}
     with Film(path) as film:
-        OverlayFilm(loaded, film, [frontal_pose] * 2 + [None], explained=False, marks=marks).write(
-            tmp_path / "out.mp4", lambda: None
-        )
+        drawing = OverlayFilm(loaded, film, [frontal_pose] * 2 + [None], None, marks=marks)
+        stream_video(tmp_path / "out.mp4", drawing.pictures(lambda: None), drawing.count, fps=drawing.fps)
     found = decoded(tmp_path / "out.mp4")[1]
-    painter = OverlayPainter(loaded, CAMERA, explained=False)
+    painter = OverlayPainter(loaded, CAMERA, None)
     images = [image.astype(float) for image in images]
     expected = [image + 0.4 * (painter.paint(image.astype(np.uint8), frontal_pose).image - image) for image in images]
     expected[2] = images[2]
@@ -127,7 +128,7 @@ def test_a_film_of_another_size_scales_k_and_other_proportions_are_refused(loade
     )
     assert messages == ["small.mkv: 160x120 px, the K of 320x240 is scaled to it"]
     assert report.drawn == 3
-    painter = OverlayPainter(loaded, CAMERA.resized(160, 120), explained=True)
+    painter = OverlayPainter(loaded, CAMERA.resized(160, 120), text_mask)
     assert error_of(found[1], painter.paint(small[1], frontal_pose).image) < 4
     for size in ((160, 90), (240, 320)):
         with pytest.raises(InputError, match=r"film.mp4: expected the proportions .* 320x240 px, found \d+x"):

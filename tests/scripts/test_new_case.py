@@ -11,7 +11,7 @@ import pytest
 
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import NEW, queued_cases, state_of
-from oneframe.case.load_case import load_case
+from oneframe.case.loaded_case import load_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.image_reader import read_image

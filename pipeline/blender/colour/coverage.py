@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...colour.reference_view import ReferenceView
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
@@ -13,7 +14,6 @@ from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...transforms import camera_centre
 from ..render.material import OBSERVED_LEAST
-from .reference_view import ReferenceView
 
 
 @dataclass(frozen=True)

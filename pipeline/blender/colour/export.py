@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
+from ...colour.reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
@@ -28,7 +29,6 @@ from ...surface.mesh_reader import stated_space
 from ...surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
-from .reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
 
 FORMATS = (".glb", ".obj", ".ply")
 

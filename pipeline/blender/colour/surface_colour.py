@@ -13,8 +13,10 @@ from collections.abc import Mapping
 import bpy
 import numpy as np
 
+from ...colour.reference_view import ReferenceView
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours, colour_vertices
+from ...images.masked_frame import UNSEEN
 from ...images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
@@ -23,15 +25,12 @@ from ..bridge.image import new_packed_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
 from ..render.material import COLOUR_ATTRIBUTE, OBSERVED_LEAST, UV_MAP
-from .reference_view import ReferenceView
 
 OBSERVED_ATTRIBUTE = "frame_observed"
 """Boolean attribute of the vertices: whether the frame saw them."""
 MATERIAL, TEXTURE, MARKED_TEXTURE = "OneFrame colour", "OneFrame texture", "OneFrame texture (unseen marked)"
 RECORD, PLAIN_MATERIAL = "oneframe_colour", "oneframe_plain_material"
 """Custom properties of the object: the record of its colours (JSON), and its material before."""
-UNSEEN = (0.10, 0.25, 1.0)
-"""Code values (0..1) that mark unseen surface: a blue that does not occur in bone, blood or mucosa."""
 COLOUR_NODE = "frame"
 
 

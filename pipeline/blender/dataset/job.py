@@ -12,8 +12,7 @@ import bpy
 import numpy as np
 
 from ...case.case_file import Case
-from ...case.load_case import load_case
-from ...case.loaded_case import LoadedCase
+from ...case.loaded_case import LoadedCase, load_case
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.identity import identity_of

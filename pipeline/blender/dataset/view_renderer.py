@@ -11,6 +11,7 @@ from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...colour.ray_tracer import RayTracer
+from ...colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from ...colour.shading import SurfaceColour
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths, view_kinds
@@ -23,7 +24,6 @@ from ...projection.rendered_view import Render
 from ...projection.silhouette import SilhouetteEdges
 from ...projection.visible_surface import cast_grid
 from ...transforms import camera_centre
-from ..colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.scene_rays import scene_tree

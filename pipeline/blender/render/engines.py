@@ -18,6 +18,7 @@ from ...camera.pinhole import PinholeCamera
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
 from ...errors import InputError
+from ...evaluation.methods import Renderers
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
 from ...process.own_process import delayed_interrupts
@@ -196,3 +197,7 @@ def keep_freed_memory() -> None:
         return
     mallopt(m_mmap_threshold, 1 << 30)
     mallopt(m_trim_threshold, 1 << 30)
+
+
+RENDERERS = Renderers(check_engine, opened_engine, bpy.app.version_string)
+"""For evaluations."""

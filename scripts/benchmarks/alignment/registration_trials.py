@@ -14,8 +14,8 @@ import numpy as np
 
 from oneframe.alignment.refinement.verification import mean_distance_px
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.case.posed_frame import PosedFrame
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.registration.register import RegisteredFrame, judged_together

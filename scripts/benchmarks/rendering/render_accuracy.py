@@ -15,9 +15,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from oneframe.blender.colour.reference_view import colours_of, vertex_colours_of
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.colour.reference_view import colours_of, vertex_colours_of
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
 from oneframe.evaluation.scores.similarity import Similarity, similarity

@@ -20,8 +20,7 @@ from oneframe.blender.render.engines import check_engine, opened_engine
 from oneframe.camera.pinhole import FARTHEST_PRINCIPAL_POINT, PinholeCamera
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
-from oneframe.case.load_case import load_case
-from oneframe.case.loaded_case import FARTHEST_MM, MAX_EXTENT_RATIO
+from oneframe.case.loaded_case import FARTHEST_MM, MAX_EXTENT_RATIO, load_case
 from oneframe.case.precision import EXACT_PX, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
 from oneframe.errors import InputError
 from oneframe.files.content import write_bytes_atomically

@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.blender.colour.reference_view import (
-    ReferenceView,
-    colours_of,
-    limited_to_incidence,
-    reference_view_of,
-    unseen_colours_of,
-)
+from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.surface.mesh import TriangleMesh

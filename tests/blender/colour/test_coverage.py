@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from oneframe.blender.colour.coverage import coverage_of
-from oneframe.blender.colour.reference_view import baked_colour_of, colouring_view_of
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.case.case_file import read_case
-from oneframe.case.load_case import load_case
+from oneframe.case.loaded_case import load_case
+from oneframe.colour.reference_view import baked_colour_of, colouring_view_of
 
 pytestmark = pytest.mark.render
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
-from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of, unseen_colours_of
+from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.blender.render.anti_aliasing import EdgeSampler
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.scene_rays import SceneRays
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.edge_pixels import edge_pixels
 from oneframe.projection.rays import MeshRays

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.blender.colour.reference_view import colours_of, reference_view_of, unseen_colours_of
+from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.blender.render.anti_aliasing import EdgeSampler
 from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.reference_view import colours_of, unseen_colours_of
 from oneframe.dataset.options import COLOURS, UNSEEN
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.projection.z_buffer import rasterise_depth

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.charts.evaluation_chart import evaluation_charts
 from oneframe.charts.page import THEMES
 from oneframe.evaluation.conditions import current_conditions
+from oneframe.evaluation.record.evaluation_chart import evaluation_charts
 from oneframe.evaluation.record.evaluation_record import (
     Bound,
     EvaluatedCase,

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..evaluation.record.evaluation_record import ALL, Evaluation
-from ..evaluation.record.evaluation_tables import where_peers_lead
-from .page import OURS, WARNING, Theme, note, write_chart
+from ...charts.page import OURS, WARNING, Theme, note, round_ticks_inside, write_chart
+from .evaluation_record import ALL, Evaluation
+from .evaluation_tables import where_peers_lead
 
 PANELS = {
     "ssim_whole": "SSIM, whole image",
@@ -70,7 +70,7 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
             axes.set_yticks(range(len(methods)), [method.name for method in methods])
             axes.tick_params(axis="y", length=0)
             axes.grid(axis="x", linewidth=0.8)
-            _round_ticks_inside(axes, margin=0.14)
+            round_ticks_inside(axes, margin=0.14)
         note(figure, theme, "\n".join(_explanations(evaluation, case)))
 
     scored = max(
@@ -114,20 +114,11 @@ def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> lis
             axes.set_yticks(range(len(names)), [_case_label(evaluation, case) for case in names])
             axes.tick_params(axis="y", length=0)
             axes.grid(linewidth=0.8)
-            _round_ticks_inside(axes, margin=0.08)
+            round_ticks_inside(axes, margin=0.08)
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower left", ncols=4, fontsize=9.5, frameon=False)
 
     return write_chart(data, draw, (11.6, 2.4 + 0.42 * len(names)), title="Every case")
-
-
-def _round_ticks_inside(axes: Any, *, margin: float) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    axes.margins(x=margin)
-    low, high = axes.get_xlim()
-    axes.set_xticks([tick for tick in MaxNLocator(4).tick_values(low, high) if low <= tick <= high])
-    axes.set_xlim(low, high)
 
 
 def _case_label(evaluation: Evaluation, case: str) -> str:

@@ -18,16 +18,16 @@ from .landmarks.align_landmarks import (
 )
 from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
 from .landmarks.picture import marked
-from .landmarks.report import alignment_record
+from .landmarks.report import alignment_record, pose_lines, pose_table, report_lines, report_table
 from .pose_uncertainty import PoseMode
 from .posterior.corners import corners_in_view
 from .posterior.evidence import PoseEvidence
 from .posterior.next_click import next_click, rough_mode, visible_points
 from .posterior.report import image_table, joined_record
 from .posterior.solve import pose_posterior
-from .proposal.propose import Proposal, propose_poses
+from .proposal.propose import propose_poses
 from .refinement.refine import refine_pose
-from .refinement.report import refinement_record
+from .refinement.report import refinement_record, refinement_table
 from .refinement.verdict import Refinement
 
 
@@ -48,6 +48,8 @@ class AlignedCase:
         Messages about the files and the landmarks.
     took_refused
         Whether the pose is that of a refused refinement.
+    proposals
+        What the frame alone proposes, in lines, if that was asked.
     """
 
     loaded: LoadedCase
@@ -55,10 +57,53 @@ class AlignedCase:
     refinement: Refinement | None
     messages: tuple[str, ...]
     took_refused: bool = False
+    proposals: tuple[str, ...] = ()
+
+    @property
+    def by_landmarks(self) -> Alignment | None:
+        """The pose from landmarks, if they have a say in the pose of the case."""
+        found = None if self.took_refused else self.alignment
+        return found if found is not None and found.landmarks else None
+
+    def lines(self) -> list[str]:
+        """The report: the pose with all its digits, what it rests on, and what is doubtful."""
+        lines, refinement, alignment = list(self.proposals), self.refinement, self.alignment
+        if alignment is not None and alignment.landmarks:
+            lines += report_lines(alignment)
+        lines += [f"note: {message}" for message in self.messages]
+        if refinement is not None and self.took_refused:
+            lines.append(f"warning: taken although refused: {refinement.objection}")
+        elif refinement is not None:
+            lines.append(refinement.message if refinement.accepted else f"note: {refinement.message}")
+        return lines if self.by_landmarks else [*lines, *pose_lines(self.loaded.case.cam_from_mesh)]
+
+    def table(self) -> dict[str, object]:
+        """The same for JSON."""
+        alignment, refinement = self.alignment, self.refinement
+        table: dict[str, object] = report_table(alignment) if alignment is not None and alignment.landmarks else {}
+        if self.took_refused:
+            # residuals and uncertainty of the landmarks belong to their own pose
+            table = {"start": table} if table else {}
+        if refinement is not None:
+            mesh_from_model = self.loaded.surface.mesh_from_model
+            table["refinement"] = refinement_table(refinement, mesh_from_model, taken=self.took_refused)
+        return {**table, **pose_table(self.loaded.case.cam_from_mesh)}
+
+    def picture(self) -> np.ndarray:
+        """``(H, W, 3)`` float32 values 0..1: frame and overlay; landmarks and residuals if the pose is theirs."""
+        overlay, found = frame_overlay(self.loaded), self.by_landmarks
+        return overlay if found is None else marked(overlay, found)
 
 
 def align_case(
-    case: Case, *, click_sigma_px: float, refine: bool, take_refused: bool = False, tool: str, date: str
+    case: Case,
+    *,
+    click_sigma_px: float,
+    refine: bool,
+    take_refused: bool = False,
+    propose: int = 0,
+    tool: str,
+    date: str,
 ) -> AlignedCase:
     """Find the pose of a case.
 
@@ -73,6 +118,8 @@ def align_case(
         Also take the image as evidence.
     take_refused
         Take the pose that the refinement has found even if it refuses it; the record in the case says so.
+    propose
+        Take this one, counted from 1, of the poses that the frame alone proposes, instead of the case's.
     tool, date
         For the record in the case.
 
@@ -82,8 +129,15 @@ def align_case(
         The evidence does not determine a pose.
     InputError
         A file cannot be used, the landmarks belong to another surface, the pose does not show the surface, or, without
-        landmarks, the refinement is refused.
+        landmarks, the refinement is refused; or there are landmarks or too few poses where one is to be proposed.
     """
+    proposals: tuple[str, ...] = ()
+    if propose:
+        proposed, proposals = _proposed(case, propose, tool, date)
+        if not refine:
+            unverified = "note: nothing has verified the proposal; look at --picture, or refine it"
+            return AlignedCase(proposed, None, None, (), proposals=(*proposals, unverified))
+        case = proposed.case
     loaded = load_case(case, aligned=False)
     if not (case.posed or complete_landmarks(case.landmarks)):
         raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
@@ -131,31 +185,16 @@ def align_case(
         elif took_refused:
             loaded = loaded.posed(refinement.found @ model_from_mesh, record)
     found = alignment.estimate.messages if alignment is not None and not took_refused else ()
-    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
+    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused, proposals)
 
 
-def propose_case(case: Case, take: int, *, tool: str, date: str) -> tuple[AlignedCase, tuple[Proposal, ...]]:
-    """The case with one of the poses that its frame alone proposes, and all of them, the best first.
-
-    Parameters
-    ----------
-    case
-        Without complete landmarks, which would decide the pose. Its pose, if it has one, is not used.
-    take
-        Which of the poses, counted from 1.
-    tool, date
-        For the record in the case.
-
-    Raises
-    ------
-    InputError
-        A file cannot be used, there are landmarks, or there are fewer poses.
-    """
+def _proposed(case: Case, take: int, tool: str, date: str) -> tuple[LoadedCase, tuple[str, ...]]:
+    """The case with one of the poses that its frame alone proposes, and all of them in lines, the best first."""
     if complete_landmarks(case.landmarks):
         raise InputError(f"{case.path.name}: --propose: expected no landmarks, found some; they say where it is")
     loaded = load_case(case, aligned=False)
-    mesh, frame = loaded.surface.mesh, loaded.frame
-    found = propose_poses(frame.image, frame.valid, case.camera, mesh)
+    frame = loaded.frame
+    found = propose_poses(frame.image, frame.valid, case.camera, loaded.surface.mesh)
     if not 1 <= take <= len(found):
         raise InputError(
             f"{case.path.name}: --propose {take}: expected a number from 1 to {len(found)}, the poses found"
@@ -164,8 +203,12 @@ def propose_case(case: Case, take: int, *, tool: str, date: str) -> tuple[Aligne
         )
     pose = found[take - 1].cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
     record = {"method": PROPOSED, "tool": tool, "date": date, "explained": found[take - 1].explained}
-    posed = replace(loaded, case=replace(loaded.case, posed=True))
-    return AlignedCase(posed.posed(pose, record), None, None, ()), found
+    posed = replace(loaded, case=replace(loaded.case, posed=True)).posed(pose, record)
+    return posed, tuple(
+        f"proposal {number}: explains {each.explained:.0%} of the image, score {each.score:.0f}"
+        f"{', taken' if number == take else ''}"
+        for number, each in enumerate(found, 1)
+    )
 
 
 def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:
@@ -188,10 +231,3 @@ def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px:
     count = len(complete_landmarks(case.landmarks))
     few = f"Fewer than 4 landmarks ({count}) determine no pose: a" if count < FEWEST_CORRESPONDENCES else "A"
     return f"{few} landmark near pixel ({u:.0f}, {v:.0f}) gains most."
-
-
-def alignment_picture(aligned: AlignedCase) -> np.ndarray:
-    """``(H, W, 3)`` float32 values 0..1: frame and overlay; landmarks and residuals if the pose is theirs."""
-    overlay = frame_overlay(aligned.loaded)
-    found = None if aligned.took_refused else aligned.alignment
-    return marked(overlay, found) if found is not None and len(found.landmarks) else overlay

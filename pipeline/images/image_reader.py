@@ -65,4 +65,4 @@ def _plain_png(data: bytes) -> np.ndarray | None:
     image = image.reshape(*image.shape[:2], -1)
     image = image[..., [2, 1, 0, 3][: image.shape[2]]] if image.shape[2] > 1 else image
     # a product, as Blender's, not a quotient: they differ in the last bit
-    return image * (np.float32(1) / np.float32(np.iinfo(image.dtype).max))
+    return image.astype(np.float32) * (np.float32(1) / np.float32(255 if image.dtype == np.uint8 else 65535))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from oneframe.alignment.align_case import AlignedCase, alignment_picture
+from oneframe.alignment.align_case import AlignedCase
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.transforms import transform_points
 
@@ -13,7 +13,7 @@ def test_it_draws_the_edges_inside_the_surface(stepped_mesh, oblique_pose, loade
     """A plate that hovers over another one: its border is drawn, and the plates are not."""
     grey = np.full((*CAMERA.shape_hw, 3), 0.5, np.float32)
     loaded = loaded_case(stepped_mesh, grey, oblique_pose, CAMERA)
-    drawn = np.abs(alignment_picture(AlignedCase(loaded, None, None, ())) - grey).max(axis=2)
+    drawn = np.abs(AlignedCase(loaded, None, None, ()).picture() - grey).max(axis=2)
     corners = stepped_mesh.vertices[61 * 51 :].reshape(51, 61, 3)[[0, 0, -1, -1], [0, -1, -1, 0]]
     along = np.linspace(0, 1, 20, endpoint=False)[:, None, None]
     border = (1 - along) * corners + along * np.roll(corners, -1, axis=0)

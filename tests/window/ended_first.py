@@ -1,4 +1,4 @@
-"""A queue: frames are checked, one in the middle is being aligned when Blender ends, by kill or by its window's cross."""
+"""A queue: frames are checked, one in the middle is being aligned when Blender ends: killed, or by its cross."""
 
 import json
 import os

@@ -112,8 +112,8 @@ class OverlayFilm:
         loaded: LoadedCase,
         film: Film,
         poses: Sequence[np.ndarray | None],
-        *,
         write: Write | None,
+        *,
         marks: Mapping[int, FrameMark] | None = None,
     ) -> None:
         """Prepare the film of a case; see :func:`opened_film`.

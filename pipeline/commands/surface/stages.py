@@ -23,7 +23,6 @@ from ...images.slice_picture import slice_picture
 from ...progress import ShareProgress
 from ...surface.structure_colour import structure_colour
 from ...volume.bone.bone import bone_voxels
-from ...volume.bone.bone_surface import taken_bone
 from ...volume.bone.isosurface import RemovedField
 from ...volume.bone.structures import structure_names, without_bone
 from ...volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
@@ -132,7 +131,7 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
 
     settings = SurfaceSettings(plan, taken, after, arguments.tolerance, arguments.smooth)
     made = make_surface(volume, level, solid, labels, settings, report=work.report)
-    _report_removed(work, volume, solid, made)
+    _report_removed(work, made)
     if plan is not None and made.removed is not None:
         _report_clearances(work, made, made.removed, volume, plan)
     _write_meshes(work, out, made)
@@ -148,16 +147,13 @@ def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, st
     return level, how
 
 
-def _report_removed(work: _Work, volume: Volume, solid: np.ndarray, made: MadeSurface) -> None:
+def _report_removed(work: _Work, made: MadeSurface) -> None:
     if made.removed is None:
         return
-    taken = taken_bone(solid, made.removed)
-    removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
-    work.record["removed"] = {"by": list(made.removed_by), "volume_mm3": round(removed_mm3, 1)}
-    share = float(taken.sum()) / max(float(solid.sum()), 1.0)
-    work.say(f"removed by {' and '.join(made.removed_by)}: {removed_mm3:.0f} mm³ of bone")
-    if share > MOST_REMOVED:
-        work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
+    work.record["removed"] = {"by": list(made.removed_by), "volume_mm3": round(made.removed_mm3, 1)}
+    work.say(f"removed by {' and '.join(made.removed_by)}: {made.removed_mm3:.0f} mm³ of bone")
+    if made.removed_share > MOST_REMOVED:
+        work.say(f"warning: that is {made.removed_share:.0%} of the bone; check what was given as removed")
 
 
 def _report_clearances(work: _Work, made: MadeSurface, removed: RemovedField, volume: Volume, plan: DrillPlan) -> None:

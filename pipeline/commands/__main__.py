@@ -8,7 +8,7 @@ from typing import Any
 from .. import __version__
 from ..errors import InputError
 from ..files.keys import nearest_name
-from ..process.arguments import ArgumentParser, explained_imports, run_command
+from ..process.arguments import ArgumentParser, run_command
 from ..process.command_line import run_script
 
 COMMANDS = (
@@ -50,9 +50,9 @@ def dispatch(argv: Sequence[str]) -> int:
         No command or an unknown one; the command raises its own errors.
     """
     if argv and argv[0] in COMMANDS:
-        with explained_imports():
-            # reads what is no plain PNG
-            from .. import blender  # noqa: F401
+        # reads what is no plain PNG
+        from .. import blender  # noqa: F401
+
         return run_command(f"oneframe {argv[0]}", _command(argv[0]), argv[1:])
     if argv and not argv[0].startswith("-"):
         raise InputError(f"command line: unknown command {argv[0]!r}; {nearest_name(argv[0], COMMANDS)}")

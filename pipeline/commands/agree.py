@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 ABOUT = "Compare the poses of two annotators: in degrees, mm and px, beside what their stated errors let expect."
@@ -31,12 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write table and pictures, and print the table."""
-    with explained_imports():
-        from ..evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import check_own_folder, made_folder, writing
-        from ..files.tables import write_csv
-        from ..images.png import encode_png
+    from ..evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
+    from ..files.content import write_bytes_atomically
+    from ..files.outputs import check_own_folder, made_folder, writing
+    from ..files.tables import write_csv
+    from ..images.png import encode_png
+
     folder: Path = arguments.out
     pairs, output = paired_cases(arguments.first, arguments.second), own_output()
     compared = [case for _, *both in pairs for case in both]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
-from ..process.arguments import explained_imports
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -86,10 +85,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: --take-refused: expected --refine with it")
     if arguments.propose and arguments.landmarks:
         raise InputError("command line: --propose: expected no --landmarks with it, which would decide the pose")
-    with explained_imports():
-        from ..alignment.align_case import align_case
-        from ..alignment.landmarks.focal_length import focal_length
-        from ..case.landmark_file import read_landmarks
+    from ..alignment.align_case import align_case
+    from ..alignment.landmarks.focal_length import focal_length
+    from ..case.landmark_file import read_landmarks
+
     output, case = own_output(), _checked_case(arguments)
     if arguments.landmarks:
         case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
@@ -113,11 +112,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _checked_case(arguments: argparse.Namespace) -> "Case":
     """The case, once it is sure that the outputs replace nothing that they should not."""
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..case.case_update import other_inputs
-        from ..case.case_writer import case_output
-        from ..files.outputs import check_outputs
+    from ..case.case_file import read_case
+    from ..case.case_update import other_inputs
+    from ..case.case_writer import case_output
+    from ..files.outputs import check_outputs
+
     case = read_case(arguments.case, posed=False)
     inputs = case.input_files() | ({"file of the landmarks": arguments.landmarks} if arguments.landmarks else {})
     outputs = [path for path in (arguments.json, arguments.picture) if path]
@@ -132,12 +131,12 @@ def _checked_case(arguments: argparse.Namespace) -> "Case":
 
 def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO) -> None:
     """Write the requested files."""
-    with explained_imports():
-        from ..case.case_writer import write_case
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import made_folder, writing
-        from ..images.pixel_values import to_uint8
-        from ..images.png import encode_png
+    from ..case.case_writer import write_case
+    from ..files.content import write_bytes_atomically
+    from ..files.outputs import made_folder, writing
+    from ..images.pixel_values import to_uint8
+    from ..images.png import encode_png
+
     if arguments.json:
         text = json.dumps(aligned.table(), indent=2, allow_nan=False) + "\n"
         with writing(made_folder(arguments.json)):
@@ -156,11 +155,11 @@ def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO
 
 def _restore(arguments: argparse.Namespace) -> int:
     """List the earlier poses of the case file, or take one back."""
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..case.case_history import earlier_poses
-        from ..case.case_update import update_case
-        from ..files.outputs import writing
+    from ..case.case_file import read_case
+    from ..case.case_history import earlier_poses
+    from ..case.case_update import update_case
+    from ..files.outputs import writing
+
     chosen = ("landmarks", "estimate_focal", "propose", "refine", "take_refused", "out", "json", "picture")
     if others := [name for name in chosen if getattr(arguments, name)]:
         raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")

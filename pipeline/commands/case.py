@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..errors import InputError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -95,15 +95,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read and check everything, write the folder, and say what it holds."""
-    with explained_imports():
-        from ..camera.intrinsics_file import read_camera, typed_camera
-        from ..case.case_file import Structure, read_case
-        from ..case.case_folder import CASE
-        from ..case.case_queue import NewFrame, add_frames, case_name
-        from ..case.new_case import CaseInputs, make_case
-        from ..case.surface_folder import RECORD
-        from ..surface.structure_colour import structure_colour
-        from ..volume.bone.structures import name_of_file
+    from ..camera.intrinsics_file import read_camera, typed_camera
+    from ..case.case_file import Structure, read_case
+    from ..case.case_folder import CASE
+    from ..case.case_queue import NewFrame, add_frames, case_name
+    from ..case.new_case import CaseInputs, make_case
+    from ..case.surface_folder import RECORD
+    from ..surface.structure_colour import structure_colour
+    from ..volume.bone.structures import name_of_file
+
     for name in ("size", "distortion"):
         if getattr(arguments, name) is not None and arguments.K is None:
             raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
@@ -155,15 +155,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":
     """The first frame that is named: an image, or one of a video; with its mask, and without noise if that is asked."""
-    with explained_imports():
-        import numpy as np
+    import numpy as np
 
-        from ..case.frame import Frame, read_frame
-        from ..images.pixel_values import to_uint8
+    from ..case.frame import Frame, read_frame
+    from ..images.pixel_values import to_uint8
+
     path = arguments.frame[0]
     if arguments.frame_number is not None:
-        with explained_imports():
-            from ..video.film_reader import read_video_frame
+        from ..video.film_reader import read_video_frame
+
         pixels = read_video_frame(path, arguments.frame_number)
         frame = Frame(path, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))
     elif path.suffix.lower() in VIDEOS:
@@ -173,8 +173,8 @@ def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":
     if arguments.mask is not None:
         frame = frame.with_mask(arguments.mask)
     if arguments.denoise:
-        with explained_imports():
-            from ..video.denoise import denoised
+        from ..video.denoise import denoised
+
         codes, said = denoised(to_uint8(frame.colours), frame.shown)
         output.write(f"{said}\n")
         frame = frame if codes is None else replace(frame, colours=codes / np.float32(255))

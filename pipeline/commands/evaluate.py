@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
@@ -57,10 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the evaluation and report its summary."""
-    with explained_imports():
-        from ..blender.render.engines import RENDERERS
-        from ..evaluation.evaluation_run import evaluation_run, run_evaluation
-        from ..evaluation.methods import DEFAULT, chosen_methods
+    from ..blender.render.engines import RENDERERS
+    from ..evaluation.evaluation_run import evaluation_run, run_evaluation
+    from ..evaluation.methods import DEFAULT, chosen_methods
+
     methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
     prepared, inputs = evaluation_run(

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError, RunError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."
@@ -56,12 +56,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"command line: --to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}"
         )
-    with explained_imports():
-        from ..charts.page import chart_outputs, require_matplotlib
-        from ..charts.score_chart import score_charts
-        from ..progress import ShareProgress
-        from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
-        from ..video.frame_scores import best_frames, score_frames
+    from ..charts.page import chart_outputs, require_matplotlib
+    from ..charts.score_chart import score_charts
+    from ..progress import ShareProgress
+    from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
+    from ..video.frame_scores import best_frames, score_frames
+
     output = own_output()
     video, out = arguments.video, arguments.out
     charts = chart_outputs(out / TABLE)

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..errors import InputError
-from ..process.arguments import explained_imports
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -63,11 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: --under-instruments: expected no --video, whose frames have no alpha")
     if arguments.video and arguments.page:
         raise InputError("command line: --page: expected no --video, which has many frames")
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..case.case_folder import made_by_file
-        from ..case.loaded_case import load_case
-        from ..files.outputs import check_outputs
+    from ..case.case_file import read_case
+    from ..case.case_folder import made_by_file
+    from ..case.loaded_case import load_case
+    from ..files.outputs import check_outputs
+
     output = own_output()
     case = read_case(arguments.case)
     inputs = case.input_files()
@@ -90,12 +89,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> list[str]:
-    with explained_imports():
-        from ..blender.render.lettering import text_mask
-        from ..blender.render.video import stream_video
-        from ..files.outputs import made_folder, writing
-        from ..overlay.overlay_film import OverlayFilm, opened_film, report_lines
-        from ..progress import Progress
+    from ..blender.render.lettering import text_mask
+    from ..blender.render.video import stream_video
+    from ..files.outputs import made_folder, writing
+    from ..overlay.overlay_film import OverlayFilm, opened_film, report_lines
+    from ..progress import Progress
+
     with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
         for message in messages:
             output.write(f"note: {message}\n")
@@ -106,18 +105,18 @@ def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -
 
 
 def _picture(arguments: argparse.Namespace, loaded: "LoadedCase") -> list[str]:
-    with explained_imports():
-        from ..blender.render.lettering import text_mask
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import made_folder, writing
-        from ..images.png import encode_png
-        from ..overlay.overlay_picture import case_picture, picture_lines
+    from ..blender.render.lettering import text_mask
+    from ..files.content import write_bytes_atomically
+    from ..files.outputs import made_folder, writing
+    from ..images.png import encode_png
+    from ..overlay.overlay_picture import case_picture, picture_lines
+
     write = None if arguments.plain else text_mask
     picture = case_picture(loaded, write, under_instruments=arguments.under_instruments)
     image = picture.image
     if arguments.page:
-        with explained_imports():
-            from ..overlay.record_page import record_page
+        from ..overlay.record_page import record_page
+
         image = record_page(loaded, image, text_mask)
     with writing(made_folder(arguments.out)):
         write_bytes_atomically(arguments.out, encode_png(image))

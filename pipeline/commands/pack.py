@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from ..errors import InputError
-from ..process.arguments import add_cluster_arguments, at_least, check_cluster_arguments, explained_imports, resumable
+from ..process.arguments import add_cluster_arguments, at_least, check_cluster_arguments, resumable
 from ..process.own_process import own_output
 
 EXIT_WRONG = 1
@@ -33,8 +33,8 @@ and files that it names and pack again.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    with explained_imports():
-        from ..packing.layout import VIEWS_PER_SHARD
+    from ..packing.layout import VIEWS_PER_SHARD
+
     parser.add_argument("dataset", metavar="DIR", type=Path, nargs="?", help="folder of the complete dataset")
     parser.add_argument(
         "--out", metavar="PACKED", type=Path, required=True, help="folder of the pack; an unfinished one is resumed"
@@ -85,21 +85,21 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     output = own_output()
     if arguments.verify:
-        with explained_imports():
-            from ..files.machine import available_cores
-            from ..packing.verify import verify_pack
+        from ..files.machine import available_cores
+        from ..packing.verify import verify_pack
+
         threads = arguments.workers or available_cores()
         report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
         for line in (*report.findings.shown(), report.summary()):
             output.write(line + "\n")
         return EXIT_WRONG if report.findings else 0
-    with explained_imports():
-        from ..packing.pack import PackOptions, pack_dataset
+    from ..packing.pack import PackOptions, pack_dataset
+
     views, about = None, ""
     if arguments.split is not None:
-        with explained_imports():
-            from ..packing.source import open_source
-            from ..packing.split import split_of_dataset
+        from ..packing.source import open_source
+        from ..packing.split import split_of_dataset
+
         split = split_of_dataset(open_source(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
@@ -125,14 +125,14 @@ def run(arguments: argparse.Namespace) -> int:
 @contextmanager
 def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[..., Iterable[Any]]]:
     """What packs: threads of this machine, or the workers of a cluster."""
-    with explained_imports():
-        from ..packing.pack import on_this_machine
+    from ..packing.pack import on_this_machine
+
     if arguments.cluster is None:
         yield on_this_machine(arguments.workers)
         return
-    with explained_imports():
-        from ..cluster.pack_on_workers import packed_by_cluster
-        from ..cluster.sources import open_source
+    from ..cluster.pack_on_workers import packed_by_cluster
+    from ..cluster.sources import open_source
+
     with open_source(arguments.cluster, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
         yield partial(packed_by_cluster, source=source)

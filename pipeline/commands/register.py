@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -61,17 +61,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Register the frames, write the files and report what was found."""
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..case.case_update import other_inputs
-        from ..case.loaded_case import load_case
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import check_outputs, check_own_folder, writing
-        from ..progress import ShareProgress
-        from ..registration.pose_list import ESTIMATES, POSES
-        from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
-        from ..registration.register_frames import doubt_of_case, frame_files
-        from ..report.registration_page import registration_page
+    from ..case.case_file import read_case
+    from ..case.case_update import other_inputs
+    from ..case.loaded_case import load_case
+    from ..files.content import write_bytes_atomically
+    from ..files.outputs import check_outputs, check_own_folder, writing
+    from ..progress import ShareProgress
+    from ..registration.pose_list import ESTIMATES, POSES
+    from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
+    from ..registration.register_frames import doubt_of_case, frame_files
+    from ..report.registration_page import registration_page
+
     if arguments.denoise and not arguments.colour_frames:
         raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
     if arguments.estimate_focal and not arguments.correct_source:
@@ -123,9 +123,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
     """The case with a pose corrected by the frames, and a comment for its file."""
-    with explained_imports():
-        from ..progress import ShareProgress
-        from ..registration.correct_source import correct_source
+    from ..progress import ShareProgress
+    from ..registration.correct_source import correct_source
+
     case = loaded.case
     with ShareProgress("of the case's pose", stream=output) as shown:
         corrected = correct_source(
@@ -149,13 +149,13 @@ def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: Text
 def _write_film(
     arguments: argparse.Namespace, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO
 ) -> None:
-    with explained_imports():
-        from ..blender.render.lettering import text_mask
-        from ..blender.render.video import stream_video
-        from ..files.outputs import writing
-        from ..progress import Progress
-        from ..registration.register_case import FILM, marked_film
-        from ..video.film_reader import WIDEST, Film
+    from ..blender.render.lettering import text_mask
+    from ..blender.render.video import stream_video
+    from ..files.outputs import writing
+    from ..progress import Progress
+    from ..registration.register_case import FILM, marked_film
+    from ..video.film_reader import WIDEST, Film
+
     path = arguments.out / FILM
     with Film(arguments.frames, every=arguments.every, width=WIDEST) as film, writing(path):
         drawing = marked_film(loaded, film, evidence.frames, text_mask)
@@ -164,10 +164,10 @@ def _write_film(
 
 
 def _write_case(path: Path, case: "Case", comment: str) -> None:
-    with explained_imports():
-        from ..case.case_folder import remove_unnamed
-        from ..case.case_writer import write_case
-        from ..files.outputs import writing
+    from ..case.case_folder import remove_unnamed
+    from ..case.case_writer import write_case
+    from ..files.outputs import writing
+
     with writing(path):
         write_case(path, case, comment=comment)
     remove_unnamed(path.parent)
@@ -175,10 +175,10 @@ def _write_case(path: Path, case: "Case", comment: str) -> None:
 
 def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     """What was found and where it stands, in lines."""
-    with explained_imports():
-        from ..registration.pose_list import POSES
-        from ..registration.register_case import FILM, PAGE, SHEET
-        from ..registration.verdict import ACCEPTED
+    from ..registration.pose_list import POSES
+    from ..registration.register_case import FILM, PAGE, SHEET
+    from ..registration.verdict import ACCEPTED
+
     if evidence.cut_off:
         yield f"note: {evidence.cut_off}"
     reasons, counts = evidence.reasons, evidence.counts

@@ -4,7 +4,6 @@ import argparse
 import time
 from pathlib import Path
 
-from ..process.arguments import explained_imports
 from ..process.own_process import own_output
 
 ABOUT = "Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."
@@ -28,9 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the sample case and report each file."""
-    with explained_imports():
-        from ..blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
-        from ..sample.temporal_bone import sample_surface
+    from ..blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
+    from ..sample.temporal_bone import sample_surface
+
     output = own_output()
     start = time.monotonic()
     check_sample_case(arguments.out)

@@ -6,12 +6,15 @@ read by the same one, so that a view does not depend on who made it: by Blender,
 
 from collections.abc import Callable
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from .image_check import LARGEST_FRAME, PNG_SIGNATURE, check_image_file, may_have_alpha
 
-Decoder = Callable[[bytes, str], np.ndarray]
+if TYPE_CHECKING:
+    # every command registers a decoder, and its --help must not wait for numpy
+    import numpy as np
+
+Decoder = Callable[[bytes, str], "np.ndarray"]
 """From the bytes of a checked image file, and what begins messages, to ``(H, W, C)`` float32 code values 0..1."""
 
 _NOT_PLAIN = b"tRNS", b"acTL"
@@ -25,7 +28,7 @@ def register_decoder(decoder: Decoder) -> None:
     _registered[:] = [decoder]
 
 
-def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
+def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
     """Read an image file as code values between 0 and 1.
 
     Returns
@@ -38,6 +41,8 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     InputError
         The file is missing, cut off, or not an image that can be decoded.
     """
+    import numpy as np
+
     where = where or str(path)
     data = check_image_file(path, where, most_pixels=LARGEST_FRAME)
     has_alpha = may_have_alpha(data)
@@ -51,10 +56,12 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
 
 
-def _plain_png(data: bytes) -> np.ndarray | None:
+def _plain_png(data: bytes) -> "np.ndarray | None":
     """``(H, W, C)`` float32 of a plain PNG; ``None`` of another file, or without OpenCV."""
     if not data.startswith(PNG_SIGNATURE) or any(chunk in data for chunk in _NOT_PLAIN):
         return None
+    import numpy as np
+
     try:
         import cv2
     except ModuleNotFoundError:

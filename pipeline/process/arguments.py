@@ -88,9 +88,10 @@ def command_parser(prog: str, command: Command) -> ArgumentParser:
 
 def run_command(prog: str, command: Command, argv: Sequence[str]) -> int:
     """Parse the arguments of a command and run it; gives its exit code."""
-    arguments = command_parser(prog, command).parse(argv)
-    arguments.argv = argv
-    return command.run(arguments)
+    with _explained_imports():
+        arguments = command_parser(prog, command).parse(argv)
+        arguments.argv = argv
+        return command.run(arguments)
 
 
 def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str], float]:
@@ -107,7 +108,7 @@ def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str]
 
 
 @contextmanager
-def explained_imports() -> Iterator[None]:
+def _explained_imports() -> Iterator[None]:
     """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error.
 
     Raises

@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 
 from ...errors import InputError
-from ...process.arguments import at_least, explained_imports
+from ...process.arguments import at_least
 from ...process.own_process import own_output
 
 ABOUT = "Make the bone surface of a CT, drilled if you like, and the structures of a label map."
@@ -81,9 +81,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write surface, structures, picture and report, and say what they are."""
-    with explained_imports():
-        from ...volume.reading.volume_reader import list_series
-        from .stages import write_surface
+    from ...volume.reading.volume_reader import list_series
+    from .stages import write_surface
+
     if arguments.out is None and not arguments.list:
         raise InputError("command line: --out: expected a folder to write")
     output = own_output()

@@ -132,10 +132,8 @@ class RayTracer:
 
         Parameters
         ----------
-        surface
-            The surface; with several samples it has a pivot.
-        camera
-            Intrinsics of the views.
+        surface, camera
+            What to render, and the intrinsics of the views.
         samples
             Rays in each pixel at an edge.
         rays

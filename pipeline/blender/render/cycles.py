@@ -105,7 +105,7 @@ class EdgeSampler:
         Parameters
         ----------
         scene
-            Built with ``filtered=True`` and one sample; its surface has a pivot.
+            Built with ``filtered=True`` and one sample.
         samples
             Rays in each pixel at an edge.
         """

@@ -13,7 +13,6 @@ import numpy as np
 
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
-from ..projection.rays import MeshRays
 from ..projection.visible_surface import most_central
 from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
@@ -21,7 +20,7 @@ from ..transforms import camera_centre, inverse_rigid, transform_points
 from .exposure import matched_exposures
 from .fill import filled_colours
 from .ray_tracer import RayTracer
-from .shading import SurfaceColour
+from .shading import ColouredSurface, SurfaceColour
 from .source_view import SourceView
 from .texture_atlas import TextureAtlas, bake_atlas, classify_faces
 from .vertex_colours import VertexColours, colour_vertices
@@ -45,8 +44,8 @@ class ReferenceView:
         ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
     messages
         Messages for the user.
-    raster, rays
-        The z-buffer of the first view, or what casts rays at ``mesh``, if it comes from one.
+    raster
+        The z-buffer of the first view, if it comes from one.
     """
 
     mesh: TriangleMesh
@@ -54,7 +53,6 @@ class ReferenceView:
     pivot_model: np.ndarray
     messages: tuple[str, ...]
     raster: DepthRaster | None = None
-    rays: MeshRays | None = None
 
     @property
     def view(self) -> SourceView:
@@ -105,11 +103,9 @@ def traced_view_of(loaded: LoadedCase) -> ReferenceView:
     InputError
         No pixel of a frame shows the surface, or there is no Embree.
     """
-    mesh = loaded.surface.mesh
-    rays = MeshRays(mesh)
-    seen = [RayTracer(mesh, frame.camera, rays=rays).render(frame.cam_from_model) for frame in loaded.frames]
-    view = view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
-    return replace(view, rays=rays) if view.mesh is mesh else view
+    surface = ColouredSurface(loaded.surface.mesh)
+    seen = [RayTracer(surface, frame.camera).render(frame.cam_from_model) for frame in loaded.frames]
+    return view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
 
 
 def colouring_view_of(loaded: LoadedCase) -> ReferenceView:

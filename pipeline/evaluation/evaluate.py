@@ -15,6 +15,7 @@ from ..case.frame import UnreadFrame, load_posed_frame
 from ..case.loaded_case import LoadedCase
 from ..colour.ray_tracer import RayTracer
 from ..colour.reference_view import ReferenceView, traced_view_of
+from ..colour.shading import ColouredSurface
 from ..dataset.options import DatasetOptions
 from ..poses.distributions import Cone, ReferencePose
 from ..projection.rendered_view import Render
@@ -176,7 +177,7 @@ def evaluate_case(
     """
     began = time.perf_counter()
     reference = traced_view_of(case.loaded)
-    trace = RayTracer(reference.mesh, case.loaded.frame.camera, *reference.views, rays=reference.rays).render
+    trace = RayTracer(ColouredSurface(reference.mesh, reference.views), case.loaded.frame.camera).render
     novel_poses = _novel_poses(case, reference, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
-from ..colour.shading import SurfaceColour
+from ..colour.shading import ColouredSurface, SurfaceColour
 from ..colour.vertex_colours import VertexColours
 from ..dataset.options import COLOURS, ENGINES, UNSEEN
 from ..errors import InputError, RunError
@@ -92,13 +92,13 @@ class Renderers:
     check
         Raises InputError if the engine of this name cannot render on this machine.
     opened
-        Opens the engine of a name for a surface, a camera, its colours, and ``unseen`` ones.
+        Opens the engine of a name for a surface and a camera.
     blender
         Version of Blender.
     """
 
     check: Callable[[str], None]
-    opened: Callable[..., AbstractContextManager[Render]]
+    opened: Callable[[str, ColouredSurface, PinholeCamera], AbstractContextManager[Render]]
     blender: str
 
 
@@ -176,18 +176,17 @@ def opened(
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
     unseen = unseen_colours_of(reference, method.unseen)
-    with renderers.opened(
-        method.renderer, reference.mesh, camera, _colours(method, reference), unseen=unseen
-    ) as render_view:
+    surface = ColouredSurface(reference.mesh, _colours(method, reference), unseen)
+    with renderers.opened(method.renderer, surface, camera) as render_view:
         yield lambda pose: render_view(pose).rgb
 
 
-def _colours(method: Method, reference: ReferenceView) -> list[SurfaceColour]:
+def _colours(method: Method, reference: ReferenceView) -> tuple[SurfaceColour, ...]:
     if method.peer:
         rgb = _paper_colours(method, reference)
         everywhere = np.ones(len(rgb), bool)
-        return [VertexColours(rgb, everywhere, everywhere)]
-    return colours_of(reference, method.colour)[0]
+        return (VertexColours(rgb, everywhere, everywhere),)
+    return tuple(colours_of(reference, method.colour)[0])
 
 
 def _paper_colours(method: Method, reference: ReferenceView) -> np.ndarray:

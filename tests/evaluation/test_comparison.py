@@ -11,6 +11,7 @@ from oneframe.case.frame import UnreadFrame, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase, load_case
 from oneframe.colour.ray_tracer import RayTracer
 from oneframe.colour.reference_view import traced_view_of
+from oneframe.colour.shading import ColouredSurface
 from oneframe.evaluation.scores.similarity import similarity
 from oneframe.transforms import checked_rigid, rigid
 
@@ -35,7 +36,7 @@ def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> f
     photograph = UnreadFrame(image, loaded.case.camera, None, cam_from_mesh)
     real = load_posed_frame(photograph, loaded.surface.mesh_from_model, name="case.toml")
     source = traced_view_of(loaded)
-    view = RayTracer(source.mesh, loaded.frame.camera, *source.views, rays=source.rays).render(real.cam_from_model)
+    view = RayTracer(ColouredSurface(source.mesh, source.views), loaded.frame.camera).render(real.cam_from_model)
     compared = view.observed & real.valid
     return similarity(real.image, view.rgb, compared).correlation if compared.any() else -1.0
 

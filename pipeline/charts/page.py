@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import RunError
-from ..files.content import write_bytes_atomically
-from ..files.outputs import writing
+from ..files.outputs import write_output
 
 DPI = 160
 
@@ -101,8 +100,7 @@ def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, tit
                 content = io.BytesIO()
                 figure.savefig(content, format=kind, metadata={"Title": title, **metadata})
                 path = chart_path(data, theme, kind)
-                with writing(path):
-                    write_bytes_atomically(path, content.getvalue())
+                write_output(path, content.getvalue())
                 written.append(path)
     return written
 

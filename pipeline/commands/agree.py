@@ -32,8 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write table and pictures, and print the table."""
     from ..evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
-    from ..files.content import write_bytes_atomically
-    from ..files.outputs import check_own_folder, made_folder, writing
+    from ..files.outputs import check_own_folder, made_folder, write_output, writing
     from ..files.tables import write_csv
     from ..images.png import encode_png
 
@@ -47,8 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_csv(folder / "agreement.csv", HEADER, [each.row for each, _, _ in found])
     for number, (each, *cases) in enumerate(found[: arguments.pictures], start=1):
         path = folder / f"worst_{number}_{each.name}.png"
-        with writing(path):
-            write_bytes_atomically(path, encode_png(pair_picture(*cases)))
+        write_output(path, encode_png(pair_picture(*cases)))
     for each, _, _ in found:
         expected = f" (expected {each.expected_px:.1f} px)" if each.expected_px > 0 else ""
         line = f"{each.name}: {each.angle_deg:.2f} degrees, {each.shift_mm:.2f} mm, {each.px:.1f} px"

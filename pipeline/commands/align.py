@@ -132,19 +132,16 @@ def _checked_case(arguments: argparse.Namespace) -> "Case":
 def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO) -> None:
     """Write the requested files."""
     from ..case.case_writer import write_case
-    from ..files.content import write_bytes_atomically
-    from ..files.outputs import made_folder, writing
+    from ..files.outputs import made_folder, write_output, writing
     from ..images.pixel_values import to_uint8
     from ..images.png import encode_png
 
     if arguments.json:
         text = json.dumps(aligned.table(), indent=2, allow_nan=False) + "\n"
-        with writing(made_folder(arguments.json)):
-            write_bytes_atomically(arguments.json, text.encode())
+        write_output(arguments.json, text.encode())
     if arguments.picture:
         picture = encode_png(to_uint8(aligned.picture()))
-        with writing(made_folder(arguments.picture)):
-            write_bytes_atomically(arguments.picture, picture)
+        write_output(arguments.picture, picture)
         marks = ", residuals (10 times their length), 95 % ellipses" if aligned.by_landmarks else ""
         output.write(f"frame, overlay{marks}: {arguments.picture}\n")
     if arguments.out:

@@ -106,8 +106,7 @@ def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -
 
 def _picture(arguments: argparse.Namespace, loaded: "LoadedCase") -> list[str]:
     from ..blender.render.lettering import text_mask
-    from ..files.content import write_bytes_atomically
-    from ..files.outputs import made_folder, writing
+    from ..files.outputs import write_output
     from ..images.png import encode_png
     from ..overlay.overlay_picture import case_picture, picture_lines
 
@@ -118,6 +117,5 @@ def _picture(arguments: argparse.Namespace, loaded: "LoadedCase") -> list[str]:
         from ..overlay.record_page import record_page
 
         image = record_page(loaded, image, text_mask)
-    with writing(made_folder(arguments.out)):
-        write_bytes_atomically(arguments.out, encode_png(image))
+    write_output(arguments.out, encode_png(image))
     return picture_lines(loaded, picture)

@@ -64,8 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..case.case_file import read_case
     from ..case.case_update import other_inputs
     from ..case.loaded_case import load_case
-    from ..files.content import write_bytes_atomically
-    from ..files.outputs import check_outputs, check_own_folder, writing
+    from ..files.outputs import check_outputs, check_own_folder, write_output
     from ..progress import ShareProgress
     from ..registration.pose_list import ESTIMATES, POSES
     from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
@@ -105,8 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if found.evidence.is_film:
         _write_film(arguments, loaded, found.evidence, output)
-    with writing(out / PAGE):
-        write_bytes_atomically(out / PAGE, registration_page(found.evidence, name=out.resolve().name))
+    write_output(out / PAGE, registration_page(found.evidence, name=out.resolve().name))
     if found.evidence.colour is not None:
         output.write("".join(f"{line}\n" for line in found.evidence.colour.lines()))
     if arguments.correct_source or arguments.colour_frames:

@@ -45,8 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..case.case_file import read_case
     from ..dataset.layout import RECORD, advice_without_record
     from ..evaluation.record.evaluation_record import EVALUATION
-    from ..files.content import write_bytes_atomically
-    from ..files.outputs import check_outputs, made_folder, writing
+    from ..files.outputs import check_outputs, write_output
 
     root, out = arguments.folder, arguments.out
     is_evaluation = (root / EVALUATION).is_file()
@@ -73,7 +72,6 @@ def run(arguments: argparse.Namespace) -> int:
 
         check = None if arguments.no_check else check_dataset(root, stream=sys.stdout)
         content = dataset_page(root, views=arguments.views, check=check, case=case, stream=sys.stdout)
-    with writing(made_folder(out)):
-        write_bytes_atomically(out, content)
+    write_output(out, content)
     sys.stdout.write(f"page of {len(content) / 1e6:.1f} MB: {out}\n")
     return 0

@@ -12,8 +12,7 @@ import numpy as np
 
 from ..charts.page import chart_outputs
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
-from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
+from ..files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
 from ..images.contact_sheet import downscaled
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
@@ -186,8 +185,7 @@ def write_evaluation(
         (LATEX_FILE, latex_summary(evaluation)),
         (EVALUATION, evaluation_bytes(evaluation)),
     ):
-        with writing(run.out / name):
-            write_bytes_atomically(run.out / name, data)
+        write_output(run.out / name, data)
     finished.remove()
     return evaluation, notes
 
@@ -304,5 +302,4 @@ class _Gallery:
 
     def _write(self, name: str, image: np.ndarray) -> None:
         path = made_folder(self.run.out / name)
-        with writing(path):
-            write_bytes_atomically(path, encode_png(to_uint8(image)))
+        write_output(path, encode_png(to_uint8(image)))

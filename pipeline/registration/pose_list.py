@@ -14,8 +14,8 @@ from ..camera.distortion import checked_distortion
 from ..case.case_file import Case
 from ..case.frame import UnreadFrame
 from ..errors import InputError
-from ..files.content import read_content, write_bytes_atomically
-from ..files.outputs import writing
+from ..files.content import read_content
+from ..files.outputs import write_output
 from ..files.tables import parsed_json
 from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ..transforms import checked_rigid, inverse_rigid
@@ -77,10 +77,8 @@ def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit:
     RunError
         They cannot be written.
     """
-    with writing(folder / POSES):
-        write_bytes_atomically(folder / POSES, encoded_list(entries))
-    with writing(folder / ESTIMATES):
-        write_bytes_atomically(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
+    write_output(folder / POSES, encoded_list(entries))
+    write_output(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
 
 
 def _estimates(entries: Sequence[dict[str, object]], mm_per_unit: float) -> str:

@@ -13,8 +13,7 @@ from ..case.case_writer import relative_name
 from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase, overlay_scene
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
-from ..files.outputs import check_own_folder, made_folder, writing
+from ..files.outputs import check_own_folder, made_folder, write_output, writing
 from ..images.contact_sheet import contact_sheet
 from ..images.legend import Write, put_border
 from ..images.overlay import draw_overlay
@@ -110,8 +109,7 @@ def register_case(
     registered = judged_together(registered)
     evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
     _write_lists(loaded, frames, out, evidence, registered)
-    with writing(out / SHEET):
-        write_bytes_atomically(out / SHEET, pictures.sheet(evidence))
+    write_output(out / SHEET, pictures.sheet(evidence))
     change = agreement.change()
     since = np.inf if change is None else change.since
     accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED and each.number < since}

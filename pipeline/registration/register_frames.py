@@ -15,8 +15,8 @@ from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase
 from ..colour.reference_view import ReferenceView, colouring_view_of
 from ..errors import InputError
-from ..files.content import content_named, write_bytes_atomically
-from ..files.outputs import writing
+from ..files.content import content_named
+from ..files.outputs import write_output
 from ..images.image_reader import read_image
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
@@ -179,8 +179,7 @@ class CaseRegistrar:
             data = encode_png(np.dstack([image, np.where(shown, 255, 0).astype(np.uint8)]))
             # a case may name another film's frame of this number
             path = content_named(out / FRAME.format(number), data)
-            with writing(path):
-                write_bytes_atomically(path, data)
+            write_output(path, data)
             own = self._case.camera.for_images(size_wh, folder_or_video.name)
             pose = poses[number] @ inverse_rigid(mesh_from_model)
             written[number] = UnreadFrame(path, own, self._case.distortion, pose)

@@ -18,8 +18,7 @@ from ...colour.reference_view import baked_colour_of, colouring_view_of, unseen_
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
-from ...files.content import write_bytes_atomically
-from ...files.outputs import check_outputs, made_folder, writing
+from ...files.outputs import check_outputs, made_folder, write_output, writing
 from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
@@ -99,15 +98,13 @@ def export_coloured_surface(
     made_folder(path)
     if suffix == ".glb":
         data = _glb(given.scaled(1e-3), surface_colour)
-        with writing(path):
-            write_bytes_atomically(path, data)
+        write_output(path, data)
         return [*source.messages, *messages]
     given = given.scaled(1 / loaded.case.mm_per_unit)
     space = stated_space(loaded.case.mesh) if suffix == ".ply" else None
     if isinstance(surface_colour, TextureAtlas):
         picture = texture_path(path)
-        with writing(picture):
-            write_bytes_atomically(picture, encode_png(to_uint8(surface_colour.image)))
+        write_output(picture, encode_png(to_uint8(surface_colour.image)))
         uv, texture = surface_colour.uv, picture.name
         with writing(path):
             if suffix == ".obj":

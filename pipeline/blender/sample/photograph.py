@@ -14,8 +14,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
-from ...files.content import write_bytes_atomically
-from ...files.outputs import writing
+from ...files.outputs import write_output
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
@@ -129,8 +128,7 @@ def take_photographs(
             with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name)
             data = _png_of_render(scene)
-            with writing(path):
-                write_bytes_atomically(path, data)
+            write_output(path, data)
             yield path
 
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from ... import __version__
 from ...case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
-from ...files.content import write_bytes_atomically
-from ...files.outputs import check_outputs, check_own_folder, writing
+from ...files.outputs import check_outputs, check_own_folder, write_output, writing
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...images.slice_picture import slice_picture
@@ -217,8 +216,7 @@ def _write_slices(
     focus = made.finish.focus
     centre = made.bone.surface.mesh.vertices.mean(axis=0) if focus is None else focus.centre
     views = slice_views(volume, centre, DrawnBone(level, solid, made.removed, drawn))
-    with writing(out / SLICES):
-        write_bytes_atomically(out / SLICES, encode_png(to_uint8(slice_picture(views))))
+    write_output(out / SLICES, encode_png(to_uint8(slice_picture(views))))
     work.say(f"slices: {out / SLICES}")
 
 
@@ -229,8 +227,7 @@ def _write_record(work: _Work, out: Path) -> None:
         "SimpleITK": version("SimpleITK"),
     }  # fmt: skip
     text = json.dumps(work.record, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    with writing(out / RECORD):
-        write_bytes_atomically(out / RECORD, text.encode())
+    write_output(out / RECORD, text.encode())
     work.say(f"report: {out / RECORD}")
 
 

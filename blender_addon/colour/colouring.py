@@ -6,9 +6,9 @@ from typing import Literal
 
 import bpy
 
-from ..pipeline.blender.colour.coverage import Coverage, coverage_of
 from ..pipeline.blender.colour.surface_colour import colour_record, put_colour
 from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.colour.coverage import Coverage, coverage_of
 from ..pipeline.colour.reference_view import ReferenceView, baked_colour_of, colouring_view_of
 from ..pipeline.colour.texture_atlas import TextureAtlas
 from ..pipeline.colour.vertex_colours import VertexColours, colour_vertices

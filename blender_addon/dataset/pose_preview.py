@@ -16,8 +16,8 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, class_registration, drawing
-from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
+from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.reference_view import ReferenceView

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import cv2
 
-from oneframe.blender.colour.reference_view import reference_view_of
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ...colour.reference_view import ReferenceView
-from ...colour.texture_atlas import TextureAtlas
+from ...colour.texture_atlas import OBSERVED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours, colour_vertices
 from ...images.masked_frame import UNSEEN
 from ...images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
@@ -24,7 +24,7 @@ from ..bridge.data_blocks import set_corner_uv, set_vertex_colors
 from ..bridge.image import new_packed_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
-from ..render.material import COLOUR_ATTRIBUTE, OBSERVED_LEAST, UV_MAP
+from ..render.material import COLOUR_ATTRIBUTE, UV_MAP
 
 OBSERVED_ATTRIBUTE = "frame_observed"
 """Boolean attribute of the vertices: whether the frame saw them."""

@@ -24,7 +24,7 @@ from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ...process.own_process import STDOUT
-from ..colour.reference_view import reference_view_of
+from ..render.engines import reference_view_of
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3

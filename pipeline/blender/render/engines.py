@@ -13,10 +13,12 @@ from importlib import import_module
 import bpy
 
 from ...camera.pinhole import PinholeCamera
+from ...case.loaded_case import LoadedCase
+from ...colour.reference_view import ReferenceView, view_of_depths
 from ...colour.shading import ColouredSurface
 from ...errors import InputError
 from ...evaluation.methods import Renderers
-from ...projection.rendered_view import Render
+from ...projection.rendered_view import Render, RenderedView
 
 LARGEST_VIEW_PX = 8192**2
 """Pixels of a view: with its passes it takes 7 GB."""
@@ -67,6 +69,22 @@ def opened_engine(
             f"{camera.height}; use a smaller frame or --scale"
         )
     return engine_named(name).opened(surface, camera, samples, threads)
+
+
+def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceView:
+    """Render each frame's own pose to find the surface that it saw, by the :attr:`.Engine.reference` of an engine.
+
+    Raises
+    ------
+    InputError
+        No pixel of a frame shows the surface, or there is no such engine here.
+    """
+    engine = engine_named(engine).reference or engine
+    seen: list[RenderedView] = []
+    for frame in loaded.frames:
+        with opened_engine(engine, ColouredSurface(loaded.surface.mesh), frame.camera) as render:
+            seen.append(render(frame.cam_from_model))
+    return view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
 
 
 def keep_freed_memory() -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.blender.render.cycles import CyclesScene
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import PosedFrame

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from oneframe.blender.colour.reference_view import reference_view_of
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.reference_view import colouring_view_of, rasterised_view_of
 from oneframe.colour.texture_atlas import classify_faces

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from oneframe.blender.colour.reference_view import reference_view_of
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job
 from oneframe.blender.dataset.view_renderer import ViewRenderer
-from oneframe.blender.render.engines import opened_engine
+from oneframe.blender.render.engines import opened_engine, reference_view_of
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case

@@ -4,16 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...colour.reference_view import ReferenceView
-from ...colour.source_view import SourceView
-from ...colour.texture_atlas import TextureAtlas
-from ...colour.vertex_colours import VertexColours
-from ...images.pixel_values import sample_bilinear
-from ...projection.rasteriser import barycentric
-from ...projection.z_buffer import rasterise_depth
-from ...surface.mesh import TriangleMesh
-from ...transforms import camera_centre
-from ..render.material import OBSERVED_LEAST
+from ..images.pixel_values import sample_bilinear
+from ..projection.rasteriser import barycentric
+from ..projection.z_buffer import rasterise_depth
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre
+from .reference_view import ReferenceView
+from .source_view import SourceView
+from .texture_atlas import OBSERVED_LEAST, TextureAtlas
+from .vertex_colours import VertexColours
 
 
 @dataclass(frozen=True)

@@ -47,15 +47,15 @@ class Coverage:
         )
 
 
-def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> Coverage:
+def coverage_of(reference: ReferenceView, colour: VertexColours | TextureAtlas) -> Coverage:
     """Look at the coloured surface from the frame's pose and compare it with the frame.
 
     The surface is rasterised in double precision, at the pixel centres, and coloured as its material is. A render in
     single precision may lack pixels at the rim of the observed surface, where the lookup just reaches an unobserved
     texel; elsewhere it has the same values. It needs no renderer, so it may run in a thread.
     """
-    frame, mesh = source.view, source.mesh
-    shown = source.raster or rasterise_depth(mesh, frame.camera, frame.cam_from_model)
+    frame, mesh = reference.view, reference.mesh
+    shown = reference.raster or rasterise_depth(mesh, frame.camera, frame.cam_from_model)
     v, u = np.nonzero(shown.face >= 0)
     face, pixels = shown.face[v, u], np.stack([u, v], axis=1).astype(float)
     weights = _surface_weights(mesh, frame, face, pixels, shown.inverse_depth[v, u])
@@ -63,7 +63,7 @@ def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> 
     observed &= mesh.front_facing(camera_centre(frame.cam_from_model), face)
     differences = 255 * np.abs(rgb[observed] - frame.image[v[observed], u[observed]])
     areas = np.linalg.norm(mesh.face_cross, axis=1)
-    seen = source.observed(mesh.face_centres, mesh.face_normals)
+    seen = reference.observed(mesh.face_centres, mesh.face_normals)
     return Coverage(
         of_view=float(observed.sum() / max(len(face), 1)),
         of_surface=float(areas[seen].sum() / areas.sum()),

@@ -64,9 +64,10 @@ class ReferenceView:
         return np.any([view.observed(points_model, normals_model) for view in self.views], axis=0)
 
 
-def limited_to_incidence(source: ReferenceView, max_incidence_deg: float) -> ReferenceView:
+def limited_to_incidence(reference: ReferenceView, max_incidence_deg: float) -> ReferenceView:
     """The same views, which count surface as seen up to this angle between ray and normal."""
-    return replace(source, views=tuple(replace(view, max_incidence_deg=max_incidence_deg) for view in source.views))
+    views = tuple(replace(view, max_incidence_deg=max_incidence_deg) for view in reference.views)
+    return replace(reference, views=views)
 
 
 def can_rasterise(loaded: LoadedCase) -> bool:
@@ -147,24 +148,24 @@ def view_of_depths(
     return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(messages), raster)
 
 
-def colours_of(source: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
+def colours_of(reference: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
     """The surface's colour from each frame in a mode (``projective``, ``texture``, ``vertex``), and messages.
 
     In all modes the frame's view tells which points it saw.
     """
     if mode == "projective":
-        return list(source.views), []
+        return list(reference.views), []
     colours: list[SurfaceColour] = []
     said: list[str] = []
-    for view in source.views:
-        colour, messages = baked_colour_of(replace(source, views=(view,)), mode)
+    for view in reference.views:
+        colour, messages = baked_colour_of(replace(reference, views=(view,)), mode)
         colours.append(replace(colour, source=view))
         said += messages
     return colours, said
 
 
 def baked_colour_of(
-    source: ReferenceView,
+    reference: ReferenceView,
     mode: str,
     progress: Callable[[float], None] | None = None,
     *,
@@ -178,7 +179,7 @@ def baked_colour_of(
     report = progress or _unreported
     if mode != "texture":
         report(0.0)
-        colours, messages = vertex_colours_of(source)
+        colours, messages = vertex_colours_of(reference)
         if unseen is not None:
             colours = replace(colours, rgb=np.where(colours.covered[:, None], colours.rgb, unseen))
         return colours, messages
@@ -189,11 +190,11 @@ def baked_colour_of(
             stage.step()
             return view.observed(points, normals)
 
-        return classify_faces(source.mesh, view.camera, view.cam_from_model, observed)
+        return classify_faces(reference.mesh, view.camera, view.cam_from_model, observed)
 
-    faces_seen = list(map(classified, source.views))
+    faces_seen = list(map(classified, reference.views))
     baking = _Stage(report, 1.0, CLASSIFIED)
-    atlas = bake_atlas(source.mesh, source.views, faces_seen, unseen=unseen, step=baking.step)
+    atlas = bake_atlas(reference.mesh, reference.views, faces_seen, unseen=unseen, step=baking.step)
     return atlas, atlas.messages()
 
 
@@ -212,26 +213,26 @@ def _unreported(_fraction: float) -> None:
     pass
 
 
-def unseen_colours_of(source: ReferenceView, unseen: str) -> np.ndarray | None:
+def unseen_colours_of(reference: ReferenceView, unseen: str) -> np.ndarray | None:
     """``(V, 3)`` colours of the vertices for what the frame did not see; ``None``, neutral grey, unless ``"fill"``."""
     if unseen != "fill":
         return None
-    vertices = colour_vertices(source.mesh, source.views)
+    vertices = colour_vertices(reference.mesh, reference.views)
     if vertices.covered.any():
-        return filled_colours(source.mesh.vertices, source.mesh.faces, vertices.rgb, vertices.covered)
+        return filled_colours(reference.mesh.vertices, reference.mesh.faces, vertices.rgb, vertices.covered)
     # no vertex of large triangles is in the frame
-    mean = source.view.image[source.view.inverse_depth > 0].mean(axis=0)
-    return np.broadcast_to(mean, source.mesh.vertices.shape)
+    mean = reference.view.image[reference.view.inverse_depth > 0].mean(axis=0)
+    return np.broadcast_to(mean, reference.mesh.vertices.shape)
 
 
-def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:
+def vertex_colours_of(reference: ReferenceView) -> tuple[VertexColours, list[str]]:
     """The colours of the vertices, and a message with their spacing."""
-    view, mesh = source.view, source.mesh
-    colours = colour_vertices(mesh, source.views)
+    view, mesh = reference.view, reference.mesh
+    colours = colour_vertices(mesh, reference.views)
     spacing_px = (
         mesh.median_edge
         * view.camera.fx
-        / np.linalg.norm(transform_points(view.cam_from_model, source.pivot_model[None]))
+        / np.linalg.norm(transform_points(view.cam_from_model, reference.pivot_model[None]))
     )
     message = (
         f"vertex colours: {colours.observed.sum()} of {len(colours.observed)} vertices seen by the frame, "

@@ -91,15 +91,15 @@ def export_coloured_surface(
     """
     check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()
-    source = colouring_view_of(loaded)
-    filled = unseen_colours_of(source, unseen)
-    surface_colour, messages = baked_colour_of(source, colour, unseen=filled)
-    given = source.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
+    reference = colouring_view_of(loaded)
+    filled = unseen_colours_of(reference, unseen)
+    surface_colour, messages = baked_colour_of(reference, colour, unseen=filled)
+    given = reference.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
     made_folder(path)
     if suffix == ".glb":
         data = _glb(given.scaled(1e-3), surface_colour)
         write_output(path, data)
-        return [*source.messages, *messages]
+        return [*reference.messages, *messages]
     given = given.scaled(1 / loaded.case.mm_per_unit)
     space = stated_space(loaded.case.mesh) if suffix == ".ply" else None
     if isinstance(surface_colour, TextureAtlas):
@@ -111,7 +111,7 @@ def export_coloured_surface(
                 write_obj(path, given, uv=uv, texture=texture)
             else:
                 # for readers that know no textures in a PLY
-                vertices, _ = baked_colour_of(source, "vertex", unseen=filled)
+                vertices, _ = baked_colour_of(reference, "vertex", unseen=filled)
                 colours = to_uint8(vertices.rgb)  # type: ignore[union-attr]  # vertex colours
                 write_ply(
                     path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture, space=space
@@ -120,7 +120,7 @@ def export_coloured_surface(
         with writing(path):
             colours = to_uint8(surface_colour.rgb)
             write_ply(path, given, colours=colours, normals=given.vertex_normals, space=space)
-    return [*source.messages, *messages]
+    return [*reference.messages, *messages]
 
 
 def _glb(mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> bytes:

@@ -37,7 +37,7 @@ COLOUR_NODE = "frame"
 def put_colour(
     surface: bpy.types.Object,
     mesh: TriangleMesh,
-    source: ReferenceView,
+    reference: ReferenceView,
     colour: VertexColours | TextureAtlas,
     *,
     mark_unseen: bool,
@@ -51,8 +51,8 @@ def put_colour(
     surface
         The object, in Object mode; its mesh has the vertices and faces of ``mesh``, in that order.
     mesh
-        The surface as loaded; the faces of ``source.mesh`` may be flipped relative to it.
-    source, colour
+        The surface as loaded; the faces of ``reference.mesh`` may be flipped relative to it.
+    reference, colour
         The reference view, and the colours made from it.
     mark_unseen
         Show unseen surface in :data:`UNSEEN`, else in neutral grey.
@@ -62,13 +62,13 @@ def put_colour(
         The colours of the vertices if they are known already; a textured surface has them too.
     """
     remove_colour(surface)
-    flipped = source.mesh.faces is not mesh.faces and not np.array_equal(source.mesh.faces, mesh.faces)
+    flipped = reference.mesh.faces is not mesh.faces and not np.array_equal(reference.mesh.faces, mesh.faces)
     textured = isinstance(colour, TextureAtlas)
     # in addition to a texture: for attribute colours in Solid mode and for lookups of a vertex's colour
     if isinstance(colour, VertexColours):
         vertices = colour
     elif vertices is None:
-        vertices = colour_vertices(source.mesh, source.views)
+        vertices = colour_vertices(reference.mesh, reference.views)
     _set_colour_attribute(surface, vertices, mark_unseen)
     if isinstance(colour, TextureAtlas):
         material = _textured(surface, colour, mark_unseen, flipped)

@@ -1,4 +1,4 @@
-"""The reference view, and its visibility rule, which all colour modes share: which surface points the frame saw.
+"""A frame as a source of colour, and the visibility rule of all colour modes: which surface points the frame saw.
 
 The frame saw a surface point X of a face if all of these hold, with z the depth of X and (u, v) its pixel:
 

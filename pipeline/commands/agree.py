@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Compare, write table and pictures, and print the table."""
     from ..evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
     from ..files.outputs import check_own_folder, made_folder, write_output, writing
@@ -51,6 +51,4 @@ def run(arguments: argparse.Namespace) -> int:
         expected = f" (expected {each.expected_px:.1f} px)" if each.expected_px > 0 else ""
         line = f"{each.name}: {each.angle_deg:.2f} degrees, {each.shift_mm:.2f} mm, {each.px:.1f} px"
         output.write(line + expected + "\n")
-    for line in summary([each for each, _, _ in found]):
-        output.write(line + "\n")
-    return 0
+    output.writelines(f"{line}\n" for line in summary([each for each, _, _ in found]))

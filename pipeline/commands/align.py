@@ -77,10 +77,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Align the case, print the report and write the requested files."""
     if arguments.restore is not None:
-        return _restore(arguments)
+        _restore(arguments)
+        return
     if arguments.take_refused and not arguments.refine:
         raise InputError("command line: --take-refused: expected --refine with it")
     if arguments.propose and arguments.landmarks:
@@ -107,7 +108,6 @@ def run(arguments: argparse.Namespace) -> int:
     )
     output.write("\n".join(aligned.lines()) + "\n")
     _write(arguments, aligned, output)
-    return 0
 
 
 def _checked_case(arguments: argparse.Namespace) -> "Case":
@@ -150,7 +150,7 @@ def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO
         output.write(f"aligned case: {arguments.out}\n")
 
 
-def _restore(arguments: argparse.Namespace) -> int:
+def _restore(arguments: argparse.Namespace) -> None:
     """List the earlier poses of the case file, or take one back."""
     from ..case.case_file import read_case
     from ..case.case_history import earlier_poses
@@ -165,7 +165,7 @@ def _restore(arguments: argparse.Namespace) -> int:
     if not number:
         output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(poses, start=1)))
         output.write("" if poses else f"{path}: no pose has been replaced in it\n")
-        return 0
+        return
     if not 1 <= number <= len(poses):
         found = f"an earlier pose from 1 to {len(poses)}" if poses else "a case with earlier poses"
         raise InputError(f"{path}: --restore: expected {found}, found {number if poses else 'none'}")
@@ -174,4 +174,3 @@ def _restore(arguments: argparse.Namespace) -> int:
         update_case(path, restored)
     is_same = (restored.camera, restored.distortion) == (case.camera, case.distortion)
     output.write(f"{path}: the pose {'' if is_same else 'and its K '}as before: {poses[number - 1].text}\n")
-    return 0

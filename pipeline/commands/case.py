@@ -93,7 +93,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Read and check everything, write the folder, and say what it holds."""
     from ..camera.intrinsics_file import read_camera, typed_camera
     from ..case.case_file import Structure, read_case
@@ -140,17 +140,15 @@ def run(arguments: argparse.Namespace) -> int:
         pose=arguments.pose,
         others=tuple(others),
     )
-    for line in make_case(given, out, overwrite=arguments.overwrite):
-        output.write(line + "\n")
+    output.writelines(f"{line}\n" for line in make_case(given, out, overwrite=arguments.overwrite))
     case, aligned = out / CASE, out / "aligned.toml"
     if others:
         added = add_frames(arguments.out, read_case(case), [NewFrame(path) for path in others])
         output.write(f"queue: {len(added) + 1} frames in {arguments.out}\nnext: open {case} in Blender and align it\n")
-        return 0
+        return
     output.write(
         f"next: open {case} in Blender and align it, or: oneframe align {case} --landmarks FILE --out {aligned}\n"
     )
-    return 0
 
 
 def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":

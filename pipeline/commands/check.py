@@ -74,8 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         rerendering=again,
         stream=output,
     )
-    for line in (*report.findings.shown(), report.summary()):
-        output.write(line + "\n")
+    output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
     if again is not None and not report.rerendered:
         output.write("no view was rendered again: first correct what was found\n")
     return EXIT_WRONG if report.findings else 0

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the coloured surface and report how much of it the frame saw."""
     from ..blender.colour.export import check_export, export_coloured_surface
     from ..case.case_file import read_case
@@ -42,7 +42,5 @@ def run(arguments: argparse.Namespace) -> int:
     check_export(arguments.out, case.input_files(), colour=arguments.colour)
     loaded = load_case(case)
     messages = export_coloured_surface(loaded, arguments.out, colour=arguments.colour, unseen=arguments.unseen)
-    for message in (*loaded.messages, *messages):
-        output.write(message + "\n")
+    output.writelines(f"{message}\n" for message in (*loaded.messages, *messages))
     output.write(f"coloured surface: {arguments.out}\n")
-    return 0

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the evaluation and report its summary."""
     from ..blender.render.engines import RENDERERS
     from ..evaluation.evaluation_run import evaluation_run, run_evaluation
@@ -72,6 +72,4 @@ def run(arguments: argparse.Namespace) -> int:
         inception=arguments.inception,
         pictures=arguments.pictures,
     )
-    for line in run_evaluation(prepared, inputs, stream=sys.stderr):
-        output.write(line + "\n")
-    return 0
+    output.writelines(f"{line}\n" for line in run_evaluation(prepared, inputs, stream=sys.stderr))

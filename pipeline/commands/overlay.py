@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Draw the picture or the video and report what it shows."""
     if (arguments.video is None) != (arguments.poses is None):
         given, missing = ("--video", "--poses") if arguments.video else ("--poses", "--video")
@@ -76,16 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
         inputs["record of the surface"] = made_by_file(case.mesh)
     check_outputs([arguments.out], inputs)
     loaded = load_case(case, aligned=not arguments.video).with_shown_structures(arguments.only)
-    for message in loaded.messages:
-        output.write(f"note: {message}\n")
+    output.writelines(f"note: {message}\n" for message in loaded.messages)
     lines = _film(arguments, loaded, output) if arguments.video else _picture(arguments, loaded)
     drawn = {structure.name for structure, _ in loaded.surface.structures}
     if left := [structure.name for structure in case.structures if structure.name not in drawn]:
         lines.append(f"not drawn: {', '.join(left)}; --only NAME draws what it names")
-    for line in lines:
-        output.write(line + "\n")
+    output.writelines(f"{line}\n" for line in lines)
     output.write(f"overlay: {arguments.out}\n")
-    return 0
 
 
 def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> list[str]:
@@ -96,8 +93,7 @@ def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -
     from ..progress import Progress
 
     with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
-        for message in messages:
-            output.write(f"note: {message}\n")
+        output.writelines(f"note: {message}\n" for message in messages)
         drawing = OverlayFilm(loaded, film, poses, None if arguments.plain else text_mask)
         with Progress(drawing.count, "frames", stream=output) as shown, writing(made_folder(arguments.out)):
             stream_video(arguments.out, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)

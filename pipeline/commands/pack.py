@@ -80,8 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         threads = arguments.workers or available_cores()
         report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
-        for line in (*report.findings.shown(), report.summary()):
-            output.write(line + "\n")
+        output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
         return EXIT_WRONG if report.findings else 0
     from ..packing.pack import PackOptions, pack_dataset
 

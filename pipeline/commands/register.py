@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Register the frames, write the files and report what was found."""
     from ..case.case_file import read_case
     from ..case.case_update import other_inputs
@@ -86,8 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"choose another folder"
         )
     loaded, comment = load_case(case).with_shown_structures(), ""
-    for message in loaded.messages:
-        output.write(f"note: {message}\n")
+    output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
         loaded, comment = _corrected(arguments, loaded, output)
     if doubt := doubt_of_case(loaded):
@@ -114,9 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
         output.write(f"the case{images}: {out / CASE}\n")
     elif (out / CASE).exists():
         output.write(f"note: {out / CASE} is of an earlier run: its pose may be another than these frames go by\n")
-    for line in _report(found.evidence, out):
-        output.write(f"{line}\n")
-    return 0
+    output.writelines(f"{line}\n" for line in _report(found.evidence, out))
 
 
 def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":

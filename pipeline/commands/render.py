@@ -99,7 +99,7 @@ def own_command() -> list[str]:
 
 
 @resumable()
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Render the dataset, or those of a queue, or act as one of its worker processes."""
     check_cluster_arguments(arguments, "blender_on_workers", "gather", "send_case")
     if arguments.cluster is not None and arguments.shard != "0/1":
@@ -111,7 +111,6 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     render_this = _render_queue if arguments.case.is_dir() else _render_case
     render_this(arguments, own_output())
-    return 0
 
 
 def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--out", metavar="FILE", type=Path, required=True, help="HTML page to write")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the page and report its size."""
     from ..case.case_file import read_case
     from ..dataset.layout import RECORD, advice_without_record
@@ -74,4 +74,3 @@ def run(arguments: argparse.Namespace) -> int:
         content = dataset_page(root, views=arguments.views, check=check, case=case, stream=sys.stdout)
     write_output(out, content)
     sys.stdout.write(f"page of {len(content) / 1e6:.1f} MB: {out}\n")
-    return 0

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--film", action="store_true", help="also make a film of it, which takes some minutes")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the sample case and report each file."""
     from ..blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
     from ..sample.temporal_bone import sample_surface
@@ -41,4 +41,3 @@ def run(arguments: argparse.Namespace) -> int:
         for path in write_sample_film(arguments.out, surface):
             output.write(f"{time.monotonic() - start:6.1f} s  {path}\n")
     output.write(f"next: oneframe render {arguments.out / 'case.toml'} --out dataset\n")
-    return 0

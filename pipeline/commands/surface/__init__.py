@@ -79,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write surface, structures, picture and report, and say what they are."""
     from ...volume.reading.volume_reader import list_series
     from .stages import write_surface
@@ -88,11 +88,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: --out: expected a folder to write")
     output = own_output()
     if arguments.list:
-        for series in list_series(arguments.volume):
-            output.write(f"{series}\n")
-        return 0
+        output.writelines(f"{series}\n" for series in list_series(arguments.volume))
+        return
     write_surface(arguments, output)
-    return 0
 
 
 def _threshold(text: str) -> float | str:

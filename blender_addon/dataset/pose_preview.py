@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 import gpu
@@ -17,11 +18,10 @@ from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, class_registration, drawing
 from ..pipeline.blender.colour.reference_view import ReferenceView, reference_view_of
-from ..pipeline.blender.dataset.view_renderer import ViewRenderer
+from ..pipeline.blender.dataset.view_planner import ViewPlanner
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
-from ..pipeline.dataset.description import view_camera
-from ..pipeline.dataset.options import DatasetOptions, merged_options
+from ..pipeline.dataset.options import OPTIONS, DatasetOptions, merged_options
 from ..pipeline.errors import InputError
 from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
@@ -111,9 +111,9 @@ def content_key(
 
 def pose_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
     """A key like :func:`content_key` for the poses only: options of rendering do not change it."""
-    default = DatasetOptions()
-    irrelevant = ("colour", "unseen", "engine", "samples", "float_depth", "video", "video_frames")
-    options = replace(dataset_options(scene), **{name: getattr(default, name) for name in irrelevant})
+    # of what no pose depends on, the defaults
+    fixed: dict[str, Any] = {entry.name: entry.default for entry in OPTIONS.values() if not entry.declared.moves}
+    options = replace(dataset_options(scene), **fixed)
     return content_key(scene, options, stamp=stamp)
 
 
@@ -134,15 +134,14 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
         The scene is not a complete case, or no pose meets the constraints.
     """
     global _planned
-    # the poses do not depend on the colours: use the quickest settings
-    options = replace(dataset_options(scene), colour="projective", unseen="neutral", engine="cycles", samples=1)
+    options = dataset_options(scene)
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)
     listed = listed_poses(loaded, options)
     count = options.count if listed is None else len(listed)
     source = reference_view_of(loaded)
-    with ViewRenderer(loaded, source, options, listed) as renderer:
-        planned = [renderer.plan(index) for index in range(min(number, count))]
-    lines = frusta(planned, view_camera(loaded, options), source)
+    planner = ViewPlanner(loaded, source, options, listed)
+    planned = [planner.plan(index) for index in range(min(number, count))]
+    lines = frusta(planned, planner.camera, source)
     statistics = [view.statistics for view in planned]
     _planned = PlannedPoses(
         key,

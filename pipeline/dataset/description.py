@@ -13,15 +13,14 @@ from ..case.loaded_case import LoadedCase
 from ..case.posed_frame import UnreadFrame
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
+from ..poses.distributions import farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
-from .options import DatasetOptions
+from .options import SAMPLERS, DatasetOptions
 from .view import depth_scale_for
 
 POSES = "poses"
 """Name of the list of poses among the input files."""
-NO_CONTENT = ("count", "poses", "video", "video_frames")
-"""Options that affect no view (a video may be added later), or that the description holds elsewhere."""
 
 
 def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
@@ -76,8 +75,8 @@ def describe(
     """
     case, camera = loaded.case, view_camera(loaded, options)
     count = options.count if poses is None else len(poses)
-    content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
-    if options.sampler == "trajectory" and poses is None:
+    content = options.content()
+    if poses is None and not SAMPLERS[options.sampler].grows:
         content["views"] = count  # each pose depends on it
     frames = [described_frame(frame, loaded.surface.mesh_from_model) for frame in case.every_frame]
     listed: dict[str, object] = {}
@@ -136,8 +135,3 @@ def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
     if min(width, height) < 1:
         raise InputError(f"--scale: expected views of at least 1 px, {options.scale:g} gives {width}x{height}")
     return camera.resized(width, height)
-
-
-def farthest_listed_mm(poses: np.ndarray, radius_mm: float) -> float:
-    """A depth that a surface of this radius does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm."""
-    return float(poses[:, 2, 3].max()) + radius_mm

@@ -7,11 +7,11 @@ own choice, so they are never rejected; those that break constraints are counted
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 import numpy as np
 
 from ..errors import InputError
-from .distributions import PoseDistribution
 
 MAX_ATTEMPTS = 5000
 """Poses tried for one view."""
@@ -38,6 +38,14 @@ class ViewStatistics:
     surface_fraction: float
     observed_fraction: float
     clearance_mm: float
+
+
+class Drawn(Protocol):
+    """A distribution of camera poses."""
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one ``(4, 4)`` rigid ``cam_from_model``, mm."""
+        ...
 
 
 Probe = Callable[[np.ndarray], ViewStatistics]
@@ -115,9 +123,7 @@ class PlannedPose:
     rejections: Rejections
 
 
-def plan_pose(
-    distribution: PoseDistribution, constraints: Constraints, probe: Probe, *, seed: int, index: int
-) -> PlannedPose:
+def plan_pose(distribution: Drawn, constraints: Constraints, probe: Probe, *, seed: int, index: int) -> PlannedPose:
     """Draw poses of view ``index`` until one meets the constraints; the random numbers depend on (seed, index) only.
 
     Raises

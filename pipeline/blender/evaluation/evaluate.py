@@ -28,10 +28,11 @@ from ...evaluation.scores.inception import Inception
 from ...evaluation.scores.mean_intervals import Resampling
 from ...evaluation.scores.reachable_scores import JITTERS, perfect_views
 from ...evaluation.scores.view_scores import SCORES, scores_of
-from ...poses.distributions import Cone, ReferencePose
+from ...poses.distributions import ReferencePose
 from ...projection.rendered_view import Render
 from ..case.load_case import load_posed_frame
 from ..colour.reference_view import ReferenceView, reference_view_of
+from ..dataset.view_planner import distribution_of
 from .methods import Method, opened
 
 NOVEL_POSES = 6
@@ -242,16 +243,9 @@ def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int])
 
 def _novel_poses(case: EvaluationCase, source: ReferenceView, seed: int) -> list[np.ndarray]:
     """Poses from the default distribution of datasets."""
-    options = DatasetOptions()
-    cone = Cone(
-        reference=ReferencePose(case.loaded.frame.cam_from_model, source.pivot_model),
-        cone_deg=options.cone_deg,
-        roll_deg=options.roll_deg,
-        distance_min=options.distance_min,
-        distance_max=options.distance_max,
-        shift_mm=options.shift_mm,
-    )
-    return [cone.draw(np.random.default_rng([seed, number])) for number in range(NOVEL_POSES)]
+    reference = ReferencePose(case.loaded.frame.cam_from_model, source.pivot_model)
+    poses = distribution_of(DatasetOptions(), reference, case.loaded.frame.camera)
+    return [poses.draw(np.random.default_rng([seed, number])) for number in range(NOVEL_POSES)]
 
 
 def _features(inception: Inception, image: np.ndarray, shown: ShownSurface) -> np.ndarray:

@@ -1,0 +1,120 @@
+"""The poses of a dataset's views, each from its number alone: independent of worker, shard and order."""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...case.loaded_case import LoadedCase
+from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
+from ...dataset.description import view_camera
+from ...dataset.options import SAMPLERS, DatasetOptions
+from ...dataset.view import depth_scale_for
+from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
+from ...poses.distributions import Listed, PoseDistribution, ReferencePose, Trajectory
+from ..colour.reference_view import ReferenceView, limited_to_incidence
+from ..render.surface_tree import ViewProbe
+
+SAMPLED_VIEWS = 4
+"""Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
+
+
+def distribution_of(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution:
+    """The distribution that options name, around a reference, for views with these intrinsics."""
+    declared = SAMPLERS[options.sampler]
+    module, name = declared.place.split(":")
+    kind: Any = getattr(import_module(f"...poses.{module}", __package__), name)
+    distribution: PoseDistribution = kind.of(reference, _middle_ray(camera), declared.values(options))
+    return distribution
+
+
+def _middle_ray(camera: PinholeCamera) -> np.ndarray:
+    middle: np.ndarray = camera.rays_cam(np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]]))[0]
+    return middle
+
+
+class ViewPlanner:
+    """Plans the views of one dataset.
+
+    Attributes
+    ----------
+    source
+        The reference view, limited to what the options let count as seen.
+    camera
+        Intrinsics of the views.
+    depth_scale
+        Millimetres per unit of the depth images.
+    messages
+        Messages for the user.
+    """
+
+    def __init__(
+        self, loaded: LoadedCase, source: ReferenceView, options: DatasetOptions, given_poses: np.ndarray | None
+    ) -> None:
+        """Prepare probe and pose distribution.
+
+        Parameters
+        ----------
+        loaded, source
+            The case and the reference view of the surface to render.
+        options
+            The run's options.
+        given_poses
+            ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
+        """
+        self._options = options
+        self._count = options.count if given_poses is None else len(given_poses)
+        self.camera, self.source = view_camera(loaded, options), limited_to_incidence(source, options.max_incidence_deg)
+        reference = ReferencePose(loaded.frame.cam_from_model, source.pivot_model)
+        self._video_path = Trajectory.of(reference, _middle_ray(self.camera), SAMPLERS["trajectory"].values(options))
+        self._distribution = (
+            distribution_of(options, reference, self.camera)
+            if given_poses is None
+            else Listed(reference=reference, poses=given_poses)
+        )
+        self.depth_scale = depth_scale_for(self._distribution.farthest_mm(source.mesh.radius))
+        self._probe = ViewProbe(source.mesh, self.camera, self.source.observed)
+        self._constraints = Constraints(
+            min_surface=options.min_surface,
+            reference_surface=self._probe(loaded.frame.cam_from_model).surface_fraction,
+            min_observed=options.min_observed,
+            min_clearance_mm=options.min_clearance_mm,
+        )
+        nearest, farthest = self._distribution.distances
+        view_px, frame_px = self.camera.fx, loaded.frame.camera.fx
+        doubts = (
+            pose_doubt(loaded.case.alignment),
+            magnification_doubt(view_px, frame_px, nearest),
+            reduction_doubt(view_px, frame_px, farthest, options.samples),
+        )
+        self.messages = (*loaded.messages, *source.messages, *filter(None, doubts))
+
+    def plan(self, index: int) -> PlannedPose:
+        """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
+
+        Raises
+        ------
+        InputError
+            No pose meets the constraints.
+        """
+        fixed = self._distribution.fixed_pose(index, self._count)
+        if fixed is not None:
+            return plan_given_poses(fixed[None], self._constraints, self._probe)[0][0]
+        return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
+
+    def sampling_doubt(self) -> str:
+        """A message if hardly any pose meets the constraints; empty otherwise.
+
+        See :func:`oneframe.poses.constraints.sampling_doubt`.
+
+        Raises
+        ------
+        InputError
+            One of the first views finds no pose.
+        """
+        return sampling_doubt([self.plan(index).attempts for index in range(min(SAMPLED_VIEWS, self._count))])
+
+    def video_poses(self, frames: int) -> np.ndarray:
+        """``(frames, 4, 4)`` poses of the video's trajectory, ``cam_from_model``, mm."""
+        return self._video_path.poses(frames)

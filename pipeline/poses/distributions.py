@@ -1,9 +1,9 @@
 """Distributions of novel camera poses around the reference pose of the aligned frame.
 
 Every distribution is a frozen dataclass of options, whose numbers have been checked as :class:`.DatasetOptions`. View
-``i`` of a dataset is drawn with ``np.random.default_rng([seed, i])`` alone, so views can be rendered in any order, by any
-number of processes. A draw takes its random numbers in a fixed order, whatever the parameters: another ``shift_mm`` does
-not change the tilts of a dataset.
+``i`` of a dataset is drawn with ``np.random.default_rng([seed, i])`` alone, so views can be rendered in any order, by
+any number of processes. A draw takes its random numbers in a fixed order, whatever the parameters: another
+``shift_mm`` does not change the tilts of a dataset.
 
 Cone, shell and trajectory move the camera on an orbit around the pivot p, a point on the surface. With the reference
 R0 (rotation of ``cam_from_model``) and the unit vector u from the camera to the pivot in the reference camera's axes,

@@ -92,21 +92,25 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
 
 def _dataset_annotations() -> dict:
     """One property for every option of a dataset, with the same name, limits and description."""
-    annotations = {}
+    annotations: dict[str, Any] = {}
     for entry in OPTIONS.values():
         if entry.name == "poses":
             continue
         declared, default = entry.declared, entry.default
-        given = {"name": entry.label, "description": entry.text[:1].upper() + entry.text[1:], "default": default}
+        given: dict[str, Any] = {
+            "name": entry.label,
+            "description": entry.text[:1].upper() + entry.text[1:],
+            "default": default,
+        }
         if declared.choices:
             items = [(choice, choice.capitalize(), about) for choice, about in declared.choices.items()]
             annotations[entry.name] = EnumProperty(items=items, **given)
         elif entry.kind is bool:
             annotations[entry.name] = BoolProperty(**given)
         else:
-            kind = IntProperty if entry.kind is int else FloatProperty
+            kind: Any = IntProperty if entry.kind is int else FloatProperty
             limits = {"min": declared.least, "max": declared.most}
-            ends = {end: limit for end, limit in limits.items() if math.isfinite(limit)}
+            ends = {end: entry.kind(limit) for end, limit in limits.items() if math.isfinite(limit)}
             annotations[entry.name] = kind(**ends, **given)
     return annotations
 

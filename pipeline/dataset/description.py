@@ -17,7 +17,7 @@ from ..poses.distributions import farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
 from .options import SAMPLERS, DatasetOptions
-from .view import depth_scale_for
+from .truths import depth_scale_for
 
 POSES = "poses"
 """Name of the list of poses among the input files."""

@@ -2,6 +2,7 @@
 
 import io
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,23 +12,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import OPTIONS
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.tables.coco import run_lengths
-from oneframe.dataset.view import (
-    RenderedSample,
-    RenderedView,
-    depth_scale_for,
-    encode_view,
-    file_sums,
-    quantised_depth,
-    view_files,
-    write_view,
-)
+from oneframe.dataset.truths import TRUTHS, depth_scale_for, quantised_depth
+from oneframe.dataset.view import RenderedSample, RenderedView, encode_view, file_sums, write_view
 from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics
 from oneframe.projection.silhouette import SilhouetteEdges
 from tests.dataset.blank_dataset import CAMERA, record_of
 from tests.dataset.synthetic_dataset import CAMERA as WIDE
-from tests.dataset.synthetic_dataset import COUNT, KINDS, MESH, cast_rays, pose_of
+from tests.dataset.synthetic_dataset import COUNT, MESH, cast_rays, encoded, pose_of
 
 sides = st.integers(1, 40)
 
@@ -63,7 +57,7 @@ def test_a_view_is_its_files_and_then_its_record(tmp_path):
     depth[3:9, 4:15] = np.linspace(250, 300, 11, dtype=np.float32)
     rgb = np.full((*CAMERA.shape_hw, 3), [0.0, 0.5, 1.2], np.float32)
     source = np.where(depth > 270, np.uint8(2), np.uint8(0))
-    files = view_files(rgb, depth, source, KINDS, depth_scale=0.01)
+    files = encoded(rgb, depth, source, 0.01)
     decoded = {
         kind: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         for kind, data in files.items()
@@ -103,7 +97,7 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
         WIDE,
         identity="ab",
         depth_scale=scale,
-        kinds=(),
+        kinds=("rgb", "depth"),
     )
     rows = np.argwhere(wide > 0)
     (top, left), (bottom, right) = rows.min(axis=0), rows.max(axis=0)
@@ -120,3 +114,12 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
     units = cv2.imdecode(np.frombuffer(files["depth"], np.uint8), cv2.IMREAD_UNCHANGED)
     assert np.abs(units * record.depth_scale - depth).max() <= 0.51 * record.depth_scale
     assert record.files == file_sums(paths, files)
+
+
+def test_the_docs_list_every_array_as_it_is_declared():
+    docs = Path("docs/dataset-format.md").read_text(encoding="utf-8")
+    for name, truth in TRUTHS.items():
+        asked = "; with further frames" if truth.of_several else ""
+        asked += f"; with {OPTIONS[truth.option].flag}" if truth.option else ""
+        path = f"{name}/000000{truth.form.ending}"
+        assert f"    {path:<34} {truth.form.about}: {truth.about}{asked}\n" in docs

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
-from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
+from ...dataset.layout import RECORD, VIDEO_FILES, other_files
 from ...dataset.run.elsewhere import Elsewhere, MissingViews
 from ...dataset.run.run_folder import RunFolder
 from ...dataset.run.same_run import check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
+from ...dataset.truths import written_truths
 from ...files.machine import available_cores
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import engine_named, keep_freed_memory
@@ -143,7 +144,7 @@ def _missing_views(opened: OpenJob, found: _Found) -> MissingViews:
 
 
 def _kinds(job: Job) -> tuple[str, ...]:
-    return view_kinds(float_depth=job.options.float_depth, several_frames=bool(job.case.frames))
+    return written_truths(job.options.content(), len(job.case.every_frame))
 
 
 def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Survey:

@@ -10,7 +10,7 @@ from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...dataset.description import view_camera
 from ...dataset.options import SAMPLERS, DatasetOptions
-from ...dataset.view import depth_scale_for
+from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, PoseDistribution, ReferencePose, Trajectory
 from ..colour.reference_view import ReferenceView, limited_to_incidence

@@ -6,9 +6,10 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.shading import ColouredSurface
-from ...dataset.layout import ViewPaths, view_kinds
+from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.run.resume_record import ViewRecord
+from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
 from ...projection.silhouette import SilhouetteEdges
 from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
@@ -48,7 +49,7 @@ class ViewRenderer(ViewPlanner):
         """
         super().__init__(loaded, source, options, given_poses)
         self._identity = identity
-        self._kinds = view_kinds(float_depth=options.float_depth, several_frames=len(loaded.frames) > 1)
+        self._kinds = written_truths(options.content(), len(loaded.frames))
         self._edges = SilhouetteEdges.of(source.mesh)
         colours, messages = colours_of(self.source, options.colour)
         self.messages = (*self.messages, *messages)

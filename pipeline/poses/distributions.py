@@ -124,7 +124,7 @@ class PoseDistribution:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Orbit(PoseDistribution):
+class Orbit(PoseDistribution):
     """Distances between two multiples of the reference's."""
 
     distance_min: float = 1.0
@@ -137,7 +137,7 @@ class _Orbit(PoseDistribution):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cone(_Orbit):
+class Cone(Orbit):
     """Views from a spherical cap around the reference view; the camera keeps the pivot on the reference's pixel.
 
     Attributes
@@ -198,7 +198,7 @@ class Gaussian(PoseDistribution):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shell(_Orbit):
+class Shell(Orbit):
     """Cameras that look at the pivot, their centres uniform *in volume* in a spherical shell or its part in a cone.
 
     The radius has p(r) ~ r^2, drawn by inverting its distribution function: r^3 is uniform. With
@@ -244,7 +244,7 @@ class Shell(_Orbit):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trajectory(_Orbit):
+class Trajectory(Orbit):
     """A smooth closed path that starts at the reference and stays within the limits of a :class:`Cone`.
 
     The tilt runs through a rose curve, w(t) = cone sin(6 pi t) (cos 4 pi t, sin 4 pi t): six petals that reach the rim

@@ -67,7 +67,6 @@ SAMPLERS = {
         ("cone_deg", "roll_deg", "distance_min", "distance_max"),
         grows=False,
     ),
-    "ring": Sampler("ring:Ring", "all at the same tilt", ("cone_deg", "distance_min", "distance_max")),
 }
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""

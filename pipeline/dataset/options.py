@@ -12,7 +12,7 @@ from typing import Any
 from ..errors import InputError
 from ..files.keys import nearest_name
 
-ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL", "soft": "out of focus"}
+ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
 """Each is a file of :mod:`oneframe.blender.render`."""
 COLOURS = {"projective": "exact at every shaded point", "texture": "baked", "vertex": "the paper's method"}
 UNSEEN = {

@@ -33,7 +33,8 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
     """
     images = {kind: _decoded(paths, kind, description) for kind in description.kinds}
     stored = Stored(images, record.depth_scale, description.frames)
-    for kind in images:
+    # the mask first, which the others are held against
+    for kind in sorted(images, key=lambda kind: kind != "mask"):
         for wrong, clause in TRUTHS[kind].flaws(stored):
             _require_none(wrong, paths, kind, clause)
     _check_counts(images, paths, record)

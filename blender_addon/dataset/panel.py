@@ -87,9 +87,9 @@ class ONEFRAME_PT_dataset_options(PartPanel):
         groups = option_groups()
         for title in ("constraints on poses", "views"):
             column = layout.column(align=True)
-            for entry in groups[title]:
-                if entry.name != "count":
-                    column.prop(options, entry.name)
+            for option in groups[title]:
+                if option.key != "count":
+                    column.prop(options, option.key)
         column.prop(options, "video")
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames")

@@ -112,7 +112,7 @@ def content_key(
 def pose_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
     """A key like :func:`content_key` for the poses only: options of rendering do not change it."""
     # of what no pose depends on, the defaults
-    fixed: dict[str, Any] = {entry.name: entry.default for entry in OPTIONS.values() if not entry.declared.moves}
+    fixed: dict[str, Any] = {name: option.default for name, option in OPTIONS.items() if not option.moves}
     options = replace(dataset_options(scene), **fixed)
     return content_key(scene, options, stamp=stamp)
 

@@ -93,25 +93,24 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
 def _dataset_annotations() -> dict:
     """One property for every option of a dataset, with the same name, limits and description."""
     annotations: dict[str, Any] = {}
-    for entry in OPTIONS.values():
-        if entry.name == "poses":
+    for option in OPTIONS.values():
+        if option.key == "poses":
             continue
-        declared, default = entry.declared, entry.default
         given: dict[str, Any] = {
-            "name": entry.label,
-            "description": entry.text[:1].upper() + entry.text[1:],
-            "default": default,
+            "name": option.label,
+            "description": option.text[:1].upper() + option.text[1:],
+            "default": option.default,
         }
-        if declared.choices:
-            items = [(choice, choice.capitalize(), about) for choice, about in declared.choices.items()]
-            annotations[entry.name] = EnumProperty(items=items, **given)
-        elif entry.kind is bool:
-            annotations[entry.name] = BoolProperty(**given)
+        if option.choices:
+            items = [(choice, choice.capitalize(), about) for choice, about in option.choices.items()]
+            annotations[option.key] = EnumProperty(items=items, **given)
+        elif option.kind is bool:
+            annotations[option.key] = BoolProperty(**given)
         else:
-            kind: Any = IntProperty if entry.kind is int else FloatProperty
-            limits = {"min": declared.least, "max": declared.most}
-            ends = {end: entry.kind(limit) for end, limit in limits.items() if math.isfinite(limit)}
-            annotations[entry.name] = kind(**ends, **given)
+            kind: Any = IntProperty if option.kind is int else FloatProperty
+            limits = {"min": option.least, "max": option.most}
+            ends = {end: option.kind(limit) for end, limit in limits.items() if math.isfinite(limit)}
+            annotations[option.key] = kind(**ends, **given)
     return annotations
 
 

@@ -74,12 +74,12 @@ LARGEST_NUMBER = 2**53
 
 @dataclass(frozen=True)
 class Option:
-    """The declaration of an option, beside its name, type and default.
+    """The declaration of an option.
 
     Attributes
     ----------
-    text
-        What it is, for ``--help`` and the window.
+    about
+        What it is.
     group
         Heading of ``--help``.
     name
@@ -96,9 +96,11 @@ class Option:
         Whether it belongs to the identity of a dataset, so that no view may be made with another value.
     since
         The version that brought it: at its default it is left out of a description, as from older versions.
+    key, kind, default
+        Name, type and default of its field in :class:`DatasetOptions`.
     """
 
-    text: str
+    about: str
     group: str = "views"
     name: str = ""
     unit: str = ""
@@ -108,10 +110,31 @@ class Option:
     moves: bool = False
     is_content: bool = True
     since: str = ""
+    key: str = ""
+    kind: Any = None
+    default: Any = None
+
+    @property
+    def flag(self) -> str:
+        """On the command line."""
+        return "--" + self.key.replace("_", "-")
+
+    @property
+    def label(self) -> str:
+        """In the window."""
+        unit = f" ({self.unit})" if self.unit else ""
+        return (self.name or self.key.replace("_", " ").title()) + unit
+
+    @property
+    def text(self) -> str:
+        """What it is, with its choices, or the samplers that have it, for ``--help`` and the window."""
+        used_by = [name for name, sampler in SAMPLERS.items() if self.key in sampler.options]
+        choices = "; ".join(f"{choice} ({about})" for choice, about in self.choices.items())
+        return ": ".join(filter(None, (", ".join(used_by), self.about, choices)))
 
 
-def _option(default: Any, text: str, **declared: Any) -> Any:
-    return field(default=default, metadata={"option": Option(text, **declared)})
+def _option(default: Any, about: str, **declared: Any) -> Any:
+    return field(default=default, metadata={"option": Option(about, **declared)})
 
 
 _pose = partial(_option, group="poses", moves=True)
@@ -176,54 +199,26 @@ class DatasetOptions:
 
     def content(self) -> dict[str, object]:
         """The values that belong to the identity of a dataset, by name."""
-        values = ((entry, getattr(self, entry.name)) for entry in OPTIONS.values())
+        values = ((option, getattr(self, name)) for name, option in OPTIONS.items())
         return {
-            entry.name: value
-            for entry, value in values
-            if entry.declared.is_content and not (entry.declared.since and value == entry.default)
+            option.key: value
+            for option, value in values
+            if option.is_content and not (option.since and value == option.default)
         }
 
 
-@dataclass(frozen=True)
-class Entry:
-    """An option: its name, type and default, and its declaration."""
-
-    name: str
-    kind: Any
-    default: Any
-    declared: Option
-
-    @property
-    def flag(self) -> str:
-        """On the command line."""
-        return "--" + self.name.replace("_", "-")
-
-    @property
-    def label(self) -> str:
-        """In the window."""
-        unit = f" ({self.declared.unit})" if self.declared.unit else ""
-        return (self.declared.name or self.name.replace("_", " ").title()) + unit
-
-    @property
-    def text(self) -> str:
-        """What it is, with its choices, or the samplers that have it."""
-        used_by = [name for name, sampler in SAMPLERS.items() if self.name in sampler.options]
-        choices = "; ".join(f"{choice} ({about})" for choice, about in self.declared.choices.items())
-        return ": ".join(filter(None, (", ".join(used_by), self.declared.text, choices)))
-
-
-OPTIONS = {
-    entry.name: Entry(entry.name, entry.type, entry.default, entry.metadata["option"])
+OPTIONS: dict[str, Option] = {
+    entry.name: dataclasses.replace(entry.metadata["option"], key=entry.name, kind=entry.type, default=entry.default)
     for entry in dataclasses.fields(DatasetOptions)
 }
 """Every option, by its name, in their order."""
 
 
-def option_groups() -> dict[str, list[Entry]]:
+def option_groups() -> dict[str, list[Option]]:
     """The options by their heading."""
-    groups: dict[str, list[Entry]] = {}
-    for entry in OPTIONS.values():
-        groups.setdefault(entry.declared.group, []).append(entry)
+    groups: dict[str, list[Option]] = {}
+    for option in OPTIONS.values():
+        groups.setdefault(option.group, []).append(option)
     return groups
 
 
@@ -255,14 +250,14 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
     return options
 
 
-def _checked_value(entry: Entry, value: Any, where: str) -> object:
-    kind, declared, where = entry.kind, entry.declared, f"{where}: {entry.name}"
+def _checked_value(option: Option, value: Any, where: str) -> object:
+    kind, where = option.kind, f"{where}: {option.key}"
     if kind is bool:
         if not isinstance(value, bool):
             raise InputError(f"{where}: expected true or false, found {value!r}")
         return value
     if kind not in (int, float):
-        choices = tuple(declared.choices)
+        choices = tuple(option.choices)
         if not isinstance(value, str) or (choices and value not in choices):
             hint = f"; {nearest_name(value, choices)}" if choices and isinstance(value, str) else ""
             raise InputError(f"{where}: expected {' or '.join(choices or ('a file name',))}, found {value!r}{hint}")
@@ -270,7 +265,7 @@ def _checked_value(entry: Entry, value: Any, where: str) -> object:
     is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
     if not is_number or (kind is int and value != int(value)):
         raise InputError(f"{where}: expected a {'whole ' if kind is int else ''}number, found {value!r}")
-    least, most = declared.least, declared.most
+    least, most = option.least, option.most
     if not least <= value <= most:
         limits = f"at least {least:g}" if most == math.inf else f"{least:g} to {most:g}"
         raise InputError(f"{where}: expected {limits}, found {value!r}")
@@ -279,35 +274,35 @@ def _checked_value(entry: Entry, value: Any, where: str) -> object:
 
 def add_option_arguments(parser: argparse.ArgumentParser) -> None:
     """Add a command line option for each, under their headings; the namespace holds only those that the user sets."""
-    for title, entries in option_groups().items():
+    for title, options in option_groups().items():
         group = parser.add_argument_group(title)
-        for entry in entries:
-            if entry.kind is bool:
+        for option in options:
+            if option.kind is bool:
                 group.add_argument(
-                    entry.flag, action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS, help=entry.text
+                    option.flag, action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS, help=option.text
                 )
                 continue
-            default = "" if entry.default is None else f" (default {entry.default})"
-            choices, numeric = entry.declared.choices, entry.kind in (int, float)
-            metavar = "|".join(choices) if choices else ("X" if entry.kind is float else "N") if numeric else "FILE"
+            default = "" if option.default is None else f" (default {option.default})"
+            choices, numeric = option.choices, option.kind in (int, float)
+            metavar = "|".join(choices) if choices else ("X" if option.kind is float else "N") if numeric else "FILE"
             group.add_argument(
-                entry.flag,
+                option.flag,
                 type=_number if numeric else str,
                 default=argparse.SUPPRESS,
                 metavar=metavar,
-                help=entry.text + default,
+                help=option.text + default,
             )
 
 
 def option_arguments(options: DatasetOptions) -> list[str]:
     """The command line that gives exactly these options, whatever a case file says."""
     arguments = []
-    for entry in OPTIONS.values():
-        value = getattr(options, entry.name)
-        if entry.kind is bool:
-            arguments.append(entry.flag if value else entry.flag.replace("--", "--no-", 1))
+    for option in OPTIONS.values():
+        value = getattr(options, option.key)
+        if option.kind is bool:
+            arguments.append(option.flag if value else option.flag.replace("--", "--no-", 1))
         elif value is not None:
-            arguments.append(f"{entry.flag}={value}")
+            arguments.append(f"{option.flag}={value}")
     return arguments
 
 

@@ -14,7 +14,7 @@ from oneframe.dataset.options import (
     OPTIONS,
     SAMPLERS,
     DatasetOptions,
-    Entry,
+    Option,
     add_option_arguments,
     checked_options,
     merged_options,
@@ -38,9 +38,9 @@ def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
     assert merged({"video": True}, "--no-video").video is False
 
 
-def legal_and_not(entry: Entry) -> tuple[list[object], list[object]]:
+def legal_and_not(entry: Option) -> tuple[list[object], list[object]]:
     """Values of an option at the ends of what it takes, and just beyond them."""
-    declared, kind = entry.declared, entry.kind
+    declared, kind = entry, entry.kind
     if kind is bool:
         return [True, False], [1, "true"]
     if kind not in (int, float):
@@ -50,28 +50,26 @@ def legal_and_not(entry: Entry) -> tuple[list[object], list[object]]:
     return [kind(end) for end in ends], [*beyond, float("nan"), True, "1"]
 
 
-@pytest.mark.parametrize("entry", OPTIONS.values(), ids=lambda entry: entry.name)
+@pytest.mark.parametrize("entry", OPTIONS.values(), ids=lambda entry: entry.key)
 def test_an_option_takes_its_limits_and_nothing_beyond_by_flag_and_table(entry):
     legal, illegal = legal_and_not(entry)
     # an order that the ends of one alone would break
-    other = {"distance_min": {"distance_max": 1000}, "distance_max": {"distance_min": 0.01}}.get(entry.name, {})
+    other = {"distance_min": {"distance_max": 1000}, "distance_max": {"distance_min": 0.01}}.get(entry.key, {})
     for value in legal:
-        options = checked_options({**other, entry.name: value}, "table")
-        assert getattr(options, entry.name) == value
+        options = checked_options({**other, entry.key: value}, "table")
+        assert getattr(options, entry.key) == value
         argv = [argument for argument in option_arguments(options) if argument != f"{entry.flag}=None"]
         assert merged({}, *argv) == options
     for value in illegal:
-        with pytest.raises(InputError, match=f"table: {entry.name}: expected"):
-            checked_options({entry.name: value}, "table")
+        with pytest.raises(InputError, match=f"table: {entry.key}: expected"):
+            checked_options({entry.key: value}, "table")
 
 
 def test_a_later_option_is_in_a_description_only_if_it_is_not_at_its_default():
     content = DatasetOptions().content()
-    assert set(content) == {
-        name for name, entry in OPTIONS.items() if entry.declared.is_content and not entry.declared.since
-    }
+    assert set(content) == {name for name, entry in OPTIONS.items() if entry.is_content and not entry.since}
     for name, entry in OPTIONS.items():
-        if entry.declared.since:
+        if entry.since:
             assert name in dataclasses.replace(DatasetOptions(), **{name: not entry.default}).content()
 
 

@@ -11,7 +11,7 @@ from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_d
 from ...dataset.description import view_camera
 from ...dataset.options import SAMPLERS, DatasetOptions
 from ...dataset.truths import depth_scale_for
-from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
+from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, PoseDistribution, ReferencePose, Trajectory
 from ..colour.reference_view import ReferenceView, limited_to_incidence
 from ..render.surface_tree import ViewProbe
@@ -100,7 +100,7 @@ class ViewPlanner:
         """
         fixed = self._distribution.fixed_pose(index, self._count)
         if fixed is not None:
-            return plan_given_poses(fixed[None], self._constraints, self._probe)[0][0]
+            return plan_given_pose(fixed, self._constraints, self._probe)
         return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
 
     def sampling_doubt(self) -> str:

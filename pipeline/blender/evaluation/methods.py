@@ -117,8 +117,8 @@ def _failure(renderer: str) -> str:
         return "" if ended.returncode == 0 else "PyVista gets no OpenGL context on this machine"
     try:
         engine_named(renderer).check()
-    except InputError:
-        return "embreex is not installed" if renderer == "raster" else "Blender gets no OpenGL context on this machine"
+    except InputError as error:
+        return str(error).partition("; ")[0]
     return ""
 
 

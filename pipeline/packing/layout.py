@@ -37,8 +37,6 @@ FILES = {
     if name != "rgb" and truth.form is not MASK
 }
 """Kinds of a view's files that a pack holds as they are, if the dataset has them, and the members' names."""
-VIEWS_PER_SHARD = 1000
-"""As in BOP's own packs."""
 
 
 def shard_name(number: int) -> str:

@@ -169,6 +169,7 @@ class DatasetOptions:
         name="Incidence", unit="°", least=0, most=90, moves=True,
     )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
+    normals: bool = _option(False, "also write the surface's normals in the camera's axes (16-bit .png)", since="0.2.0")
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     sampler: str = _pose(

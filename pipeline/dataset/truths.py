@@ -12,8 +12,11 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..images.png import encode_png
+from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
+from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre
 
 DEPTH_LEVELS = 65535
 """Largest value of the 16-bit depth images."""
@@ -46,6 +49,9 @@ MASK = Form("0 or 255", "_000000.png", np.uint8)
 NUMBER = Form("8 bit", ".png", np.uint8)
 UNITS = Form("16 bit", ".png", np.uint16)
 FLOAT = Form("float32", ".npy", np.float32)
+VECTOR = Form("16 bit, x y z", ".png", np.uint16, 3)
+NORMAL_UNIT = 32767.5
+"""Codes of a normal's component per unit."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +201,52 @@ def _float_flaws(stored: Stored) -> Flaws:
     yield wrong, "are not those of the depth image before rounding"
 
 
+def _shown_faces(shot: Shot) -> np.ndarray:
+    """``(H, W)`` the face at each pixel's centre, -1 for none."""
+    mesh, camera, pose = shot.mesh, shot.camera, shot.cam_from_model
+    if is_within_limits(mesh, camera, pose):
+        return rasterise_depth(mesh, camera, pose).face
+    try:
+        rays = MeshRays(mesh)
+    except InputError:
+        raise InputError(
+            "--normals: expected the package embreex for a view with surface behind the camera, found none; install it "
+            "(pip install embreex), or leave the option out"
+        ) from None
+    directions = camera.rays_cam(camera.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]
+    origins = np.broadcast_to(camera_centre(pose), directions.shape)
+    return rays.first_hits(origins.astype(np.float32), directions.astype(np.float32)).face.reshape(camera.shape_hw)
+
+
+def _normals(shot: Shot) -> np.ndarray:
+    """Normals of the sides that the camera sees, as codes: n of -1..1 is (n + 1) * :data:`NORMAL_UNIT`."""
+    mesh, mask, face = shot.mesh, shot.rendered.mask, _shown_faces(shot)
+    # a pixel's centre on an edge: the renderer may meet surface where double precision does not, beside such as does
+    v, u = np.nonzero(mask & (face < 0))
+    around = np.pad(face, 1, constant_values=-1)
+    beside = np.max([around[v + down, u + right] for down in range(3) for right in range(3)], axis=0)
+    face[v, u] = beside
+    towards = np.where(mesh.front_facing(camera_centre(shot.cam_from_model)), 1.0, -1.0)[:, None]
+    of_faces = _vector_codes(towards * (mesh.face_normals @ shot.cam_from_model[:3, :3].T))
+    codes = of_faces[face]
+    alone = v[beside < 0], u[beside < 0]
+    rays_cam = shot.camera.rays_cam(np.stack(alone[::-1], axis=1))
+    codes[alone] = _vector_codes(-rays_cam / np.linalg.norm(rays_cam, axis=1, keepdims=True))
+    codes[~mask] = 0
+    return codes
+
+
+def _vector_codes(vectors: np.ndarray) -> np.ndarray:
+    return np.rint((vectors + 1) * NORMAL_UNIT).astype(np.uint16)
+
+
+def _normal_flaws(stored: Stored) -> Flaws:
+    codes = stored.arrays["normals"]
+    yield codes.any(axis=2) != stored.mask, "differ from where the mask has surface"
+    off = np.abs(np.linalg.norm(codes / NORMAL_UNIT - 1, axis=2) - 1)
+    yield stored.mask & (off > 1e-4), "are not of length 1"
+
+
 TRUTHS = {
     truth.name: truth
     for truth in (
@@ -219,6 +271,10 @@ TRUTHS = {
         Truth(
             "depth_mm", "mm along the optical axis; 0 = no surface", FLOAT,
             lambda shot: shot.rendered.depth_mm, _float_flaws, option="float_depth",
+        ),
+        Truth(
+            "normals", "unit normal of the visible side, camera axes: value / 32767.5 - 1; 0 = no surface", VECTOR,
+            _normals, _normal_flaws, option="normals",
         ),
     )
 }  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
 from ..dataset.run.resume_record import Box
-from ..dataset.truths import TRUTHS
+from ..dataset.truths import NORMAL_UNIT, TRUTHS
 from ..errors import InputError
 
 
@@ -124,6 +124,18 @@ class View:
     def observed(self) -> np.ndarray:
         """``(H, W)`` bool: surface that a source frame saw."""
         return self.files.array(self.index, "mask_observed") > 0
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface.
+
+        Raises
+        ------
+        InputError
+            The dataset was rendered without ``--normals``.
+        """
+        codes = self.files.array(self.index, "normals")
+        return np.where(codes.any(axis=2)[..., None], codes / np.float32(NORMAL_UNIT) - 1, 0).astype(np.float32)
 
     @cached_property
     def source_frame(self) -> np.ndarray:

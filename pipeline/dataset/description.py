@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,11 @@ import numpy as np
 from .. import __version__
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
+from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase
-from ..case.posed_frame import UnreadFrame
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
-from ..poses.distributions import farthest_listed_mm
+from ..poses.distributions import PoseDistribution, ReferencePose, Trajectory, farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
 from .options import SAMPLERS, DatasetOptions
@@ -135,3 +136,22 @@ def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
     if min(width, height) < 1:
         raise InputError(f"--scale: expected views of at least 1 px, {options.scale:g} gives {width}x{height}")
     return camera.resized(width, height)
+
+
+def distribution_of(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution:
+    """The distribution that options name, around a reference, for views with these intrinsics."""
+    sampler = SAMPLERS[options.sampler]
+    module, name = sampler.place.split(":")
+    kind = getattr(import_module(f"..poses.{module}", __package__), name)
+    distribution: PoseDistribution = kind.of(reference, _middle_ray(camera), sampler.values(options))
+    return distribution
+
+
+def trajectory_of(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> Trajectory:
+    """The path of the video, within the limits of the options."""
+    return Trajectory.of(reference, _middle_ray(camera), SAMPLERS["trajectory"].values(options))
+
+
+def _middle_ray(camera: PinholeCamera) -> np.ndarray:
+    middle: np.ndarray = camera.rays_cam(np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]]))[0]
+    return middle

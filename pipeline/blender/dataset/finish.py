@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...case.loaded_case import frame_overlay
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
 from ...dataset.dataset_file import read_description
@@ -19,11 +20,10 @@ from ...errors import RunError
 from ...files.content import create_folder, read_file, write_bytes_atomically
 from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
+from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...progress import Progress
-from ..alignment.overlay_picture import frame_overlay
-from ..bridge.image import read_image
 from ..render.video import FRAMES_PER_SECOND, write_video
 from .job import OpenJob
 from .view_renderer import ViewRenderer
@@ -33,7 +33,7 @@ SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``camera.json`` and ``models/``, which are known before the first view."""
-    out, source = job.job.out, renderer.source
+    out, source = job.job.out, renderer.reference
     write_camera(out, renderer.camera, renderer.depth_scale)
     colours = colour_vertices(source.mesh, source.views)
     write_models(out, source.mesh, to_uint8(colours.rgb))
@@ -41,7 +41,7 @@ def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
 
 def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment."""
-    picture = frame_overlay(job.loaded, renderer.source.view.depth_mm)
+    picture = frame_overlay(job.loaded, renderer.reference.view.depth_mm)
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 
@@ -66,7 +66,7 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     RunError
         A record is missing, damaged or of another run.
     """
-    out, camera, mesh = job.job.out, renderer.camera, renderer.source.mesh
+    out, camera, mesh = job.job.out, renderer.camera, renderer.reference.mesh
     depth_scale = renderer.depth_scale
     description = read_description(out / RECORD)
     tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)

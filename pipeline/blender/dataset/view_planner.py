@@ -1,37 +1,19 @@
 """The poses of a dataset's views, each from its number alone: independent of worker, shard and order."""
 
-from importlib import import_module
-from typing import Any
-
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from ...dataset.description import view_camera
-from ...dataset.options import SAMPLERS, DatasetOptions
+from ...colour.reference_view import ReferenceView, limited_to_incidence
+from ...dataset.description import distribution_of, trajectory_of, view_camera
+from ...dataset.options import DatasetOptions
 from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
-from ...poses.distributions import Listed, PoseDistribution, ReferencePose, Trajectory
-from ..colour.reference_view import ReferenceView, limited_to_incidence
+from ...poses.distributions import Listed, ReferencePose
 from ..render.surface_tree import ViewProbe
 
 SAMPLED_VIEWS = 4
 """Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
-
-
-def distribution_of(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution:
-    """The distribution that options name, around a reference, for views with these intrinsics."""
-    declared = SAMPLERS[options.sampler]
-    module, name = declared.place.split(":")
-    kind: Any = getattr(import_module(f"...poses.{module}", __package__), name)
-    distribution: PoseDistribution = kind.of(reference, _middle_ray(camera), declared.values(options))
-    return distribution
-
-
-def _middle_ray(camera: PinholeCamera) -> np.ndarray:
-    middle: np.ndarray = camera.rays_cam(np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]]))[0]
-    return middle
 
 
 class ViewPlanner:
@@ -39,7 +21,7 @@ class ViewPlanner:
 
     Attributes
     ----------
-    source
+    reference
         The reference view, limited to what the options let count as seen.
     camera
         Intrinsics of the views.
@@ -50,13 +32,13 @@ class ViewPlanner:
     """
 
     def __init__(
-        self, loaded: LoadedCase, source: ReferenceView, options: DatasetOptions, given_poses: np.ndarray | None
+        self, loaded: LoadedCase, reference: ReferenceView, options: DatasetOptions, given_poses: np.ndarray | None
     ) -> None:
         """Prepare probe and pose distribution.
 
         Parameters
         ----------
-        loaded, source
+        loaded, reference
             The case and the reference view of the surface to render.
         options
             The run's options.
@@ -65,16 +47,17 @@ class ViewPlanner:
         """
         self._options = options
         self._count = options.count if given_poses is None else len(given_poses)
-        self.camera, self.source = view_camera(loaded, options), limited_to_incidence(source, options.max_incidence_deg)
-        reference = ReferencePose(loaded.frame.cam_from_model, source.pivot_model)
-        self._video_path = Trajectory.of(reference, _middle_ray(self.camera), SAMPLERS["trajectory"].values(options))
+        self.camera = view_camera(loaded, options)
+        self.reference = limited_to_incidence(reference, options.max_incidence_deg)
+        pose = ReferencePose(loaded.frame.cam_from_model, reference.pivot_model)
+        self._video_path = trajectory_of(options, pose, self.camera)
         self._distribution = (
-            distribution_of(options, reference, self.camera)
+            distribution_of(options, pose, self.camera)
             if given_poses is None
-            else Listed(reference=reference, poses=given_poses)
+            else Listed(reference=pose, poses=given_poses)
         )
-        self.depth_scale = depth_scale_for(self._distribution.farthest_mm(source.mesh.radius))
-        self._probe = ViewProbe(source.mesh, self.camera, self.source.observed)
+        self.depth_scale = depth_scale_for(self._distribution.farthest_mm(reference.mesh.radius))
+        self._probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
         self._constraints = Constraints(
             min_surface=options.min_surface,
             reference_surface=self._probe(loaded.frame.cam_from_model).surface_fraction,
@@ -88,7 +71,7 @@ class ViewPlanner:
             magnification_doubt(view_px, frame_px, nearest),
             reduction_doubt(view_px, frame_px, farthest, options.samples),
         )
-        self.messages = (*loaded.messages, *source.messages, *filter(None, doubts))
+        self.messages = (*loaded.messages, *reference.messages, *filter(None, doubts))
 
     def plan(self, index: int) -> PlannedPose:
         """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).

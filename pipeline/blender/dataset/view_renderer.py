@@ -5,6 +5,7 @@ from contextlib import ExitStack
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
+from ...colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ...colour.shading import ColouredSurface
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
@@ -12,7 +13,6 @@ from ...dataset.run.resume_record import ViewRecord
 from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
 from ...projection.silhouette import SilhouetteEdges
-from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ..render.engines import opened_engine
 from .view_planner import ViewPlanner
 
@@ -29,7 +29,7 @@ class ViewRenderer(ViewPlanner):
     def __init__(
         self,
         loaded: LoadedCase,
-        source: ReferenceView,
+        reference: ReferenceView,
         options: DatasetOptions,
         given_poses: np.ndarray | None,
         *,
@@ -40,21 +40,21 @@ class ViewRenderer(ViewPlanner):
 
         Parameters
         ----------
-        loaded, source, options, given_poses
+        loaded, reference, options, given_poses
             As of :class:`ViewPlanner`.
         identity
             Identity of the dataset, for the records of the views.
         threads
             Number of render threads, 0 for one per core.
         """
-        super().__init__(loaded, source, options, given_poses)
+        super().__init__(loaded, reference, options, given_poses)
         self._identity = identity
         self._kinds = written_truths(options.content(), len(loaded.frames))
-        self._edges = SilhouetteEdges.of(source.mesh)
-        colours, messages = colours_of(self.source, options.colour)
+        self._edges = SilhouetteEdges.of(reference.mesh)
+        colours, messages = colours_of(self.reference, options.colour)
         self.messages = (*self.messages, *messages)
-        unseen = unseen_colours_of(self.source, options.unseen)
-        surface = ColouredSurface(source.mesh, tuple(colours), unseen, source.pivot_model)
+        unseen = unseen_colours_of(self.reference, options.unseen)
+        surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model)
         self._resources = ExitStack()
         self.render = self._resources.enter_context(
             opened_engine(options.engine, surface, self.camera, samples=options.samples, threads=threads)

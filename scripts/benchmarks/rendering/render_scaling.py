@@ -60,7 +60,7 @@ def measure_anti_aliasing(folder: Path, report: Callable[[str], None]) -> dict[s
         with job.renderer(threads=available_cores()) as renderer:
             views = [renderer.make(index) for index in range(COMPARED_VIEWS)]
         if not truths:
-            source = renderer.source
+            source = renderer.reference
             poses = [view.planned.cam_from_model for view in views]
             truths = [
                 to_uint8(converged_view(source.mesh, source.view, VIEW_CAMERA, pose, along=REFERENCE_ALONG))

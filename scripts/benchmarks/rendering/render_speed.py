@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.colour.reference_view import vertex_colours_of
 from oneframe.blender.dataset.job import Job, OpenJob, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
+from oneframe.colour.reference_view import vertex_colours_of
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
@@ -68,8 +68,8 @@ def measure_speed(folder: Path, report: Callable[[str], None], *, rounds: int) -
     case = write_benchmark_case(folder / "speed")
     with benchmark_job(case, folder / "unused").renderer(threads=available_cores()) as renderer:
         poses = [renderer.plan(index).cam_from_model for index in range(BLOCK)]
-        colours, _ = vertex_colours_of(renderer.source)
-    peers = pyvista_peers(renderer.source.mesh, to_uint8(colours.rgb), VIEW_CAMERA, DEPTH_RANGE_MM)
+        colours, _ = vertex_colours_of(renderer.reference)
+    peers = pyvista_peers(renderer.reference.mesh, to_uint8(colours.rgb), VIEW_CAMERA, DEPTH_RANGE_MM)
     seconds: dict[str, list[float]] = {name: [] for name in (*peers, *OURS)}
     for number in range(rounds + 1):
         for name, render in peers.items():

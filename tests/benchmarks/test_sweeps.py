@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scripts.benchmarks.charts.stability_charts import CHARTS
 from scripts.benchmarks.figures import read_rows
-from scripts.benchmarks.stability import CHARTS
 from scripts.benchmarks.sweeps.cells import ANSWERS, Cell, Outcome
 from scripts.benchmarks.sweeps.landmarks import OURS, SWEEPS, Sweep, measure
 from scripts.benchmarks.sweeps.refinement import FRAMES

@@ -159,9 +159,10 @@ def run_trials(
         found[""].append(pose_error(trial, camera, pose))
         for name, solve in PEERS.items():
             found[name].append(pose_error(trial, camera, solve(trial.points_model, trial.pixels, camera)))
-    ours, *peers = (np.reshape(errors, (-1, 2)).T for errors in found.values())
-    theirs = {name: PoseErrors(*errors) for name, errors in zip(PEERS, peers, strict=True)}
-    return PoseErrors(*ours, tuple(refusals), tuple(covered)), theirs
+    errors = {name: np.reshape(each, (-1, 2)) for name, each in found.items()}
+    ours = errors.pop("")
+    theirs = {name: PoseErrors(each[:, 0], each[:, 1]) for name, each in errors.items()}
+    return PoseErrors(ours[:, 0], ours[:, 1], tuple(refusals), tuple(covered)), theirs
 
 
 def pose_error(trial: LandmarkTrial, camera: PinholeCamera, cam_from_model: np.ndarray | None) -> tuple[float, float]:

@@ -166,7 +166,9 @@ def distinct(values: Sequence[Any]) -> list[Any]:
 
 def categories(label: str, texts: Sequence[Any]) -> Axis:
     """An axis with a place for each text or number, from 0."""
-    named = {place: each if isinstance(each, str) else short_number(each) for place, each in enumerate(texts)}
+    named: dict[float, str] = {
+        place: each if isinstance(each, str) else short_number(each) for place, each in enumerate(texts)
+    }
     return Axis(label, ends=(-0.6, len(named) - 0.4), ticks=named)
 
 

@@ -15,10 +15,11 @@ import cv2
 
 from oneframe.blender.case.load_case import load_case
 from oneframe.blender.colour.reference_view import reference_view_of
+from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.evaluation.conditions import current_conditions
 
-from .alignment.landmark_accuracy import LandmarkRow, VisibleSurface, accuracies, line
+from .alignment.landmark_accuracy import DrawTrial, LandmarkRow, VisibleSurface, accuracies, line
 from .alignment.landmark_trials import MICROSCOPE, box_trial
 from .alignment.posterior_trials import clicks_needed, coverages
 from .charts.pose_charts import landmark_chart
@@ -47,7 +48,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     report("landmarks and image in one solve: coverage of the 95 % region")
     for said in coverages(box_trial, MICROSCOPE, trials, noise_px, flatness=arguments.flatness):
         report(said)
-    sets = [("random points", box_trial, MICROSCOPE)]
+    sets: list[tuple[str, DrawTrial, PinholeCamera]] = [("random points", box_trial, MICROSCOPE)]
     if arguments.case:
         surface = visible_surface(arguments.case)
         clicks_needed(surface, min(trials, CLICKED_TRIALS), report)

@@ -57,11 +57,11 @@ def test_charts_are_drawn_again_alike_and_their_text_is_within_and_apart(tmp_pat
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
-    figures, save = [], Figure.savefig
+    figures, save, found = [], Figure.savefig, evaluation(7)
     monkeypatch.setattr(
         Figure, "savefig", lambda self, *args, **options: (figures.append(self), save(self, *args, **options))
     )
-    first = {path.name: path.read_bytes() for path in evaluation_charts(evaluation(7), tmp_path / "chart.json")}
+    first = {path.name: path.read_bytes() for path in evaluation_charts(found, tmp_path / "chart.json")}
     assert len(first) == 2
     for figure in figures:
         figure.draw_without_rendering()
@@ -73,7 +73,7 @@ def test_charts_are_drawn_again_alike_and_their_text_is_within_and_apart(tmp_pat
             assert figure.bbox.y0 <= box.y0 < box.y1 <= figure.bbox.y1, text
             assert box.shrunk(0.9, 0.8).count_overlaps(boxes[:number]) == 0, text
     with matplotlib.rc_context({"font.size": 40, "figure.facecolor": "red"}):
-        again = evaluation_charts(evaluation(7), tmp_path / "chart.json")
+        again = evaluation_charts(found, tmp_path / "chart.json")
         assert {path.name: path.read_bytes() for path in again} == first
         assert matplotlib.rcParams["font.size"] == 40
     image = cv2.imdecode(np.frombuffer(first["chart.png"], np.uint8), cv2.IMREAD_COLOR)

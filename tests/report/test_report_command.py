@@ -40,7 +40,7 @@ def test_a_page_inside_its_dataset_is_refused(run_oneframe, dataset):
 
 def test_the_page_has_room_for_1000_views(dataset, tmp_path, rng):
     """A thousandth of the room for each view, however hard its picture is to encode: half of these are noise."""
-    count = 24
+    count = 18
     content = json.loads((dataset / "dataset.json").read_text())
     (tmp_path / "dataset.json").write_text(json.dumps(content | {"count": count}))
     for index in range(count):

@@ -142,10 +142,11 @@ def with_lines(
             values = np.where(np.isnan(values), np.nan, np.maximum(values, 1.3 * panel.y.ends[0]))
         # equal lines must not hide each other: the first is wide, and the last one thin
         colour, width = SERIES[number % len(SERIES)], 1.3 + 1.2 * after
-        look = {"linewidth": width, "alpha": 0.55 if after else 1.0, "linestyle": style}
+        look: dict[str, Any] = {"linewidth": width, "alpha": 0.55 if after else 1.0, "linestyle": style}
         layers.append(line(places, values, colour, name, **look))
         layers += _answers(own, values, colour, 5 + 1.5 * after, 0.02 + 0.05 * number)
-    layers += [rule(wrong)] * (wrong is not None)
+    if wrong is not None:
+        layers.append(rule(wrong))
     if label_at is not None:
         layers += [limit(value, constant, label_at) for constant, value in limits_of(cells)]
     return replace(panel, layers=[*panel.layers, *layers])
@@ -157,11 +158,16 @@ def _answers(cells: Sequence[Cell], values: np.ndarray, colour: str, size: float
     for answer in ANSWERS:
         for cell, value in zip(cells, values, strict=True):
             if cell.answer == answer:
-                look = {"marker": MARKERS[answer], "markersize": size, "zorder": 3, "linestyle": "none"}
+                marks: dict[str, Any] = {
+                    "marker": MARKERS[answer],
+                    "markersize": size,
+                    "zorder": 3,
+                    "linestyle": "none",
+                }
                 if answer == "falls back":
-                    look["markerfacecolor"] = PAPER
+                    marks["markerfacecolor"] = PAPER
                 layers.append(
-                    _edge(cell.x, low, colour, look) if np.isnan(value) else line([cell.x], [value], colour, **look)
+                    _edge(cell.x, low, colour, marks) if np.isnan(value) else line([cell.x], [value], colour, **marks)
                 )
     return layers
 

@@ -175,12 +175,12 @@ def categories(label: str, texts: Sequence[Any]) -> Axis:
 # --- layers ----------------------------------------------------------------------------------------------------------
 
 
-def line(x: Sequence[float], y: Sequence[float], colour: str, label: str = "_", **look: Any) -> Layer:
+def line(x: Any, y: Any, colour: str, label: str = "_", **look: Any) -> Layer:
     """Points joined by a line; ``look`` as matplotlib's."""
     return lambda axes: axes.plot(x, y, color=colour, label=label, **{"linewidth": 1.6, "markersize": 5, **look})
 
 
-def band(x: Sequence[float], low: Sequence[float], high: Sequence[float], colour: str) -> Layer:
+def band(x: Any, low: Any, high: Any, colour: str) -> Layer:
     """What lies between two lines."""
     return lambda axes: axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
 

@@ -108,8 +108,8 @@ def refinement_chart(trials: Sequence[RefinementTrial], data: Path) -> Path:
         px = [(trial.start_px, trial.error_px) for trial in grid if (trial.right, trial.accepted) == verdicts]
         if px:
             points.append(_scatter(np.maximum(px, LEAST_PX), {"label": f"{name}: {len(px)}", **look}))
-    axes = (Axis(f"displacement of the {which} pose (px)", log=True) for which in ("initial", "refined"))
-    every = Panel("Every refinement; dashed: no change", *axes, points, "best")
+    before, after = (Axis(f"displacement of the {which} pose (px)", log=True) for which in ("initial", "refined"))
+    every = Panel("Every refinement; dashed: no change", before, after, points, "best")
     return draw_chart(data, "Refinement of disturbed poses", [[basin, every]], tally(trials)[1:], size=(5.1, 3.9))
 
 
@@ -130,7 +130,7 @@ def training_chart(trials: Sequence[PoseTrial], conditions: str, data: Path) -> 
         f"By the number of views, {steps} steps each; star: {longest} steps",
         f"By the options of rendering, {compared} views, {steps} steps each",
     )
-    rows = []
+    rows = list[list[Panel]]()
     for score, label, low, high in SCORES:
         by_views, by_option = list[Layer](), list[Layer]()
         for place, scene in enumerate(scenes):
@@ -152,9 +152,9 @@ def training_chart(trials: Sequence[PoseTrial], conditions: str, data: Path) -> 
                         layers.append(_intervals(x, medians, more))
         y = Axis(label, log=True, ends=(low, high))
         first = not rows
-        x = Axis("views" if rows else "", log=True, ticks={count: short_number(count) for count in counts})
+        number = Axis("views" if rows else "", log=True, ticks={count: short_number(count) for count in counts})
         named = categories("", [DATASETS.get(option, option) for option in options])
-        rows.append([Panel(titles[0] * first, x, y, by_views), Panel(titles[1] * first, named, y, by_option)])
+        rows.append([Panel(titles[0] * first, number, y, by_views), Panel(titles[1] * first, named, y, by_option)])
     key = []
     for scene, colour in zip(scenes, SERIES, strict=False):
         count = len({trial.photograph for trial in trials if trial.scene == scene})

@@ -107,7 +107,7 @@ def bad_photographs_chart(rows: Trials, conditions: Sequence[str], data: Path) -
         for scene, method, colour, look in looks:
             own = [(x, [t for t in some if (t.scene, t.part) == (scene, method)]) for x, (_, some) in enumerate(groups)]
             drawn = [(x, sum(trial.found for trial in some) / len(some)) for x, some in own if some]
-            layers.append(line(*zip(*drawn, strict=True), colour, **look) if drawn else lambda axes: None)
+            layers.append(line([x for x, _ in drawn], [part for _, part in drawn], colour, **look))
         panels.append(Panel(how_title(kind), categories(how.label, [name for name, _ in groups]), PARTS, layers))
     key = [handle(name, colour, marker=METHODS[name]) for name, colour in zip(METHODS, SERIES, strict=False)]
     for scene, real in scenes:
@@ -188,11 +188,13 @@ def _threshold_panel(rows: Trials) -> Panel:
             right = sum(row.right for row in accepted)
             points.append((right / max(showing, 1), (len(accepted) - right) / max(len(accepted), 1)))
         colour, look = _look(scene)
-        layers.append(line(*np.array(points).T, colour, **look | {"marker": ""}))
-        layers.append(line(*points[levels.index(LEAST_ACCEPTED)], colour, marker="D", markersize=6))
-    y = Axis(ends=(-0.002, 0.065), ticks={0: "0", 0.01: "1 %", 0.02: "2 %", 0.04: "4 %", 0.06: "6 %"})
-    x = Axis("share found (diamond: as accepted)", ends=(0, 1.05), ticks=PARTS.ticks)
-    return Panel("Wrong of those accepted", x, y, layers)
+        x, y = np.array(points).T
+        here = levels.index(LEAST_ACCEPTED)
+        layers.append(line(x, y, colour, **look | {"marker": ""}))
+        layers.append(line(x[here], y[here], colour, marker="D", markersize=6))
+    wrong = Axis(ends=(-0.002, 0.065), ticks={0: "0", 0.01: "1 %", 0.02: "2 %", 0.04: "4 %", 0.06: "6 %"})
+    found = Axis("share found (diamond: as accepted)", ends=(0, 1.05), ticks=PARTS.ticks)
+    return Panel("Wrong of those accepted", found, wrong, layers)
 
 
 def _limit_panel(rows: Trials, kind: str, title: str, label: str, edges: Sequence[int]) -> Panel:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -67,11 +68,18 @@ def _panel(points: Sequence[SpeedPoint], field: str, title: str, label: str) -> 
         rule(point.ms, along="x", colour=MUTED, style=DASHED) for point in points if point.kind == FLOOR
     ]
     best = sorted((point.ms, error) for (point, error), first in zip(judged, front, strict=True) if first)
-    layers.append(line(*zip(*best, strict=True), TEXT, drawstyle="steps-post", linewidth=1.1))
+    layers.append(
+        line([ms for ms, _ in best], [error for _, error in best], TEXT, drawstyle="steps-post", linewidth=1.1)
+    )
     named = list[str]()
     for (point, error), first in sorted(zip(judged, front, strict=True), key=lambda each: each[0][0].ms):
         colour, marker = COLOURS.get(point.engine, MUTED), MARKERS.get(point.colour, "o")
-        look = {"markersize": 8, "markerfacecolor": colour if first else PAPER, "markeredgewidth": 1.5, "zorder": 3}
+        look: dict[str, Any] = {
+            "markersize": 8,
+            "markerfacecolor": colour if first else PAPER,
+            "markeredgewidth": 1.5,
+            "zorder": 3,
+        }
         layers.append(line([point.ms_least, point.ms_most], [error, error], colour, linewidth=1.4, alpha=0.5))
         layers.append(line([point.ms], [error], colour, marker=marker, **look))
         if first or point.kind == OTHER:

@@ -84,7 +84,7 @@ SAMPLING = (
 def camera_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
     """How far edges are from where K says."""
     y = Axis("largest error of edges (px)", log=True, ends=(5e-5, 300.0))
-    panels = []
+    panels = list[Panel]()
     for sweep, title, label, log in CAMERA:
         panel = Panel(title, Axis(label, log=log), y, legend=None if panels else "center left")
         panels.append(with_lines(panel, in_sweep(cells, sweep), quantity="error_95", wrong=EXACT_PX))
@@ -100,7 +100,7 @@ def camera_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> 
 def colouring_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
     """Colour errors, surface left grey, and hidden surface painted."""
     codes = Axis("mean colour error (of 255)", log=True, ends=(0.003, 200.0))
-    panels = []
+    panels = list[Panel]()
     for sweep, title, label, log in COLOURING:
         own = in_sweep(cells, sweep)
         if sweep in LEGENDS:
@@ -168,7 +168,7 @@ def _failures(cells: Sequence[Cell], sweep: str) -> list:
 
 def refinement_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
     """A row of panels for each source of frames in the table: the basin, and bad frames."""
-    rows = []
+    rows = list[list[Panel]]()
     for source, name in SOURCES:
         if not (basin := in_sweep(cells, "basin", source)):
             continue
@@ -194,7 +194,7 @@ def refinement_charts(cells: Sequence[Cell], conditions: Conditions, data: Path)
 def renderer_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
     """Aliasing, rasterisers against Cycles, and what triangles cost."""
     codes = Axis("mean colour error (of 255)", log=True, ends=(0.01, 300.0))
-    panels = []
+    panels = list[Panel]()
     for series, title in (
         ("rays at edges", "Aliasing of a dataset's views"),
         ("every pixel", "The same samples in every pixel"),
@@ -233,7 +233,7 @@ def sampling_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -
     """Poses tried for a view by constraint, and the chance that a long run fails."""
     y = Axis("poses tried for a view", log=True, ends=(0.7, 2.0 * MAX_ATTEMPTS))
     all_tried = rule(MAX_ATTEMPTS, colour=TEXT, style=DASHED)
-    panels = []
+    panels = list[Panel]()
     for sweep, title, label in SAMPLING:
         panel = Panel(title, Axis(label), y, [all_tried], None if panels else "center left")
         panels.append(with_lines(panel, in_sweep(cells, sweep), quantity="value"))

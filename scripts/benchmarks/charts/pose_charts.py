@@ -159,8 +159,12 @@ def training_chart(trials: Sequence[PoseTrial], conditions: str, data: Path) -> 
     for scene, colour in zip(scenes, SERIES, strict=False):
         count = len({trial.photograph for trial in trials if trial.scene == scene})
         for stage, prefix, marker, style in STAGES:
-            look = {"marker": marker, "linestyle": style, "markerfacecolor": PAPER if prefix else colour}
-            key.append(handle(f"{scene} ({count}): {stage}", colour, **look))
+            marks: dict[str, Any] = {
+                "marker": marker,
+                "linestyle": style,
+                "markerfacecolor": PAPER if prefix else colour,
+            }
+            key.append(handle(f"{scene} ({count}): {stage}", colour, **marks))
     small = (f"Medians over held-out photographs (their number), with 95 % bootstrap intervals. {conditions}",)
     return draw_chart(data, "What views are worth", rows, small, size=(6.3, 3.8), key=key, widths=(1, 1.35))
 

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import RunError
-from ..files.content import write_bytes_atomically
-from ..files.outputs import writing
+from ..files.outputs import write_output
 
 DPI = 160
 PAPER, TEXT, MUTED, GRID = "#ffffff", "#1f2328", "#59636e", "#d8dee4"
@@ -93,8 +92,7 @@ def write_chart(data: Path, draw: Callable[[Any], None], size_inches: tuple[floa
         content = io.BytesIO()
         figure.savefig(content, format="png", metadata={"Title": title, "Software": None})
     path = chart_path(data)
-    with writing(path):
-        write_bytes_atomically(path, content.getvalue())
+    write_output(path, content.getvalue())
     return path
 
 
@@ -112,3 +110,13 @@ def _style() -> Iterator[None]:
 def note(figure: Any, text: str) -> None:
     """Write small print below the chart."""
     figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=MUTED)
+
+
+def round_ticks_inside(axes: Any, *, margin: float) -> None:
+    """About four round ticks along x, none of them outside the data."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.margins(x=margin)
+    low, high = axes.get_xlim()
+    axes.set_xticks([tick for tick in MaxNLocator(4).tick_values(low, high) if low <= tick <= high])
+    axes.set_xlim(low, high)

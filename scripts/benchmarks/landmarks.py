@@ -13,10 +13,10 @@ from pathlib import Path
 import bpy
 import cv2
 
-from oneframe.blender.case.load_case import load_case
-from oneframe.blender.colour.reference_view import reference_view_of
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
 from oneframe.evaluation.conditions import current_conditions
 
 from .alignment.landmark_accuracy import DrawTrial, LandmarkRow, VisibleSurface, accuracies, line

@@ -9,12 +9,12 @@ from mathutils import Matrix
 
 from oneframe.blender.bridge.camera import new_camera, place_camera
 from oneframe.blender.bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
-from oneframe.blender.bridge.image import read_image
 from oneframe.blender.bridge.versions import new_node_material
 from oneframe.blender.sample.photograph import add_ambient_light, set_path_tracing
 from oneframe.case.case_file import Case
 from oneframe.files.content import write_bytes_atomically
 from oneframe.files.temporary import temporary_folder
+from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.poses.distributions import ReferencePose

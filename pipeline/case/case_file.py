@@ -181,7 +181,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         camera=intrinsics,
         distortion=distortion,
         mesh=_path(path, surface["mesh"], f"{name}: [surface] mesh"),
-        object_name=_object_name(surface.get("name"), f"{name}: [surface] name"),
+        object_name=_name(surface["name"], f"{name}: [surface] name") if "name" in surface else None,
         cam_from_mesh=cam_from_mesh,
         frames=tuple(frames),
         structures=_structures(path, table.get("structures", [])),
@@ -238,9 +238,7 @@ def _table(table: dict, key: str, name: str) -> dict:
     return table[key]
 
 
-def _object_name(value: object, where: str) -> str | None:
-    if value is None:
-        return None
+def _name(value: object, where: str) -> str:
     if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > LONGEST_NAME:
         raise InputError(f"{where}: expected a name of at most {LONGEST_NAME} printable characters, found {value!r}")
     return value
@@ -252,15 +250,14 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     for index, entry in enumerate(_tables(entries, "structures", name)):
         where = f"{name}: [[structures]] number {index + 1}: "
         check_keys(entry, *_TABLES["structures"], where)
-        if not isinstance(entry["name"], str) or not entry["name"]:
-            raise InputError(f"{where}expected a name, found {entry['name']!r}")
+        label = _name(entry["name"], f"{where}name")
         colour = entry.get("color")
-        red, green, blue = structure_colour(entry["name"])
+        red, green, blue = structure_colour(label)
         if colour is not None:
             if not isinstance(colour, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", colour):
                 raise InputError(f'{where}expected color = "#rrggbb", found {colour!r}')
             red, green, blue = (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
-        structures.append(Structure(entry["name"], _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
+        structures.append(Structure(label, _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
     names = [structure.name for structure in structures]
     if len(set(names)) != len(names):
         raise InputError(f"{name}: expected a different name for each of the [[structures]], found {names}")

@@ -99,7 +99,7 @@ def test_stacks_with_faults_are_refused_in_a_sentence(write_series, tmp_path, na
     [
         ({"size": (9, 6)}, "slices of one size, found 7 x 6 and 9 x 6"),
         ({"spacing": (0.5, 0.3, 0.9)}, "one pixel spacing, found 0.3 to 0.5 mm"),
-        ({"rotation": rotation_from_vector(np.array([0.0, np.pi / 2, 0]))}, "found some turned by"),
+        ({"rotation": rotation_from_vector(np.array([0.0, np.pi / 2, 0]))}, "found some that are turned"),
     ],
 )
 def test_slices_of_two_kinds_in_one_series_are_refused(write_series, tmp_path, options, expected):

@@ -22,7 +22,7 @@ from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
 from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
-from .landmarks import Landmark, landmarks_from_tables
+from .landmarks import Landmark, checked_name, landmarks_from_tables
 from .posed_frame import UnreadFrame
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -181,7 +181,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         camera=intrinsics,
         distortion=distortion,
         mesh=_path(path, surface["mesh"], f"{name}: [surface] mesh"),
-        object_name=_name(surface["name"], f"{name}: [surface] name") if "name" in surface else None,
+        object_name=_object_name(surface.get("name"), f"{name}: [surface] name"),
         cam_from_mesh=cam_from_mesh,
         frames=tuple(frames),
         structures=_structures(path, table.get("structures", [])),
@@ -238,7 +238,9 @@ def _table(table: dict, key: str, name: str) -> dict:
     return table[key]
 
 
-def _name(value: object, where: str) -> str:
+def _object_name(value: object, where: str) -> str | None:
+    if value is None:
+        return None
     if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > LONGEST_NAME:
         raise InputError(f"{where}: expected a name of at most {LONGEST_NAME} printable characters, found {value!r}")
     return value
@@ -250,7 +252,7 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     for index, entry in enumerate(_tables(entries, "structures", name)):
         where = f"{name}: [[structures]] number {index + 1}: "
         check_keys(entry, *_TABLES["structures"], where)
-        label = _name(entry["name"], f"{where}name")
+        label = checked_name(entry["name"], where)
         colour = entry.get("color")
         red, green, blue = structure_colour(label)
         if colour is not None:

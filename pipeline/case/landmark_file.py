@@ -1,7 +1,7 @@
 """Landmark files: CSV for spreadsheets, JSON for programs.
 
-The CSV has a header ``name,x,y,z,u,v,enabled`` (any order; commas, semicolons or tabs; other columns are ignored), the JSON
-is a list of ``{"name", "surface": [x, y, z], "pixel": [u, v], "enabled"}``, as in a case file. Points are in the frame
+The CSV has a header ``name,x,y,z,u,v,enabled`` (any order; commas, semicolons or tabs; others are ignored), the JSON is
+a list of ``{"name", "surface": [x, y, z], "pixel": [u, v], "enabled"}``, as in a case file. Points are in the frame
 and units of the mesh file, pixels in the undistorted frame with (0, 0) at the centre of the top-left pixel. Without a
 point or without a pixel, a landmark is incomplete.
 """

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .content import LARGEST_TEXT, decoded, write_bytes_atomically
+from .content import LARGEST_TEXT, write_bytes_atomically
 from .numbers import WrittenFloat
 
 MOST_LEVELS = 32
@@ -108,10 +108,7 @@ def check_levels(value: object) -> None:
 
 
 def _text(content: str | bytes) -> str:
-    text = content if isinstance(content, str) else decoded(content)
-    if text is None:
-        raise ValueError("it is no text")
-    return text
+    return content if isinstance(content, str) else content.decode("utf-8-sig")
 
 
 def _table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -13,6 +13,9 @@ from ...errors import InputError
 from ...images.image_check import LARGEST_FRAME, check_image_file, may_have_alpha
 from ...process.own_process import delayed_interrupts
 
+_BEYOND = 1e-3
+"""By which floats may exceed 0 to 1: interpolation and rounding do."""
+
 
 def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     """Read an image file as code values between 0 and 1.
@@ -59,6 +62,12 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         image.pixels.foreach_get(values)
     finally:
         bpy.data.images.remove(image)
+    # of floats; NaN is not within it
+    if not (values.min() >= -_BEYOND and values.max() <= 1 + _BEYOND):
+        raise InputError(
+            f"{where}: expected an image of values from 0 to 1, found {values.min():g} to {values.max():g}; save it as "
+            "PNG of 8 or 16 bits"
+        )
     values = values.reshape(height, width, channels)[::-1]
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
     valid = values[..., 3] > 0 if channels == 4 and has_alpha else np.ones((height, width), dtype=bool)

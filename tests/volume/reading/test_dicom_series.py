@@ -195,6 +195,18 @@ def test_files_without_a_preamble_are_read(write_series, tmp_path, implicit, wit
         read_volume(tmp_path)
 
 
+@pytest.mark.parametrize("kept", [0, 100, 140, 400])
+def test_a_slice_that_was_cut_off_is_not_passed_over(write_series, tmp_path, kept):
+    """At an end of the series nothing else would tell."""
+    write_series(tmp_path)
+    last = max(tmp_path.iterdir(), key=lambda path: pydicom.dcmread(path).ImagePositionPatient[2])
+    last.write_bytes(last.read_bytes()[:kept])
+    last.rename(last.with_suffix(".dcm"))
+    (tmp_path / "._hidden.dcm").write_bytes(b"\0\5\x16\7")
+    with pytest.raises(InputError, match=r"file \d of 8 .* damaged or cut off"):
+        read_volume(tmp_path)
+
+
 def test_transfer_syntaxes_that_cannot_be_read_are_named(write_series, tmp_path):
     from pydicom.encaps import encapsulate
     from pydicom.uid import UID

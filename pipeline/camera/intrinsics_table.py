@@ -18,7 +18,7 @@ PARTS = {"fx": ("fx", "flx"), "fy": ("fy", "fly"), "cx": ("cx", "ppx"), "cy": ("
 SIDES = (("width", "height"), ("imagewidth", "imageheight"), ("canvaswidth", "canvasheight"), ("w", "h"))
 SIZES = ("size", "resolution", "imagesize", "imgsize")
 MATLAB = ("RadialDistortion", "TangentialDistortion")
-"""Keys beside K that tell MATLAB's cameraParameters, whose first pixel is (1, 1), and whose sizes are (rows, columns)."""
+"""Keys beside K that tell MATLAB's cameraParameters: pixels count from 1, and sizes are (rows, columns)."""
 
 
 @dataclass(frozen=True)

@@ -146,7 +146,7 @@ WITH_SIZE = {
     "vision6d, numpy 2": lambda k: as_numpy_2(vision6d(k, 2)),
     "transposed": lambda k: as_json(intrinsic_matrix=k.T.ravel().tolist(), width=1920, height=1080),
     "matlab": lambda k: as_json(
-        IntrinsicMatrix=(k + [[0, 0, 1], [0, 0, 1], [0, 0, 0]]).T.tolist(),
+        IntrinsicMatrix=(k + np.outer([1, 1, 0], [0, 0, 1])).T.tolist(),
         ImageSize=SIZE[::-1],
         RadialDistortion=[0, 0],
         TangentialDistortion=[0, 0],

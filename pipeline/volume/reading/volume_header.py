@@ -112,11 +112,11 @@ def read_header(path: Path) -> VolumeHeader:
     head = read_beginning(path, "a volume", LARGEST_TEXT)
     if not head:
         raise InputError(f"{path}: expected a volume, found an empty file; copy or export it again")
-    matrix, fields = None, {}
     if suffix.startswith(".nii"):
         stored, matrix = _checked_nifti(path, head)
     else:
         stored, fields = _checked_text(path, head)
+        matrix = None
     reader = simple_itk().ImageFileReader()
     reader.SetFileName(str(path))
     try:

@@ -9,8 +9,6 @@ import struct
 import zlib
 from pathlib import Path
 
-import numpy as np
-
 from ..errors import InputError
 from ..files.content import read_content
 
@@ -26,8 +24,8 @@ million."""
 
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers that begin a frame: SOF0 to SOF15, without those of tables."""
-_TIFF_TYPES = {1: "u1", 3: "u2", 4: "u4"}
-"""Type of a whole number in a TIFF -> in NumPy."""
+_TIFF_TYPES = {1: "B", 3: "H", 4: "I"}
+"""Type of a whole number in a TIFF -> letter of struct."""
 _WIDTH, _HEIGHT, _COLOURS, _ORIENTATION = 256, 257, 262, 274
 _PARTS = ((273, 279), (324, 325))
 """Tags of where the strips or tiles of a TIFF begin, and of their bytes."""
@@ -147,7 +145,7 @@ def _size_and_orientation(data: bytes) -> tuple[int, int, int]:
         return _jpeg(data)[:3]
     if data.startswith(_TIFF_SIGNATURES):
         tags = _tiff_tags(data)
-        return int(tags[_WIDTH][0]), int(tags[_HEIGHT][0]), int(tags.get(_ORIENTATION, [1])[0])
+        return tags[_WIDTH][0], tags[_HEIGHT][0], tags.get(_ORIENTATION, (1,))[0]
     if data.startswith(_EXR_SIGNATURE):
         windows = [struct.unpack("<4i", found) for found in _EXR_WINDOW.findall(data, 0, _EXR_HEADER_BYTES)]
         if not windows:
@@ -202,7 +200,7 @@ def _jpeg(data: bytes) -> tuple[int, int, int, int]:
 
 def _exif_orientation(exif: bytes) -> int:
     try:
-        return int(_tiff_tags(exif).get(_ORIENTATION, [1])[0])
+        return _tiff_tags(exif).get(_ORIENTATION, (1,))[0]
     except struct.error:
         return 1
 
@@ -211,23 +209,23 @@ def _check_tiff(data: bytes) -> None:
     tags = _tiff_tags(data)
     for begins, sizes in _PARTS:
         for begin, size in zip(tags.get(begins, ()), tags.get(sizes, ()), strict=False):
-            if int(begin) + int(size) > len(data):
+            if begin + size > len(data):
                 raise ValueError("the file is cut off")
-    if tags.get(_COLOURS, [0])[0] in _LAB:
+    if tags.get(_COLOURS, (0,))[0] in _LAB:
         raise ValueError("its colours are L*a*b*, which programs convert in different ways")
 
 
-def _tiff_tags(data: bytes) -> dict[int, np.ndarray]:
+def _tiff_tags(data: bytes) -> dict[int, tuple[int, ...]]:
     """The values of each tag of whole numbers in a TIFF's first directory, by its number; so too in EXIF."""
     order = "<" if data[:2] == b"II" else ">"
     (first,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, first)
-    tags: dict[int, np.ndarray] = {}
+    tags: dict[int, tuple[int, ...]] = {}
     for entry in range(first + 2, first + 2 + 12 * count, 12):
         tag, kind, values, offset = struct.unpack_from(order + "HHII", data, entry)
-        if kind in _TIFF_TYPES and values:
-            dtype = np.dtype(order + _TIFF_TYPES[kind])
-            at = entry + 8 if dtype.itemsize * values <= 4 else offset
-            if at + dtype.itemsize * values <= len(data):
-                tags.setdefault(tag, np.frombuffer(data, dtype, values, at))
+        if kind in _TIFF_TYPES and 0 < values <= len(data):
+            form = f"{order}{values}{_TIFF_TYPES[kind]}"
+            at = entry + 8 if struct.calcsize(form) <= 4 else offset
+            if at + struct.calcsize(form) <= len(data):
+                tags.setdefault(tag, struct.unpack_from(form, data, at))
     return tags

@@ -57,8 +57,8 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
         # of floats; NaN is not within it
         if not (values.min() >= -_BEYOND and values.max() <= 1 + _BEYOND):
             raise InputError(
-                f"{where}: expected an image of values from 0 to 1, found {values.min():g} to {values.max():g}; save it "
-                "as PNG of 8 or 16 bits"
+                f"{where}: expected an image of values from 0 to 1, found {values.min():g} to {values.max():g}; save "
+                "it as PNG of 8 or 16 bits"
             )
     channels = values.shape[2]
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)

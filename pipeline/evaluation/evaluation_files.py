@@ -13,7 +13,7 @@ import numpy as np
 
 from ..case.case_file import read_case
 from ..case.loaded_case import load_case
-from ..charts.page import chart_outputs
+from ..charts.page import chart_path
 from ..errors import InputError
 from ..files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
 from ..progress import ShareProgress
@@ -53,7 +53,7 @@ from .record.evaluation_tables import (
 from .scores.inception import Inception
 
 TABLE, MARKDOWN_FILE, LATEX_FILE = "frames.csv", "summary.md", "summary.tex"
-CHART = "scores.svg"
+CHART = "scores.png"
 _FILES = (EVALUATION, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
 _NAMES = "|".join([*map(re.escape, _FILES), PICTURES, r"scores(_cases)?(-dark)?\.(svg|png)"])
 NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
@@ -143,8 +143,7 @@ def _check(run: EvaluationRun) -> None:
     kinds += [f"{method.key}{suffix}" for method in run.settings.methods.running for suffix in ("", " difference")]
     outputs = [out / name for name in _FILES]
     outputs += [out / f"{stem} {kind}.png" for stem in picture_stems(run).values() for kind in kinds]
-    for data in _chart_files(out, len(run.cases)):
-        outputs += chart_outputs(data)
+    outputs += map(chart_path, _chart_files(out, len(run.cases)))
     check_outputs(outputs, read)
 
 

@@ -18,12 +18,12 @@ from typing import Any
 
 from distributed import Worker
 
-from ..blender.dataset.render_process import AHEAD, RenderProcess
 from ..case.case_file import read_case
 from ..dataset.identity import description_bytes
 from ..dataset.layout import RECORD, ViewPaths
 from ..dataset.options import option_arguments
 from ..dataset.run.elsewhere import CASE, MissingViews, case_parcel, gather_view
+from ..dataset.run.render_processes import AHEAD, RenderProcess
 from ..dataset.run.survey import is_finished
 from ..errors import RunError
 from ..process.command_line import blender_command

@@ -143,8 +143,8 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch,
     every = run(tmp_path / "whole")
     with pytest.raises(Killed):
         run(tmp_path / "killed", share)
-    with open(tmp_path / "killed" / FINISHED, "a") as file:
-        file.write('{"view": ["torn')
+    with open(tmp_path / "killed" / FINISHED, "ab") as file:
+        file.write(b'{"vi\xffew": [\n["no view"]\n{"view": ["torn')
     assert 0 < len(scored) < every
     assert len(scored) + run(tmp_path / "killed") == every
     assert results(tmp_path / "killed") == results(tmp_path / "whole")

@@ -93,7 +93,7 @@ def measure_samples(folder: Path, distance: float, *, quick: bool) -> list[Cell]
     limit = Limit("MAX_REDUCTION", MAX_REDUCTION)
     cells, samples = [], SAMPLES[::3] if quick else SAMPLES
     with _renderer(folder, COARSE_TRIANGLES) as renderer:
-        pose, source, camera = _pose(renderer, distance=distance), renderer.source, renderer.camera
+        pose, source, camera = _pose(renderer, distance=distance), renderer.reference, renderer.camera
     (colour,), _ = colours_of(source, "projective")
 
     def every_pixel(count: int) -> RenderedView:

@@ -23,7 +23,6 @@ from oneframe.evaluation.scores.view_scores import SCORES
 from oneframe.images.image_check import PNG_SIGNATURE
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
-ROOT = Path(__file__).resolve().parents[3]
 pytestmark = [pytest.mark.long, pytest.mark.render]
 
 

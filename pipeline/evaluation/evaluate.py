@@ -270,7 +270,7 @@ def _novel_poses(case: EvaluationCase, reference: ReferenceView, seed: int) -> l
 
 
 def _features(inception: Inception, image: np.ndarray, shown: ShownSurface) -> np.ndarray:
-    """Of the whole image, black outside the surface."""
+    """Features of the whole image, black outside the surface."""
     return inception(np.where(shown.surface[..., None], image, np.float32(0)))
 
 

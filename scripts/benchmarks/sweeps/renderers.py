@@ -46,7 +46,7 @@ COARSE_TRIANGLES = 20_000
 TILTS_DEG = (0.0, 20.0, 40.0, 60.0, 80.0)
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 11_000_000)
 RASTERISED_TRIANGLES = 1_000_000
-"""Of the largest surface for the rasterisers, which are measured for comparison."""
+"""The largest surface for the rasterisers, which are measured for comparison."""
 TIMED_VIEWS = 3
 WRONG_CODES, WRONG_DEPTH_MM = 4.0, 0.2
 """Mean colour error, of 255, and median depth error beyond which a picture counts as wrong."""

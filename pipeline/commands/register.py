@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..files.content import write_bytes_atomically
         from ..files.outputs import check_outputs, check_own_folder, writing
         from ..progress import ShareProgress
-        from ..registration.pose_list import ESTIMATES, POSES
+        from ..registration.report import ESTIMATES, POSES
         from ..registration.verdict import ACCEPTED
         from ..report.registration_page import registration_page
     if arguments.denoise and not arguments.colour_frames:

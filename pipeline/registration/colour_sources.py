@@ -13,9 +13,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from ..colour.exposure import matched_exposures
 from ..colour.source_view import SourceView
 from ..images.pixel_values import sample_bilinear
+from ..light.exposure import matched_exposures
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from .register import RegisteredFrame

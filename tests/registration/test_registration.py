@@ -23,13 +23,17 @@ from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.registration.evidence import frame_evidence
-from oneframe.registration.film_change import FilmAgreement, FilmChange
-from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
-from oneframe.registration.source_correction import SourceCorrection, Track
-from oneframe.registration.source_uncertainty import SURFACE_SHARE, with_case
-from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
-from oneframe.registration.zoom import Zoom, at_same_focal_length, zoom_of
+from oneframe.registration.register import (
+    RegisteredFrame,
+    Registrar,
+    Zoom,
+    at_same_focal_length,
+    judged_together,
+    zoom_of,
+)
+from oneframe.registration.report import frame_evidence
+from oneframe.registration.source_correction import SURFACE_SHARE, SourceCorrection, Track, with_case
+from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import (

@@ -12,9 +12,10 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...light.local_mean import without_local_mean
 from ...transforms import rigid, rotation_between, rotation_from_vector
 from ..refinement.image_pyramid import reduced_image
-from ..refinement.shading_features import Surface, appearance, without_local_mean
+from ..refinement.shading_features import Surface, appearance
 
 DIRECTIONS = 150
 """View directions, about 17° apart."""

@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...light.local_mean import without_local_mean
 from ...transforms import rigid, rotation_between, rotation_from_vector, turned_about
 from .canonical_correlation import summed_correlation
 from .image_pyramid import PyramidLevel
-from .shading_features import Appearance, appearance, without_local_mean
+from .shading_features import Appearance, appearance
 
 MIN_OVERLAP = 0.6
 """Fraction of the surface, or of the image if that is smaller, that a candidate must overlap."""

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...colour.exposure import matched_exposures
 from ...colour.fill import filled_colours
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
@@ -20,6 +19,7 @@ from ...colour.source_view import SourceView
 from ...colour.texture_atlas import TextureAtlas, bake_atlas, classify_faces
 from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...errors import InputError
+from ...light.exposure import matched_exposures
 from ...projection.rays import MeshRays
 from ...projection.rendered_view import RenderedView
 from ...projection.visible_surface import most_central

@@ -11,10 +11,9 @@ from ...case.alignment_record import FURTHER_FRAMES
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...files.numbers import format_two_digits
-from ...registration.blocks import SPREAD
 from ...registration.flow_refinement import FlowFit
 from ...registration.source_correction import SourceCorrection, SourceFit, Track
-from ...registration.verdict import ACCEPTED
+from ...registration.verdict import ACCEPTED, SPREAD
 from ...transforms import inverse_rigid, rotation_angle_deg, transform_points
 from .register_frames import CaseRegistrar
 

@@ -23,11 +23,18 @@ from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.overlay_scene import OverlayScene
 from ...registration.colour_sources import Candidates, chosen_sources
-from ...registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from ...registration.film_change import FilmAgreement
-from ...registration.pose_list import ESTIMATES, POSES, pose_entry, write_poses
 from ...registration.register import RegisteredFrame, judged_together
-from ...registration.verdict import ACCEPTED
+from ...registration.report import (
+    COLOURS,
+    ESTIMATES,
+    POSES,
+    FrameEvidence,
+    RegistrationEvidence,
+    frame_evidence,
+    pose_entry,
+    write_poses,
+)
+from ...registration.verdict import ACCEPTED, FilmAgreement
 from ...video.film_reader import WIDEST, Film
 from ..alignment.overlay_film import FrameMark, OverlayFilm
 from ..alignment.overlay_picture import overlay_scene

@@ -20,10 +20,9 @@ from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...registration.colour_sources import Candidate
 from ...registration.known_views import grey_codes
-from ...registration.register import RegisteredFrame, Registrar
-from ...registration.source_uncertainty import doubt_of_source, with_case
+from ...registration.register import RegisteredFrame, Registrar, zoom_of
+from ...registration.source_correction import doubt_of_source, with_case
 from ...registration.verdict import ACCEPTED, REFUSED, Verdict
-from ...registration.zoom import zoom_of
 from ...transforms import inverse_rigid
 from ...video.denoise import denoised
 from ...video.film_reader import Film

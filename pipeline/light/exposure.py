@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from .source_view import SourceView
+from ..colour.source_view import SourceView
 
 STEP_PX = 4
 """Between the pixels that are compared."""

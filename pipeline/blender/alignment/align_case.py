@@ -14,9 +14,8 @@ from ...alignment.landmarks.align_landmarks import (
 from ...alignment.landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
-from ...alignment.pose_uncertainty import PoseMode
+from ...alignment.pose_uncertainty import PoseEvidence, PoseMode
 from ...alignment.posterior.corners import corners_in_view
-from ...alignment.posterior.evidence import PoseEvidence
 from ...alignment.posterior.next_click import next_click, rough_mode, visible_points
 from ...alignment.posterior.report import image_table, joined_record
 from ...alignment.posterior.solve import pose_posterior
@@ -92,8 +91,8 @@ def align_case(
     alignment, refinement, image, took_refused = None, None, None, False
     start = case.cam_from_mesh if case.posed else None
 
-    def solved(*evidence: PoseEvidence) -> Alignment:
-        return pose_posterior(case.landmarks, case.camera, evidence, click_sigma_px=click_sigma_px, start=start)
+    def solved(image: PoseEvidence | None = None) -> Alignment:
+        return pose_posterior(case.landmarks, case.camera, image, click_sigma_px=click_sigma_px, start=start)
 
     mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
     # before the check of the pose, which would report landmarks of another mesh as a wrong pose

@@ -16,10 +16,10 @@ from ..alignment.levenberg_marquardt import Loss, fit_poses
 from ..alignment.reprojection import Correspondences, Poses
 from ..camera.pinhole import PinholeCamera
 from ..colour.ray_tracer import RayTracer
+from ..colour.shading import ColouredSurface
 from ..colour.source_view import SourceView
 from ..light.local_mean import without_light
 from ..poses.distributions import ReferencePose
-from ..projection.rays import MeshRays
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, rotation_angle_deg, transform_points
 
@@ -126,7 +126,7 @@ class KnownViews:
     def __init__(self, mesh: TriangleMesh, source: SourceView) -> None:
         """Prepare a surface (model frame) that is coloured by its aligned frame."""
         self.source = source
-        self._tracer = RayTracer(mesh, source.camera, source, rays=MeshRays(mesh))
+        self._tracer = RayTracer(ColouredSurface(mesh, (source,)), source.camera)
         self._latest: KnownView | None = None
 
     def near(self, cam_from_model: np.ndarray) -> KnownView:

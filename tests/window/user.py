@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import sidebar_picture
-import x11_capture
+import x11
 from hands import HOVER_S, Action, Hands, Place
 
 FAR = 100_000
@@ -65,7 +65,7 @@ class User(Hands):
     def _seen_in_sidebar(self, look: Callable[[np.ndarray], list[tuple[int, int]]]) -> list[Place]:
         sidebar = self.region("UI")
         top = self.window.height - sidebar.y - sidebar.height
-        picture = x11_capture.capture()[top : top + sidebar.height, sidebar.x : sidebar.x + sidebar.width]
+        picture = x11.capture()[top : top + sidebar.height, sidebar.x : sidebar.x + sidebar.width]
         return [(sidebar.x + x, sidebar.y + sidebar.height - 1 - y) for x, y in look(picture)]
 
     def show_step(self, step: str, *, parts: bool = False) -> Action:
@@ -236,7 +236,7 @@ class User(Hands):
         """The picture of the window once two in a row are equal, so that all drawing is on the screen."""
         before = None
         for _ in range(25):
-            now = x11_capture.capture()
+            now = x11.capture()
             if before is not None and np.array_equal(now, before):
                 return now
             before = now
@@ -250,4 +250,4 @@ class User(Hands):
         if any(area.type == "VIEW_3D" for area in self.window.screen.areas):
             yield from self.redraw()
         yield 0.3
-        np.save(self._pictures / f"{name}.npy", x11_capture.capture())
+        np.save(self._pictures / f"{name}.npy", x11.capture())

@@ -199,7 +199,7 @@ def baked_colour_of(
     faces_seen = list(map(classified, source.views))
     baking = _Stage(report, 1.0, CLASSIFIED)
     atlas = bake_atlas(source.mesh, source.views, faces_seen, unseen=unseen, step=baking.step)
-    return atlas, atlas.messages()
+    return atlas, [atlas.summary()]
 
 
 class _Stage:

@@ -99,18 +99,18 @@ def pose_posterior(
             [mode.cam_from_model for mode in found],
             found,
         )
-    mode = possible[0].mode
+    mode, is_alone = possible[0].mode, possible[0].is_alone
+    kinds = tuple(kind for kind, counts in ((LANDMARKS, mode.inliers.any()), (IMAGE, not is_alone)) if counts)
     residuals_px = _residuals_px(pairs, mode.cam_from_model)
-    if possible[0].is_alone:
+    if is_alone:
         shown = transform_points(image.cam_from_model, pairs.offsets + pairs.pivot_model)
         apart_px = np.linalg.norm(pairs.pixels - residuals_px - camera.project(shown), axis=1)
         left_out = (
             f"The image is left out: its pose lies {format_two_digits(float(np.median(apart_px)))} px from that of "
             "the landmarks, more than the errors of both allow. Check the landmarks, or refine again from their pose."
         )
-        messages, kinds = (left_out, *messages), (LANDMARKS,)
+        messages = left_out, *messages
     else:
-        kinds = (LANDMARKS, IMAGE) if mode.inliers.any() else (IMAGE,)
         messages = tuple(outlier_messages(residuals_px, mode.inliers, names))
     squared_px = (residuals_px[mode.inliers] ** 2).sum(axis=1)
     rms_px = float(np.sqrt(squared_px.mean())) if len(squared_px) else 0.0
@@ -262,11 +262,10 @@ def pulls_px(found: Alignment, image: PoseEvidence | None, points_model: np.ndar
         ``(N, 3)`` points of the visible surface, mm.
     """
     shown = found.camera.project(transform_points(found.estimate.cam_from_model, points_model))
-    rests = {LANDMARKS: ((), image)} if found.landmarks else {}
-    if image is not None:
-        rests[IMAGE] = found.landmarks, None
     pulls: dict[str, float | None] = {}
-    for kind, (landmarks, rest) in rests.items():
+    for kind, landmarks, rest in ((LANDMARKS, (), image), (IMAGE, found.landmarks, None)):
+        if not (found.landmarks if kind == LANDMARKS else image):
+            continue
         try:
             pose = pose_posterior(landmarks, found.camera, rest, click_sigma_px=found.click_sigma_px)
         except UndeterminedPose:

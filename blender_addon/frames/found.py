@@ -18,7 +18,6 @@ import numpy as np
 
 from ..case_queue.queued import present, queue_of
 from ..class_registration import at_end, class_registration, listening
-from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
@@ -27,8 +26,10 @@ from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_ato
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, Candidates
+from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame, judged_together
-from ..pipeline.registration.report import encoded_list, found_of, pose_entry, registration_record
+from ..pipeline.registration.register_frames import CaseRegistrar
+from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
@@ -92,8 +93,8 @@ class FoundFrames:
         alone, written_s = dict[int, RegisteredFrame](), time.monotonic()
         agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
         try:
-            with registrar.frames(film.path) as (_, frames):
-                for frame in frames:
+            with registrar.frames(film.path) as opened:
+                for frame in opened.frames:
                     if frame.number not in left:
                         continue
                     found = registrar.register(frame)

@@ -13,8 +13,9 @@ from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
 from oneframe.errors import InputError
 from oneframe.poses.view_spread import spread_views
+from oneframe.registration.pose_list import encoded_list, found_of, pose_entry
 from oneframe.registration.register import RegisteredFrame
-from oneframe.registration.report import encoded_list, found_of, pose_entry, registration_record
+from oneframe.registration.report import registration_record
 from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
 from oneframe.transforms import inverse_rigid, se3_exp
 

@@ -281,7 +281,7 @@ class PoseMode:
     cam_from_model
         ``(4, 4)``, mm.
     uncertainty
-        Of this pose, if it is the right one.
+        That of this pose, if it is the right one.
     probability
         That it is.
     inliers
@@ -303,7 +303,7 @@ class PoseEvidence:
     cam_from_model
         ``(4, 4)`` its mean, mm.
     uncertainty
-        Of this pose.
+        That of this pose.
     """
 
     cam_from_model: np.ndarray

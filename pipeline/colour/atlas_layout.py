@@ -107,7 +107,7 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
     Parameters
     ----------
     charts
-        Of S faces.
+        Those of S faces.
     depth
         ``(S, 3)`` depth of the corners, mm.
     fully

@@ -23,7 +23,7 @@ LEAST_PIXELS = 100
 PRIOR = (1e-3, 1e-2, 1e-2)
 """Weights of a gain of 1 that is the same everywhere, relative to the pixels: for frames that share little."""
 ROUNDS, LEAST_DIFFERENCE = 12, 0.02
-"""Of reweighting; logarithms of gains that differ by less count as in least squares."""
+"""Rounds of reweighting; logarithms of gains that differ by less count as in least squares."""
 
 
 class View(Protocol):

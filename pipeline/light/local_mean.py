@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 SIGMA = 0.03
-"""Of the neighbourhood of :func:`without_light`, relative to the longer side."""
+"""Standard deviation of the neighbourhood of :func:`without_light`, relative to the longer side."""
 
 SHRINK = 4
 """Factor by which images are made smaller to blur them widely."""

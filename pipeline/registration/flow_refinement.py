@@ -44,7 +44,7 @@ class FlowFit:
     cam_from_model
         ``(4, 4)``, mm.
     camera
-        Of the frame.
+        That of the frame.
     pixels
         ``(N, 2)`` where the pose places textured points of the surface in the frame, inside of it.
     residuals_px

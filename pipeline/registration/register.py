@@ -37,21 +37,21 @@ from .verdict import (
 LEAST_FEATURES = 200
 
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
-"""Of the fit, how far a step goes at most, and how small the last one is, as the logarithm of the focal length."""
+"""Steps of the fit at most, how far one goes, and how small the last one is, as the logarithm of the focal length."""
 SOFTNESS = 0.03
 """Standard deviation of what a surface, a K and a pose that are not exact add to the logarithm of a zoom, before other
 frames tell: it counts as much as one frame."""
 STEPS_APART, HALF_APART = 2.0, 2.5
 """How much farther that reaches than from one frame to the next, and than among the half of them that lie closest."""
 HALF_WIDTH = 1.349
-"""Of the middle half of a normal distribution, in standard deviations."""
+"""Width of the middle half of a normal distribution, in standard deviations."""
 SHARE, SHARE_FRAMES, WIDTH = 0.01, 10, 0.15
 """Share of frames that are zoomed, before a set tells, and how many frames that counts as much as; standard deviation
 of the logarithm of their zoom."""
 STATED_FRAMES = 3
 """As how many frames it counts that standard deviations are as stated."""
 ROUNDS = 20
-"""Of finding the share."""
+"""Rounds of finding the share."""
 
 
 class Zoom(NamedTuple):
@@ -134,7 +134,7 @@ class RegisteredFrame:
     cam_from_model
         ``(4, 4)`` the pose, mm.
     uncertainty
-        Of the pose, as far as the frame tells: for the error of the aligned frame's see :func:`.with_case`.
+        That of the pose, as far as the frame tells: for the error of the aligned frame's see :func:`.with_case`.
     fit
         What the pose was found from.
     zoom
@@ -187,7 +187,7 @@ class Registrar:
 
     @property
     def camera(self) -> PinholeCamera:
-        """Of the frames."""
+        """The camera of the frames."""
         return self._views.source.camera
 
     @cached_property

@@ -26,7 +26,7 @@ class FrameEvidence:
     Attributes
     ----------
     name, number
-        Of an image's file, and counted from 0; a frame of a video has no name.
+        That of an image's file, and counted from 0; a frame of a video has no name.
     verdict
         State, probability and reason.
     cam_from_model
@@ -50,7 +50,7 @@ class FrameEvidence:
 
     @property
     def opacity(self) -> float:
-        """Of the overlay, 0..1: the less sure the fainter, none without a pose."""
+        """The opacity of the overlay, 0..1: the less sure the fainter, none without a pose."""
         sure = 0.0 if self.cam_from_model is None else self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX)
         return float(np.clip(sure, *OPACITY[self.verdict.state]))
 
@@ -171,7 +171,7 @@ def registration_record(
     found
         The frame.
     camera
-        Of the frame at its full size.
+        The camera of the frame at its full size.
     mesh_from_model
         ``(4, 4)``, mm.
     source, source_name

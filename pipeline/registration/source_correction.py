@@ -30,7 +30,7 @@ LOSS = Loss(1.0)
 MOST_STEPS, SETTLED = 60, 1e-6
 """Steps, and the share of the cost below which a step is the last."""
 LARGEST_ZOOM = 0.2
-"""Of a step, as the logarithm of the focal length."""
+"""Largest part of a step, as the logarithm of the focal length."""
 STEEPEST = 0.2
 """Cosine between ray and normal below which a pixel's place on the surface is too uncertain."""
 LEAST_BEND = 0.2
@@ -64,7 +64,7 @@ class SourceFit(NamedTuple):
     frames
         ``(F, 4, 4)`` those of the frames, mm.
     camera
-        Of all frames.
+        The camera of all frames.
     covariance
         ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes; ``(7, 7)`` with the
         logarithm of the focal length.
@@ -211,7 +211,7 @@ def _normal(linear: _Linear, number: np.ndarray, damping: float) -> _Normal:
 
 
 def _covariance(linear: _Linear, number: np.ndarray, source_px: np.ndarray) -> np.ndarray:
-    """Of the source's unknowns, robust against errors shared within a block (Liang & Zeger 1986).
+    """The covariance of the source's unknowns, robust against errors shared within a block (Liang & Zeger 1986).
 
     The blocks are the source's: a wrong surface errs alike in all frames.
     """
@@ -251,7 +251,7 @@ def with_case(
     source_from_model
         ``(4, 4)`` that pose, mm.
     camera
-        Of the frames.
+        The camera of the frames.
     """
     pose, own = found.cam_from_model, found.uncertainty
     if pose is None or own is None:

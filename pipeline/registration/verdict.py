@@ -197,7 +197,7 @@ class FilmChange:
     places
         ``(h, w)`` bool: blocks of the aligned frame's image that have changed at the end.
     share
-        Of the blocks that the film shows, 0..1.
+        Their share of the blocks that the film shows, 0..1.
     """
 
     since: int

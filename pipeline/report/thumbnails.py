@@ -112,14 +112,13 @@ def webp(image: np.ndarray, quality: int) -> bytes:
     return data.tobytes()
 
 
-def data_uri(data: bytes, kind: str = "image/webp") -> str:
-    """Bytes as the address of a picture."""
-    return f"data:{kind};base64,{base64_text(data)}"
-
-
 def sized_picture(image: np.ndarray, quality: int) -> dict[str, object]:
     """A picture for the page: its address, and its size, so that nothing moves when it appears."""
-    return {"uri": data_uri(webp(image, quality)), "width": image.shape[1], "height": image.shape[0]}
+    return {
+        "uri": f"data:image/webp;base64,{base64_text(webp(image, quality))}",
+        "width": image.shape[1],
+        "height": image.shape[0],
+    }
 
 
 def limited_picture(image: np.ndarray, most_bytes: int) -> dict[str, object]:

@@ -65,14 +65,10 @@ def write_evaluation(root: Path, rng: np.random.Generator) -> Path:
         ],
         "bound": [{"case": "all", "score": "ssim_observed", "mean": 0.93, "low": 0.9, "high": 0.95, "jitter_px": 0.5}],
         "pictures": entries,
-        "charts": ["similarity.svg", "similarity-dark.svg"],
+        "charts": ["similarity.svg", "similarity.png", "similarity-dark.png"],
     }  # fmt: skip
     (root / "evaluation.json").write_text(json.dumps(content))
-    for name, colour in (("similarity.svg", "white"), ("similarity-dark.svg", "black")):
-        (root / name).write_text(
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 4"><rect width="9" height="4" fill="{colour}"/>'
-            '<circle cx="3" cy="2" r="1" fill="teal"/></svg>'
-        )
+    (root / "similarity.png").write_bytes(encode_png(_wave(4, rng)))
     (root / "figure.png").write_bytes(encode_png(_wave(5, rng)))
     return root
 

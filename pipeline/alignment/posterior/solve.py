@@ -35,7 +35,7 @@ of shifts across the view by as much of the surface's radius, and of the distanc
 two were wrong."""
 
 NOISE_ROUNDS = 4
-"""Of estimating the click noise and the pose in turn."""
+"""Rounds of estimating the click noise and the pose in turn."""
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ class Spectra(NamedTuple):
     Attributes
     ----------
     region
-        Of its valid pixels.
+        That of its valid pixels.
     planes
-        Of its planes, which are 0 elsewhere.
+        Those of its planes, which are 0 elsewhere.
     products
-        Of the products of two planes, by their numbers.
+        Those of the products of two planes, by their numbers.
     """
 
     region: np.ndarray

@@ -28,9 +28,9 @@ directions, and after refining them. Reliefs under a sun 25 to 40 degrees high h
 sample, bloster and most of LM-O, whose light is broad or next to the lens, 0.95 to 1."""
 
 STEPS_DEG, FINER_STEPS_DEG = (8.0, 4.0), (4.0, 2.0)
-"""Of the direction, as it is refined after the search: on the coarser surface, then on that of the level."""
+"""Steps of the direction, as it is refined after the search: on the coarser surface, then on that of the level."""
 ROUNDS_DEG = ((2.0, 1.0), (1.0,), (1.0,))
-"""The same in turn with the pose."""
+"""Those in turn with the pose."""
 RENDERINGS = 2
 """Renderings of the pose's refinement between."""
 

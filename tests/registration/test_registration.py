@@ -402,18 +402,18 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
 def test_of_a_film_other_sizes_are_refused_and_its_end_is_missed(mesh, tmp_path, capfd):
     write_case(tmp_path, mesh, SOURCE)
     image = np.rint(255 * photograph(mesh, seen_from(4, 0))).astype(np.uint8)
+    film = write_images(tmp_path / "cut.mkv", [image] * 60)
+    film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
+    registered(tmp_path, film.name, tmp_path / "cut", "--every", "9")
+    assert "note: the file is cut off: it ends " in capfd.readouterr().out
+    assert b"The video&#x27;s file is cut off" in (tmp_path / "cut" / "registration.html").read_bytes()
+
     stills = {"whole": [image] * 3, "half": [cv2.resize(image, (160, 120))] * 3}
     parts = {name: write_images(tmp_path / f"{name}.h264", images).read_bytes() for name, images in stills.items()}
     (tmp_path / "film.h264").write_bytes(parts["whole"] + parts["half"] + parts["whole"])
     found = registered(tmp_path, "film.h264", tmp_path / "out")
     assert [entry["state"] for entry in found] == [ACCEPTED] * 3 + [REFUSED] * 3 + [ACCEPTED] * 3
     assert found[4]["reason"] == "it has 160x120 px, the film's first frame 320x240"
-
-    film = write_images(tmp_path / "cut.mkv", [image] * 60)
-    film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
-    registered(tmp_path, film.name, tmp_path / "cut", "--every", "9")
-    assert "note: the file is cut off: it ends " in capfd.readouterr().out
-    assert b"The video&#x27;s file is cut off" in (tmp_path / "cut" / "registration.html").read_bytes()
 
 
 def test_distorted_images_with_odd_names_are_a_list_of_photographs(mesh, tmp_path):

@@ -20,8 +20,7 @@ from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
 from .landmarks.picture import marked
 from .landmarks.report import alignment_record, pose_lines, pose_table, report_lines, report_table
 from .pose_uncertainty import PoseEvidence, PoseMode
-from .posterior.corners import corners_in_view
-from .posterior.next_click import next_click, rough_mode, visible_points
+from .posterior.next_click import corners_in_view, next_click, rough_mode, visible_points
 from .posterior.report import image_table, joined_record
 from .posterior.solve import pose_posterior
 from .proposal.propose import propose_poses

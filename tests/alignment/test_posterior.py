@@ -9,8 +9,7 @@ import pytest
 from oneframe.alignment.landmarks.align_landmarks import align_landmarks
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose
 from oneframe.alignment.pose_uncertainty import PoseEvidence, PoseMode, PoseUncertainty
-from oneframe.alignment.posterior.corners import CORNER_PX, WIDTH_PX, corners_in_view
-from oneframe.alignment.posterior.next_click import gains_px2, next_click
+from oneframe.alignment.posterior.next_click import CORNER_PX, WIDTH_PX, corners_in_view, gains_px2, next_click
 from oneframe.alignment.posterior.solve import joint_dof, pose_posterior, pulls_px
 from oneframe.alignment.reprojection import apply_twist, jacobian_at, twist_between
 from oneframe.case.landmarks import Landmark

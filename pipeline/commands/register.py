@@ -14,7 +14,7 @@ from ..process.own_process import own_output
 
 if TYPE_CHECKING:
     from ..case.loaded_case import LoadedCase
-    from ..registration.evidence import RegistrationEvidence
+    from ..registration.report import RegistrationEvidence
 
 ABOUT = "Find the pose of further frames of a case, from a folder of images or a video, without any training."
 EPILOG = """examples:

@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import InputError
 from ...files.content import read_beginning, read_content
 from ...surface.mesh import TriangleMesh
-from ...video.film_reader import read_video_frame, video_info
+from ...video.film_reader import WIDEST, Film, video_info
 from ..dataset_file import Description
 from ..layout import VIDEO_FILES
 from ..tables.pose_tables import POSE_COLUMNS
@@ -45,14 +45,21 @@ def check_video(root: Path, description: Description, mesh: TriangleMesh | None)
     if mesh is None:
         return
     near = np.ones(2 * (2 * FAR_PX + 1,), np.uint8)
-    for index in np.unique(np.linspace(0, len(poses) - 1, FRAMES_LOOKED_AT).round().astype(int)).tolist():
-        bright = read_video_frame(root / VIDEO, index)[: camera.height, : camera.width].max(axis=2) > DARK
-        mask = surface_depth(mesh, camera, poses[index]).z > 0
-        beside = bright & (cv2.dilate(mask.astype(np.uint8), near) == 0)
-        if beside.sum() > 0.001 * beside.size:
-            raise InputError(
-                f"{VIDEO}: {int(beside.sum())} px of frame {index} lie beside the surface at its pose in {VIDEO_POSES}"
-            )
+    every = max(1, (len(poses) - 1) // (FRAMES_LOOKED_AT - 1))
+    missing = {*range(0, len(poses), every)}
+    with Film(root / VIDEO, every=every, width=WIDEST) as film:
+        for frame in film:
+            bright = frame.image[: camera.height, : camera.width].max(axis=2) > DARK
+            mask = surface_depth(mesh, camera, poses[frame.index]).z > 0
+            beside = bright & (cv2.dilate(mask.astype(np.uint8), near) == 0)
+            if beside.sum() > 0.001 * beside.size:
+                raise InputError(
+                    f"{VIDEO}: {int(beside.sum())} px of frame {frame.index} lie beside the surface at its pose in "
+                    f"{VIDEO_POSES}"
+                )
+            missing.discard(frame.index)
+    if missing:
+        raise InputError(f"{VIDEO}: cannot decode frame {min(missing)}; the file is damaged")
 
 
 def read_video_poses(root: Path) -> list[np.ndarray]:

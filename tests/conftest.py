@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -18,7 +17,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface
 from oneframe.case.posed_frame import PosedFrame
-from oneframe.dataset.run.lock import Busy, FileLock
+from oneframe.files.lock import alone
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
@@ -93,20 +92,12 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[P
 
     def filled(name: str, fill: Callable[[Path], None]) -> Path:
         folder, done = base / name, base / f"{name}.done"
-        while not done.exists():
-            try:
-                lock = FileLock(base / f"{name}.lock", shared=False)
-            except Busy:
-                time.sleep(0.2)
-                continue
-            try:
-                if not done.exists():
-                    shutil.rmtree(folder, ignore_errors=True)
-                    folder.mkdir()
-                    fill(folder)
-                    done.touch()
-            finally:
-                lock.release()
+        with alone(base / f"{name}.lock"):
+            if not done.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                fill(folder)
+                done.touch()
         return folder
 
     return filled

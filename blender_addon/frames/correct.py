@@ -7,10 +7,8 @@ import numpy as np
 
 from ..class_registration import class_registration
 from ..pipeline.blender.bridge.data_blocks import set_exact
-from ..pipeline.blender.colour.reference_view import can_rasterise
-from ..pipeline.blender.registration.correct_source import CorrectedSource, correct_source
-from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
+from ..pipeline.registration.correct_source import CorrectedSource, correct_source
 from ..refine.preview import BackgroundPreview
 from ..setup.alignment_record import tool_and_date
 from ..state import from_scene, image_evidence, pose_evidence
@@ -33,8 +31,6 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
 
     def work(self, context: bpy.types.Context) -> Work:
         loaded, film = recorded_case(context.scene), session.scored(context.scene).path
-        if not can_rasterise(loaded):
-            raise InputError("expected the whole surface in front of the camera, found part of it behind; cut it off")
         tool, date = tool_and_date()
         self._inputs, self._before = inputs_of(context.scene), loaded.frame.cam_from_model
         return lambda progress: correct_source(loaded, film, tool=tool, date=date, progress=progress)

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.blender.bridge.image import read_image
+from ..pipeline.images.image_reader import read_image
 from ..state import another_frame, from_scene, to_scene
 from ..state.initial_pose import set_initial_pose
 from ..ui.operator import Messages, OpensFile, Reporting, available

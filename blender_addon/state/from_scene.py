@@ -16,13 +16,12 @@ import numpy as np
 from ..pipeline.blender.alignment.alignment_scene import camera_of
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of, pose_of
 from ..pipeline.blender.bridge.data_blocks import absolute_path, exact
-from ..pipeline.blender.case.load_case import load_frame
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure, case_from_text
+from ..pipeline.case.frame import PosedFrame, UnreadFrame, load_frame
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.case.loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
-from ..pipeline.case.posed_frame import PosedFrame, UnreadFrame
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from oneframe.blender.alignment.align_case import align_case
+from oneframe.alignment.align_case import align_case
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png

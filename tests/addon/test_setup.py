@@ -208,7 +208,7 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
     assert made.camera == given.camera
     assert settings.camera_object.data.background_images[0].image is not None
     # in any order, the surface at its initial pose faces the camera inside the frame
-    from oneframe.blender.case.load_case import load_case
+    from oneframe.case.loaded_case import load_case
 
     loaded = load_case(made)
     pixels = made.camera.project(

@@ -159,7 +159,7 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     from blender_addon.ui.frame_view import FrameView
     from blender_addon.view.overlay import Composite, frame_image_of
     from blender_addon.view.overlay_passes import SurfacePicture
-    from oneframe.blender.bridge.image import read_image
+    from oneframe.images.image_reader import read_image
 
     image, _ = read_image(frame_path(scene))
     height, width = image.shape[:2]

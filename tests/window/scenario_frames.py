@@ -157,7 +157,7 @@ def to_queue(user):
 def correct(user):
     scene, true = user.window.scene, pose(user)
     # fewer rounds: quicker, and less exact
-    part("pipeline.blender.registration.correct_source").MOST_ROUNDS = 2
+    part("pipeline.registration.correct_source").MOST_ROUNDS = 2
     turned = part("pipeline.transforms").se3_exp(np.array([0.4, -0.4, 2.0, 0.004, -0.006, 0.02]))
     with user.context():
         part("state.pose").set_cam_from_model(scene, turned @ true)

@@ -26,7 +26,6 @@ from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.process.command_line import exit_code
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector
 from tests.dataset.sealing import sealed
@@ -255,33 +254,17 @@ def test_damage_is_found_and_named(copied, run, capsys, name):
     assert "NOT complete and consistent" in messages.splitlines()[-1]
 
 
-def swap_video_poses(root: Path) -> None:
-    header, first, *others, last = (root / "video/poses.csv").read_text().splitlines()
-    one, other = first.split(","), last.split(",")
-    rows = [one[:2] + other[2:], *(row.split(",") for row in others), other[:2] + one[2:]]
-    (root / "video/poses.csv").write_text("\n".join([header, *map(",".join, rows)]) + "\n")
-
-
-def write_model(root: Path, folder: str, mesh: TriangleMesh, normals: np.ndarray) -> None:
-    colours = np.zeros((len(mesh.vertices), 3), np.uint8) if folder == "models" else None
-    write_ply(root / folder / "obj_000001.ply", mesh, colours=colours, normals=normals)
-
-
-def moved_vertex() -> TriangleMesh:
+def move_a_vertex(root: Path) -> None:
     vertices = MESH.vertices.copy()
     vertices[60] *= 1.05
-    return replace(MESH, vertices=vertices)
+    mesh, colours = replace(MESH, vertices=vertices), np.zeros(vertices.shape, np.uint8)
+    write_ply(root / "models" / "obj_000001.ply", mesh, colours=colours, normals=mesh.vertex_normals)
 
 
 SEALED = {
-    "poses of the video": (swap_video_poses, r"^video/trajectory\.mp4: \d+ px of frame 0 lie beside the surface"),
     "a vertex": (
-        lambda root: write_model(root, "models", moved_vertex(), moved_vertex().vertex_normals),
+        move_a_vertex,
         r"^models/obj_000001\.ply: its vertices and faces do not have the geometry_sha256",
-    ),
-    "the model for errors": (
-        lambda root: write_model(root, "models_eval", moved_vertex(), moved_vertex().vertex_normals),
-        r"^models_eval/obj_000001\.ply: expected the surface of models/obj_000001\.ply",
     ),
     "a column": (
         lambda root: (root / "poses.csv").write_text((root / "poses.csv").read_text().replace("\n", ",1\n")),
@@ -297,11 +280,11 @@ def test_poses_of_a_video_are_poses(filmed, run, capsys):
 
 
 @pytest.mark.parametrize("name", SEALED)
-def test_what_hashes_do_not_tell_is_found(filmed, run, capsys, name):
+def test_what_hashes_do_not_tell_is_found(copied, run, capsys, name):
     """All hashes are those of the changed files."""
     change, expected = SEALED[name]
-    change(filmed)
-    assert run(sealed(filmed)) == 1
+    change(copied)
+    assert run(sealed(copied)) == 1
     messages = capsys.readouterr().out
     assert re.search(expected, messages, re.MULTILINE), messages
     assert "has changed" not in messages

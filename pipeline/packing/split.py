@@ -15,7 +15,7 @@ from ..camera.pinhole import PinholeCamera
 from ..dataset.layout import VIEWS_PER_SCENE, scene_count, scene_folder
 from ..errors import InputError
 from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
-from .source import Source
+from .whole_dataset import WholeDataset
 
 PARTS = ("train", "val", "test")
 VAL, TEST = 0.1, 0.1
@@ -72,12 +72,12 @@ class Split:
         )
 
 
-def split_of_dataset(source: Source, *, gap_px: float | None = None) -> Split:
+def split_of_dataset(dataset: WholeDataset, *, gap_px: float | None = None) -> Split:
     """Divide a dataset's views into train, val and test.
 
     Parameters
     ----------
-    source
+    dataset
         The dataset.
     gap_px
         As for :func:`split_of_views`.
@@ -87,19 +87,19 @@ def split_of_dataset(source: Source, *, gap_px: float | None = None) -> Split:
     InputError
         A table was changed or cannot be read, or the views cannot be divided.
     """
-    count = source.description.count
+    count = dataset.description.count
     poses = np.empty((count, 4, 4))
     for scene in range(scene_count(count)):
-        for image, truths in source.table(f"{scene_folder(scene)}/scene_gt.json").items():
+        for image, truths in dataset.table(f"{scene_folder(scene)}/scene_gt.json").items():
             (truth,) = truths
             poses[scene * VIEWS_PER_SCENE + int(image)] = rigid(
                 np.reshape(truth["cam_R_m2c"], (3, 3)), np.array(truth["cam_t_m2c"], float)
             )
-    (model,) = source.table("models/models_info.json").values()
+    (model,) = dataset.table("models/models_info.json").values()
     low = np.array([model[f"min_{axis}"] for axis in "xyz"])
     size = np.array([model[f"size_{axis}"] for axis in "xyz"])
     corners = low + size * np.stack(np.meshgrid(*[(0, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    return split_of_views(poses, corners, source.description.camera, gap_px=gap_px)
+    return split_of_views(poses, corners, dataset.description.camera, gap_px=gap_px)
 
 
 def split_of_views(

@@ -17,7 +17,7 @@ AGAIN = "run the command that rendered it again"
 
 
 @dataclass(frozen=True)
-class Source:
+class WholeDataset:
     """A dataset that is complete, as far as names and the files beside its views tell.
 
     Attributes
@@ -50,7 +50,7 @@ class Source:
         return parsed_json(read_content(self.root / name, "a table of the dataset"), name)
 
 
-def open_source(root: Path) -> Source:
+def open_whole_dataset(root: Path) -> WholeDataset:
     """Open the folder of a dataset.
 
     Raises
@@ -77,7 +77,7 @@ def open_source(root: Path) -> Source:
         )
     for name in (*COPIED, TARGETS):
         _check_sum(root, sums, name)
-    return Source(root, description, sums)
+    return WholeDataset(root, description, sums)
 
 
 def _check_sum(root: Path, sums: Checksums, name: str) -> None:

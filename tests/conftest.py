@@ -22,7 +22,7 @@ from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
 # a machine may be slow: no test measures time
-hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.register_profile("any machine", deadline=None, max_examples=40)
 hypothesis.settings.load_profile("any machine")
 
 # before any import of bpy: a user's own Blender configuration must not reach the tests

@@ -7,6 +7,8 @@ from oneframe.errors import InputError
 from oneframe.video.film_reader import WIDEST, Film, read_video_frame
 from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, write_frames
 
+pytestmark = pytest.mark.usefixtures("decoded_here")
+
 B_FRAMES = {"bf": "3", "g": "12"}
 ALTERNATE = {"auto-alt-ref": "1", "lag-in-frames": "16", "b": "1000000"}
 WAYS = {

@@ -30,6 +30,7 @@ def frames_of(path, **options) -> list:
         return list(film)
 
 
+@pytest.mark.usefixtures("decoded_here")
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_frame_comes_once_and_when_requested_and_of_a_cut_film_the_rest(tmp_path, name):
     path = write_video(tmp_path / name, FORMATS[name])
@@ -63,6 +64,7 @@ def test_every_frame_comes_once_and_when_requested_and_of_a_cut_film_the_rest(tm
         assert number_of(read_video_frame(path, 20)) == 20
 
 
+@pytest.mark.usefixtures("decoded_here")
 def test_a_part_of_the_film_has_the_numbers_and_pictures_of_the_whole(tmp_path):
     path = write_video(tmp_path / "film.mp4", "mp4v", fps=5.0)  # 18 s: the reader seeks
     whole = frames_of(path)
@@ -75,6 +77,7 @@ def test_a_part_of_the_film_has_the_numbers_and_pictures_of_the_whole(tmp_path):
         Film(path, from_s=30.0)
 
 
+@pytest.mark.usefixtures("decoded_here")
 @pytest.mark.parametrize("suffix", [".mkv", ".webm"])
 def test_frames_and_times_of_a_variable_rate_are_the_containers(tmp_path, suffix):
     path = with_uneven_times(write_video(tmp_path / "even.webm", "VP80"), tmp_path / f"uneven{suffix}")
@@ -100,6 +103,7 @@ def turned(data: bytes) -> bytes:
     return data[: at + 40] + matrix + data[at + 76 :]
 
 
+@pytest.mark.usefixtures("decoded_here")
 def test_a_turned_film_is_upright(tmp_path):
     path = write_video(tmp_path / "film.mp4", "mp4v")
     upright = frames_of(path)[20].image
@@ -140,6 +144,7 @@ def moving(step_px: int) -> list[np.ndarray]:
     return [np.ascontiguousarray(texture[:, number * step_px : number * step_px + 320]) for number in range(20)]
 
 
+@pytest.mark.usefixtures("decoded_here")
 def test_interlacing_is_found_where_something_moves(tmp_path):
     assert max(frame.comb for frame in frames_of(write_film(tmp_path / "a.mkv", moving(6)))) < 0.9
     assert max(frame.comb for frame in frames_of(write_film(tmp_path / "b.mkv", interlaced(moving(0))))) < 0.9

@@ -10,6 +10,8 @@ from oneframe.errors import InputError
 from oneframe.video.film_reader import read_video_frame
 from oneframe.video.frame_folder import write_new
 
+pytestmark = pytest.mark.usefixtures("decoded_here")
+
 FRAMES = 90
 SIZE = (128, 96)
 FORMATS = {"lossless.mkv": "FFV1", "a.avi": "MJPG", "a.mp4": "mp4v", "a.webm": "VP80", "a.mkv": "VP90", "a.mpg": "mpg2"}

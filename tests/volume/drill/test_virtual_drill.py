@@ -31,7 +31,7 @@ def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
     return found
 
 
-@settings(max_examples=25)
+@settings(max_examples=6)
 @given(SEEDS)
 def test_field_is_the_same_whatever_the_order_drawn_at_once_or_by_points_repeated_or_undone(seed):
     rng = np.random.default_rng(seed)
@@ -98,7 +98,7 @@ def test_burr_leaves_its_own_capsule_and_the_rest_of_the_bone_to_the_last_bit(se
     np.testing.assert_array_equal(again.mesh.vertices, intact.mesh.vertices)
 
 
-@settings(max_examples=15)
+@settings(max_examples=5)
 @given(SEEDS)
 def test_no_margin_is_ever_violated_and_no_more_stays_than_it_asks_for(seed):
     rng = np.random.default_rng(seed)

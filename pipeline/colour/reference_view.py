@@ -13,11 +13,11 @@ import numpy as np
 
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
+from ..light.exposure import matched_exposures
 from ..projection.visible_surface import most_central
 from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid, transform_points
-from .exposure import matched_exposures
 from .fill import filled_colours
 from .ray_tracer import RayTracer
 from .shading import ColouredSurface, SurfaceColour
@@ -177,7 +177,9 @@ def baked_colour_of(
     that it raises ends the work. ``unseen`` are colours ``(V, 3)`` of the vertices for what the frame did not see.
     """
     report = progress or _unreported
-    if mode != "texture":
+    if mode not in ("texture", "vertex"):
+        raise ValueError(f"expected the colour mode texture or vertex, found {mode!r}")
+    if mode == "vertex":
         report(0.0)
         colours, messages = vertex_colours_of(reference)
         if unseen is not None:
@@ -195,7 +197,7 @@ def baked_colour_of(
     faces_seen = list(map(classified, reference.views))
     baking = _Stage(report, 1.0, CLASSIFIED)
     atlas = bake_atlas(reference.mesh, reference.views, faces_seen, unseen=unseen, step=baking.step)
-    return atlas, atlas.messages()
+    return atlas, [atlas.summary()]
 
 
 class _Stage:
@@ -215,8 +217,10 @@ def _unreported(_fraction: float) -> None:
 
 def unseen_colours_of(reference: ReferenceView, unseen: str) -> np.ndarray | None:
     """``(V, 3)`` colours of the vertices for what the frame did not see; ``None``, neutral grey, unless ``"fill"``."""
-    if unseen != "fill":
+    if unseen == "neutral":
         return None
+    if unseen != "fill":
+        raise ValueError(f"expected neutral or fill, found {unseen!r}")
     vertices = colour_vertices(reference.mesh, reference.views)
     if vertices.covered.any():
         return filled_colours(reference.mesh.vertices, reference.mesh.faces, vertices.rgb, vertices.covered)

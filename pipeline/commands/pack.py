@@ -28,16 +28,14 @@ and files that it names and pack again.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    from ..packing.layout import VIEWS_PER_SHARD
-
     parser.add_argument("dataset", metavar="DIR", type=Path, nargs="?", help="folder of the complete dataset")
     parser.add_argument(
         "--out", metavar="PACKED", type=Path, required=True, help="folder of the pack; an unfinished one is resumed"
     )
     content = parser.add_argument_group("content")
     content.add_argument(
-        "--views-per-shard", metavar="N", type=int, default=VIEWS_PER_SHARD,
-        help="views in each tar file (default %(default)s)",
+        "--views-per-shard", metavar="N", type=int, default=1000,
+        help="views in each tar file (default %(default)s, as in BOP's own packs)",
     )  # fmt: skip
     content.add_argument(
         "--jpeg", metavar="QUALITY", type=int,
@@ -86,10 +84,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     views, about = None, ""
     if arguments.split is not None:
-        from ..packing.source import open_source
         from ..packing.split import split_of_dataset
+        from ..packing.whole_dataset import open_whole_dataset
 
-        split = split_of_dataset(open_source(arguments.dataset), gap_px=arguments.split_gap_px)
+        split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
     manifest = pack_dataset(

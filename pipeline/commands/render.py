@@ -29,17 +29,6 @@ if TYPE_CHECKING:
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
 """This command as a script, which a checkout and the extension have."""
 
-GROUPS = {
-    "views": ("count", "scale", "engine", "samples", "colour", "unseen", "max_incidence_deg", "float_depth"),
-    "poses": (
-        "seed", "poses", "sampler", "cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm", "sigma_deg",
-        "sigma_mm", "polar_deg",
-    ),
-    "constraints on poses": ("min_observed", "min_surface", "min_clearance_mm"),
-    "video": ("video", "video_frames"),
-}  # fmt: skip
-"""Headings of ``--help`` -> the dataset options under each."""
-
 ABOUT = "Render a dataset of posed views from one aligned frame, or from each of a queue."
 EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 1000
@@ -63,8 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
     )
-    for title, names in GROUPS.items():
-        add_option_arguments(parser.add_argument_group(title), names)
+    add_option_arguments(parser)
     machines = parser.add_argument_group("processes and machines")
     machines.add_argument(
         "--workers", metavar="N", type=at_least(0), default=0, help="number of processes (default: one per core)"
@@ -212,8 +200,8 @@ def _elsewhere(arguments: argparse.Namespace, output: TextIO) -> "Iterator[Elsew
         yield None
         return
     from ..cluster.render_on_workers import RenderPool
-    from ..cluster.sources import open_source
+    from ..cluster.scheduler import open_scheduler
 
-    with open_source(arguments.cluster, insecure=arguments.insecure) as source:
-        output.write(f"{source.about}\n")
-        yield RenderPool(source, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)
+    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as scheduler:
+        output.write(f"{scheduler.about}\n")
+        yield RenderPool(scheduler, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)

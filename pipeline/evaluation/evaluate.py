@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from ..case.loaded_case import LoadedCase
 from ..colour.ray_tracer import RayTracer
 from ..colour.reference_view import ReferenceView, traced_view_of
 from ..colour.shading import ColouredSurface
+from ..dataset.description import distribution_of
 from ..dataset.options import DatasetOptions
-from ..poses.distributions import Cone, ReferencePose
+from ..poses.distributions import ReferencePose
 from ..projection.rendered_view import Render
 from .finished_scores import BOUND, FinishedScores
 from .methods import ChosenMethods, Method, opened
@@ -107,6 +109,27 @@ class Settings:
         """The leading method and a peer, else the second: the methods of the figure and of the gallery."""
         leading, *others = self.methods.running
         return [leading, *sorted(others, key=lambda method: not method.peer)[:1]]
+
+
+@dataclass(frozen=True)
+class EvaluationRun:
+    """What to evaluate, and where to write it.
+
+    Attributes
+    ----------
+    out, inputs
+        The folder, and all files that are read but the photographs, by what they are.
+    cases, settings
+        The cases; methods and seeds.
+    pictures
+        Number of photographs of each case of which pictures are written.
+    """
+
+    out: Path
+    inputs: Mapping[str, Path]
+    cases: Sequence[EvaluationCase]
+    settings: Settings
+    pictures: int
 
 
 @dataclass
@@ -241,20 +264,13 @@ def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int])
 
 def _novel_poses(case: EvaluationCase, reference: ReferenceView, seed: int) -> list[np.ndarray]:
     """Poses from the default distribution of datasets."""
-    options = DatasetOptions()
-    cone = Cone(
-        reference=ReferencePose(case.loaded.frame.cam_from_model, reference.pivot_model),
-        cone_deg=options.cone_deg,
-        roll_deg=options.roll_deg,
-        distance_min=options.distance_min,
-        distance_max=options.distance_max,
-        shift_mm=options.shift_mm,
-    )
-    return [cone.draw(np.random.default_rng([seed, number])) for number in range(NOVEL_POSES)]
+    pose = ReferencePose(case.loaded.frame.cam_from_model, reference.pivot_model)
+    poses = distribution_of(DatasetOptions(), pose, case.loaded.frame.camera)
+    return [poses.draw(np.random.default_rng([seed, number])) for number in range(NOVEL_POSES)]
 
 
 def _features(inception: Inception, image: np.ndarray, shown: ShownSurface) -> np.ndarray:
-    """Of the whole image, black outside the surface."""
+    """Features of the whole image, black outside the surface."""
     return inception(np.where(shown.surface[..., None], image, np.float32(0)))
 
 

@@ -31,7 +31,7 @@ from .view_geometry import SourceFrame, pose_data
 
 OVERLAY = "overlay.png"
 FRAME_BYTES = 600_000
-"""Of the source frame and of its overlay, as text."""
+"""Room for the source frame, and for its overlay, as text."""
 SCRIPTS = ("elements.js", "slider.js", "histogram.js", "layers.js", "poses.js", "dataset.js")
 
 QUANTITIES = (

@@ -34,7 +34,7 @@ FIGURES = (("figure.png", "Real frames and what the methods make of them"), ("pa
 PARTS = ("real", "segmented", "rendered", "difference")
 SCRIPTS = ("elements.js", "slider.js", "table.js", "intervals.js", "evaluation.js")
 FIGURE_SHARE = 0.3
-"""Of the page's pictures, the most that figures and charts may take before they are reduced."""
+"""Largest part of the page's pictures that figures and charts may take before they are reduced."""
 FIGURES_AT_ONCE = 6
 """Each may take this part of that."""
 

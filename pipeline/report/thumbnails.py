@@ -16,9 +16,9 @@ import numpy as np
 from ..progress import Progress
 
 PAGE_BYTES = 16_500_000
-"""Of all pictures of views in a page, as text: leaves room below 20 MB for script, surface, frame and tables."""
+"""Room for all pictures of views in a page, as text: leaves room below 20 MB for script, surface, frame and tables."""
 TEXT_PER_BYTE = 4 / 3
-"""Of base64."""
+"""Growth of what is written as base64."""
 PILOTS = 8
 MARGIN = 0.92
 """Share of the size that the pilots may fill: others may be larger."""

@@ -100,7 +100,7 @@ def anti_aliasing(case: Path, folder: Path, _arguments: argparse.Namespace) -> d
     for samples in EDGE_SAMPLES:
         with _job(case, folder / "unused", samples=samples).renderer(threads=available_cores()) as renderer:
             views = [renderer.make(index) for index in range(COMPARED_VIEWS)]
-        source = renderer.source
+        source = renderer.reference
         truths = truths or [
             to_uint8(
                 converged_view(

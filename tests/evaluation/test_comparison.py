@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import oneframe.blender  # noqa: F401  # reads JPEG
 from oneframe.case.case_file import read_case
 from oneframe.case.frame import UnreadFrame, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase, load_case
@@ -15,7 +16,7 @@ from oneframe.colour.shading import ColouredSurface
 from oneframe.evaluation.scores.similarity import similarity
 from oneframe.transforms import checked_rigid, rigid
 
-DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 pytestmark = [
     pytest.mark.long,
     pytest.mark.render,

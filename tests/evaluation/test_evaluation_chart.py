@@ -1,63 +1,22 @@
 """Charts of an evaluation: the same record gives the same bytes; nothing is cut off; what is missing is said."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 
 from oneframe.charts.page import PAPER
-from oneframe.evaluation.conditions import current_conditions
 from oneframe.evaluation.record.evaluation_chart import evaluation_charts
-from oneframe.evaluation.record.evaluation_record import (
-    Bound,
-    EvaluatedCase,
-    EvaluatedMethod,
-    Evaluation,
-    Row,
-    summarised,
-)
-from oneframe.evaluation.scores.view_scores import SCORES
+from tests.report.synthetic_evaluation import evaluation
 
 matplotlib = pytest.importorskip("matplotlib")
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def evaluation(cases: int) -> Evaluation:
-    """Three methods whose names are as long as they get, on photographs of one or several cases."""
-    rng = np.random.default_rng(3)
-    names = [f"case {number}" for number in range(cases)]
-    methods = (
-        EvaluatedMethod("ours, projective, fill, cycles", peer=False),
-        EvaluatedMethod("ours, vertex, eevee", peer=False),
-        EvaluatedMethod("paper's colours (Cycles)", peer=True),
-        EvaluatedMethod("paper (PyVista)", peer=True, skipped="PyVista is not installed"),
-    )
-    rows = tuple(
-        Row(
-            case, f"view {view}", method.name, {score: 0.5 + 0.2 * rng.random() + 0.2 * method.peer for score in SCORES}
-        )
-        for case in names
-        for method in methods[:3]
-        for view in range(4)
-    )
-    bound = tuple(Bound(case, score, 0.95, 0.94, 0.96, 1.5) for case in (*names, "all") for score in SCORES)
-    return Evaluation(
-        conditions=current_conditions({"seed": 0}, blender="5.2.0"),
-        cases=tuple(EvaluatedCase(name, ("view 0",)) for name in names),
-        methods=methods,
-        rows=rows,
-        summary=summarised(rows, [EvaluatedCase(name, ()) for name in names], rng),
-        distribution=(),
-        bound=bound,
-    )
 
 
 def test_charts_are_drawn_again_alike_and_their_text_is_within_and_apart(tmp_path, monkeypatch):
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
-    figures, save, found = [], Figure.savefig, evaluation(7)
+    figures, save = [], Figure.savefig
+    found = evaluation({f"case {number}": ("view 0", "view 1") for number in range(7)}, np.random.default_rng(3))
     monkeypatch.setattr(
         Figure, "savefig", lambda self, *args, **options: (figures.append(self), save(self, *args, **options))
     )

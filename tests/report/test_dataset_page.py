@@ -144,7 +144,7 @@ def test_filters_and_order_of_the_grid_follow_the_records(browser, page, dataset
     assert len(grid_order(browser)) == COUNT
 
 
-def test_a_camera_is_drawn_where_it_is_named_under_the_pointer_and_selected_by_a_click(browser, page):
+def test_a_camera_stands_where_the_pointer_names_it_and_a_click_selects_it(browser, page):
     browser.open(page, width=1600)
     data = browser.evaluate("JSON.parse(document.getElementById('data').textContent)")
     for number, side in enumerate(data["sides"]):

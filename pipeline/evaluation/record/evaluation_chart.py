@@ -22,7 +22,7 @@ PANELS = {
 CASE_PANELS = ("ssim_whole", "ssim_surface", "ssim_observed", "edge_f")
 MOST_CASES = 24
 LINE_LETTERS = 140
-"""Of a line below the chart."""
+"""Most letters of a line below the chart."""
 
 
 def evaluation_charts(evaluation: Evaluation, data: Path) -> list[Path]:

@@ -75,7 +75,7 @@ function createPoses(stage, views, described, chosen) {
         // from each frame of a film to the next one
         if (data.isFilm) {
             for (let n = 1; n < posed.length; n++) {
-                if (posed[n].place === posed[n - 1].place + 1) line(pixels[n - 1], pixels[n], colour('grid'), 1);
+                if (posed[n].place === posed[n - 1].place + 1) line(pixels[n - 1], pixels[n], colour('muted'), 0.6);
             }
         }
         const camera = (view, place, style, radius) => {
@@ -86,20 +86,21 @@ function createPoses(stage, views, described, chosen) {
         };
         const order = [...posed.keys()].sort((one, other) => Boolean(colours[one]) - Boolean(colours[other]));
         for (const n of order) camera(posed[n].view, pixels[n], colours[n] ?? colour('grid'), 3);
-        const marked = (view, place, style, name, down) => {
+        const marked = (view, place, style, name, isLeft) => {
             context.globalAlpha = 0.4;
             line(place, at([0, 0]), style, 1);
-            Object.assign(context, { globalAlpha: 1, font: '600 12px system-ui, sans-serif', textAlign: 'center' });
+            Object.assign(context, { globalAlpha: 1, font: '600 12px system-ui, sans-serif' });
             camera(view, place, style, 5);
-            const half = context.measureText(name).width / 2;
-            const text = [name, Math.min(Math.max(place[0], half), width - half), place[1] + (down || place[1] < 24 ? 19 : -9)];
+            const wide = context.measureText(name).width, x = isLeft ? place[0] - 9 - wide : place[0] + 9;
+            const text = [name, Math.min(Math.max(x, 0), width - wide), place[1] + 4];
             Object.assign(context, { strokeStyle: colour('sunken'), lineWidth: 3, fillStyle: style });
             context.strokeText(...text);
             context.fillText(...text);
         };
-        marked(data.source, at(side.source), colour('alert'), 'source frame', true);
-        const n = posed.findIndex(({ place }) => place === selected);
-        if (n >= 0) marked(posed[n].view, pixels[n], colour('text'), `${data.noun} ${posed[n].view.index}`, false);
+        const source = at(side.source), n = posed.findIndex(({ place }) => place === selected);
+        const isRight = n >= 0 && pixels[n][0] < source[0];
+        marked(data.source, source, colour('alert'), 'source frame', !isRight);
+        if (n >= 0) marked(posed[n].view, pixels[n], colour('text'), `${data.noun} ${posed[n].view.index}`, isRight);
     }
 
     // --- choosing -----------------------------------------------------------------------------------------------------------

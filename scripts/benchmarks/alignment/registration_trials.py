@@ -28,7 +28,7 @@ from .refinement_scenes import visible_points
 
 NO_ERROR = (math.nan, math.nan, math.nan)
 DRAWS = 500
-"""Of the bootstrap."""
+"""Draws of the bootstrap."""
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from .cells import Cell, Limit, Outcome, Sweep, Task
 
 TOPIC = "camera"
 CORNERS = np.array([[0.11, 0.07], [0.93, 0.21], [0.37, 0.95]])
-"""Of the triangle, relative to the image's size."""
+"""Corners of the triangle, relative to the image's size."""
 TURNS = (0.0, 0.7, 1.9)
 """Rotations of the triangle in the image, radians: three triangles are three trials. A picture whose edges are more
 than :data:`.EXACT_PX` off counts as wrong."""

@@ -30,7 +30,7 @@ from .cells import Answer, Limit, Outcome, Sweep, Task
 
 TOPIC = "colouring"
 CAMERA = PinholeCamera(480, 360, 2400.0, 2400.0, 239.5, 179.5)
-"""Of frames and views; 8 px per mm at 300 mm."""
+"""The camera of frames and views; 8 px per mm at 300 mm."""
 DISTANCE_MM = 300.0
 FRONTAL = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, DISTANCE_MM]))
 WRONG_CODES = 8.0

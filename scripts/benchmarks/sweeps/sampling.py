@@ -19,11 +19,12 @@ from oneframe.poses.constraints import (
     LEAST_ACCEPTANCE,
     MAX_ATTEMPTS,
     Constraints,
+    Drawn,
     ViewStatistics,
     plan_pose,
     sampling_doubt,
 )
-from oneframe.poses.distributions import Cone, PoseDistribution, ReferencePose
+from oneframe.poses.distributions import Cone, ReferencePose
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, transform_points
@@ -89,7 +90,7 @@ class GridProbe:
 
 
 def outcomes_of(
-    distribution: PoseDistribution, constraints: Constraints, probe: Callable[[np.ndarray], ViewStatistics], seed: int
+    distribution: Drawn, constraints: Constraints, probe: Callable[[np.ndarray], ViewStatistics], seed: int
 ) -> list[Outcome]:
     """Plan :data:`VIEWS` views: the value is the number of poses tried for one, the error the rate of refusals.
 

@@ -30,7 +30,7 @@ _NO_FILM = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition
 """Streams of pictures that no player shows as a film: a cover, above all."""
 
 _MOST_ERRORS = 100
-"""Of reading a damaged container."""
+"""Errors after which a damaged container is read no further."""
 
 _LOOKED_AT = 1024
 

@@ -59,6 +59,17 @@ def test_what_an_edit_list_hides_is_no_frame(tmp_path, suffix):
             read_video_frame(path, index)
 
 
+@pytest.mark.parametrize(("name", "codec"), [("a.mov", "libx264"), ("a.avi", "mpeg4")])
+def test_no_picture_is_made_up_after_a_damaged_one(tmp_path, name, codec, rng):
+    whole = write_frames(tmp_path / name, 80, codec, **B_FRAMES).read_bytes()
+    for place in rng.integers(len(whole) // 5, len(whole) * 4 // 5, 6):
+        damage = rng.integers(0, 256, 60, np.uint8).tobytes()
+        (tmp_path / name).write_bytes(whole[:place] + damage + whole[place + 60 :])
+        shown = [number_of(frame.image) for frame in frames_of(tmp_path / name)]
+        assert shown == sorted(set(shown))
+        assert len(shown) > 40
+
+
 @pytest.mark.parametrize("suffix", ["mkv", "ts", "flv"])
 def test_a_film_that_begins_late_is_not_cut_off(tmp_path, suffix):
     path = copied(tmp_path / f"late.{suffix}", [write_frames(tmp_path / "whole.mp4", 60)], from_s=-40)

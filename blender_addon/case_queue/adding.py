@@ -14,7 +14,7 @@ from ..pipeline.case.case_folder import CASE
 from ..pipeline.case.case_queue import NewFrame, add_frames, cases_of_frames
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
-from ..setup.frame import IMAGES
+from ..setup.operators import IMAGES
 from ..state import from_scene
 from ..state.scene_files import forget_stamps
 from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OperatorResult, Reporting, call, open_beside

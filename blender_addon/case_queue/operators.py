@@ -11,8 +11,9 @@ from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
+from ..setup import autosave
 from ..setup.alignment_record import is_start
-from ..setup.open_case import load_into_scene, unsaved_parts
+from ..setup.case_in_scene import load_into_scene, unsaved_parts
 from ..setup.save_case import REPLACE, replaced_pose
 from ..setup.undone_saves import undoable
 from ..state import camera_view, from_scene, pose_evidence
@@ -122,7 +123,7 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     spaces = [area.spaces.active for area in camera_view.views(context)]
     through = [space for space in spaces if space.region_3d.view_perspective == "CAMERA"]
     load_into_scene(context, case)
-    call("offer_unsaved")
+    autosave.offer(context, autosave.path_of(context.scene))
     for space in through:  # the camera is a new one: Blender has left it
         space.region_3d.view_perspective = "CAMERA"
         camera_view.aim(scene, space)

@@ -14,6 +14,7 @@ from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen,
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.camera_view import light_shape, spaces_of
+from ..state.known_case import further_frames
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, available
 from . import colouring
@@ -128,7 +129,7 @@ def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
         There is no valid pose.
     """
     pose, frame = from_scene.cam_from_model(scene), from_scene.absolute_path(scene.oneframe.frame_path)
-    further = [str(each.image) for each in from_scene.further_frames(scene)]
+    further = [str(each.image) for each in further_frames(scene)]
     if record["frame"] != str(frame) or record.get("further", []) != further:
         return True
     return not np.array_equal(record["cam_from_model"], pose)

@@ -27,6 +27,7 @@ from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
+from ..state.known_case import further_frames
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
 
@@ -104,7 +105,7 @@ def content_key(
         files.append(Path(options.poses))
     stamps = [(str(path), *stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
-    further = [(each.image, each.cam_from_mesh.tolist()) for each in from_scene.further_frames(scene)]
+    further = [(each.image, each.cam_from_mesh.tolist()) for each in further_frames(scene)]
     content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps, further)
     return hashlib.sha256(repr(content).encode()).hexdigest()
 

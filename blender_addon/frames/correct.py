@@ -3,17 +3,15 @@
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..class_registration import class_registration
-from ..pipeline.blender.bridge.data_blocks import set_exact
 from ..pipeline.blender.colour.reference_view import can_rasterise
 from ..pipeline.blender.registration.correct_source import CorrectedSource, correct_source
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..refine.preview import BackgroundPreview
 from ..setup.alignment_record import tool_and_date
-from ..state import from_scene, image_evidence, pose_evidence
+from ..state import image_evidence, pose_evidence
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.operator import Messages
@@ -53,7 +51,6 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
         scene, loaded = context.scene, self._result.loaded
         pose = loaded.frame.cam_from_model
         set_cam_from_model(scene, pose)
-        set_exact(from_scene.surface_of(scene), from_scene.READ_POSE, np.stack([pose, loaded.case.cam_from_mesh]))
         # it belongs to the pose before
         image_evidence.drop(scene)
         pose_evidence.remember(scene, loaded.case.alignment, pose)

@@ -5,7 +5,8 @@ import bpy
 from ..class_registration import class_registration
 from ..pipeline.case.alignment_record import FURTHER_FRAMES
 from ..setup.alignment_record import pose_record
-from ..state import another_frame, from_scene
+from ..state import another_frame
+from ..state.known_case import further_frames
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import StepPanel
@@ -50,7 +51,7 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
         row = layout.row(align=True)
         row.operator("oneframe.use_colour_sources", icon="COLOR")
         row.operator("oneframe.clear_colour_sources", text="", icon="X")
-        for each in from_scene.further_frames(scene):
+        for each in further_frames(scene):
             layout.label(text=each.image.name, icon="IMAGE_DATA")
 
 

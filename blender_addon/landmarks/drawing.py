@@ -7,6 +7,7 @@ from ..class_registration import class_registration, cursor, drawing
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
 from ..state import another_frame, from_scene, workbench
+from ..state.landmarks import landmarks_model
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.keymap import LANDMARK_TOOL, active_tool
@@ -169,7 +170,7 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
         return
     text, region = gestures.missed_at(xy), frame_view.window_region(context.area)
     if not text:
-        if gestures.running() is not None or not is_unfinished(from_scene.landmarks_model(context.scene)):
+        if gestures.running() is not None or not is_unfinished(landmarks_model(context.scene)):
             return
         text = tool.instruction(context)
     strokes = Strokes()

@@ -15,6 +15,7 @@ from ..class_registration import class_registration, prop
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
 from ..state.events import redraw
+from ..state.landmarks import landmarks_model
 from ..state.pose import set_cam_from_model
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import OperatorResult
@@ -69,7 +70,7 @@ class _Snapshot:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> "_Snapshot":
-        return cls(from_scene.landmarks_model(scene), scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
+        return cls(landmarks_model(scene), scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
 
     def restore(self, scene: bpy.types.Scene) -> None:
         with events.muted():

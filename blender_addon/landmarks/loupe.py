@@ -11,6 +11,7 @@ from ..class_registration import class_registration, cursor
 from ..pipeline.alignment.manual.picking import asked_half
 from ..pipeline.errors import InputError
 from ..state import from_scene
+from ..state.landmarks import landmarks_model
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.strokes import Colour, Strokes, in_window_pixels
 from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
@@ -76,7 +77,7 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
 
 
 def _asks_for_surface(scene: bpy.types.Scene) -> bool:
-    return asked_half(from_scene.landmarks_model(scene), scene.oneframe.landmark_index) == "point"
+    return asked_half(landmarks_model(scene), scene.oneframe.landmark_index) == "point"
 
 
 def targets(context: bpy.types.Context) -> list[np.ndarray]:

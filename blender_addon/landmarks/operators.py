@@ -14,7 +14,8 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.surface.mesh import TriangleMesh
-from ..state import events, from_scene, image_evidence, pose_evidence, to_scene
+from ..state import events, from_scene, image_evidence, pose_evidence
+from ..state.landmarks import landmarks_mesh, replace_landmarks
 from ..state.scene_files import input_files
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import (
@@ -196,7 +197,7 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting):
     bl_label = "Delete All Landmarks"
 
     def run(self, context: bpy.types.Context) -> None:
-        to_scene.replace_landmarks(context.scene, ())
+        replace_landmarks(context.scene, ())
         show(context.scene, "landmarks")
 
 
@@ -287,8 +288,8 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
         edit.check_frame(scene)
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
-        existing = from_scene.landmarks_mesh(scene) if self.keep else ()
-        to_scene.replace_landmarks(scene, (*existing, *read))
+        existing = landmarks_mesh(scene) if self.keep else ()
+        replace_landmarks(scene, (*existing, *read))
         events.landmarks_changed(scene)
         messages = [f"{path.name}: {len(read)} landmarks", *solve.off_surface(scene)]
         if pose_evidence.is_refined(scene) and not image_evidence.held(scene):
@@ -312,7 +313,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile):
         path = self.chosen_file()
         write_landmarks(
             path,
-            from_scene.landmarks_mesh(scene),
+            landmarks_mesh(scene),
             mm_per_unit=MM_PER_UNIT[scene.oneframe.units],
             inputs=input_files(scene),
         )

@@ -12,7 +12,7 @@ from ..pipeline.camera.distortion import distorted_pixels
 from ..pipeline.images.masked_frame import painted
 from ..state import another_frame, from_scene
 from ..state.events import redraw
-from ..ui.brush import BrushSize, BrushStroke, size_keys
+from ..ui.drag import BrushSize, BrushStroke, size_keys
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.keymap import MASK_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import Messages, OperatorResult, Reporting

@@ -13,9 +13,9 @@ from ..ui.operator import ChosenFiles, OperatorResult, call
 from ..ui.question import Asking
 from ..video.operators import VIDEOS
 from ..volume.slice_areas import plane_of
-from .frame import IMAGES
-from .open_case import ANSWER, QUESTION, unsaved_text
-from .operators import CAMERAS, MESHES
+from .case_in_scene import unsaved_text
+from .open_case import ANSWER, QUESTION
+from .operators import CAMERAS, IMAGES, MESHES
 
 LANDMARKS = "*.csv"
 TOML = ".toml"

@@ -10,7 +10,7 @@ from ..class_registration import class_registration, tool
 from ..pipeline.volume.drill.burr import way_over_bone
 from ..state import another_frame
 from ..state.events import redraw
-from ..ui.brush import BrushSize, BrushStroke, size_keys
+from ..ui.drag import BrushSize, BrushStroke, size_keys
 from ..ui.keymap import DRILL_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import OperatorResult
 from . import drill_session, drill_strokes

@@ -26,7 +26,7 @@ from ..pipeline.volume.make_surface import STRUCTURES_STAGE, SurfaceSettings, ma
 from ..state import from_scene, to_scene
 from ..state.initial_pose import renew_initial_pose
 from ..state.scene_files import session_folder
-from ..state.structures import put_structures
+from ..state.to_scene import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Messages, OperatorResult
 from ..ui.question import ask_first

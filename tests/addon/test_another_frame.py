@@ -9,6 +9,7 @@ from blender_addon.landmarks import solve
 from blender_addon.mask.operators import frame_of
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
+from blender_addon.state.landmarks import landmarks_mesh
 from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
 from oneframe.images.pixel_values import to_uint8
@@ -44,7 +45,7 @@ def other(folder):
 
 def state(scene):
     record = {key: value for key, value in pose_record(scene).items() if key not in ("tool", "date")}
-    return record, from_scene.landmarks_mesh(scene), from_scene.cam_from_model(scene).tolist()
+    return record, landmarks_mesh(scene), from_scene.cam_from_model(scene).tolist()
 
 
 def load(path):

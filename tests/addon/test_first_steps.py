@@ -31,7 +31,7 @@ def test_a_dropped_case_is_opened(addon, folder):
 @pytest.mark.parametrize("way", ["open", "drop"])
 def test_a_case_without_a_pose_opens_at_an_initial_guess_and_gets_its_pose_when_it_is_saved(addon, folder, way):
     from blender_addon.setup.alignment_record import pose_record
-    from blender_addon.setup.open_case import unsaved_parts
+    from blender_addon.setup.case_in_scene import unsaved_parts
 
     path = folder / "case.toml"
     text = path.read_text().replace("[pose]", "[dataset]\n[pose]")
@@ -123,7 +123,7 @@ def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
 
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
     from blender_addon.setup import open_case as sample
-    from blender_addon.setup.sample_task import task_lines
+    from blender_addon.setup.open_case import task_lines
 
     with pytest.raises(RuntimeError, match="oneframe sample"):
         bpy.ops.oneframe.open_sample()

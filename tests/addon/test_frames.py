@@ -9,8 +9,9 @@ from blender_addon.case_queue import queued
 from blender_addon.colour.operators import is_outdated
 from blender_addon.frames import found
 from blender_addon.setup.alignment_record import recorded_case
-from blender_addon.setup.open_case import unsaved_parts
+from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.state import another_frame, from_scene, pose_evidence
+from blender_addon.state.known_case import further_frames
 from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.colour.surface_colour import colour_record
@@ -128,7 +129,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     # the same again replaces them
     for _ in range(2):
         bpy.ops.oneframe.use_colour_sources(count=2)
-        used = from_scene.further_frames(scene)
+        used = further_frames(scene)
         # of three, one is left out at least, to judge
         assert 1 <= len(used) <= 2
     assert unsaved_parts(scene) == ("colour sources",)
@@ -140,7 +141,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     bpy.ops.oneframe.project_colour()
     assert not is_outdated(scene, colour_record(scene.oneframe.surface))
     bpy.ops.oneframe.clear_colour_sources()
-    assert from_scene.further_frames(scene) == ()
+    assert further_frames(scene) == ()
     # what was found holds for the pose that it began with
     bpy.ops.oneframe.nudge(step_px=1.0)
     assert found.of(scene) is None

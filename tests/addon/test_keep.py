@@ -123,7 +123,7 @@ def test_a_case_that_was_never_saved_comes_back_without_a_file(addon, autosave, 
     bpy.ops.oneframe.load_camera(filepath=str(case))
     bpy.ops.oneframe.load_surface(filepath=str(case.with_name("surface.ply")))
     autosave.flush()
-    assert autosave._left() is None
+    assert autosave.left_behind() is None
     assert not autosave._written
     bpy.ops.oneframe.nudge(axis="x")
     moved = pose()
@@ -131,12 +131,12 @@ def test_a_case_that_was_never_saved_comes_back_without_a_file(addon, autosave, 
     (kept,) = autosave._written
     autosave._written.clear()
     bpy.ops.oneframe.open_case(filepath=str(case))
-    assert autosave._left() == kept
+    assert autosave.left_behind() == kept
     bpy.ops.oneframe.restore_unsaved(filepath=str(kept))
     assert np.allclose(pose(), moved, atol=1e-12)
     assert not bpy.context.scene.oneframe.case_path
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "mine.toml"))
-    assert autosave._left() is None
+    assert autosave.left_behind() is None
 
 
 def test_a_case_that_states_part_of_an_uncertainty_opens(addon, write_tiny_case, tmp_path):

@@ -65,10 +65,11 @@ def add(points, pixels):
 def solved_directly(scene, *, without=()):
     """The solver's result for the scene's landmarks."""
     from blender_addon.state import from_scene
+    from blender_addon.state.landmarks import landmarks_model
 
     used = [
         landmark
-        for number, landmark in enumerate(from_scene.landmarks_model(scene))
+        for number, landmark in enumerate(landmarks_model(scene))
         if landmark.point is not None and landmark.pixel is not None and number not in without
     ]
     return solve_pose(
@@ -241,6 +242,7 @@ def test_undo_and_redo_restore_landmarks_and_pose_together(scene, pairs):
 
 def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pairs):
     from blender_addon.state import from_scene
+    from blender_addon.state.landmarks import landmarks_model
     from oneframe.blender.alignment.surface_object import visible_surface
 
     points, pixels = pairs
@@ -249,7 +251,7 @@ def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pair
         camera = from_scene.camera(scene)
         pivot = visible_surface(from_scene.surface_of(scene), camera, before).pivot_model
         bpy.ops.oneframe.landmark_pin(point=points[count - 1], pixel=pixels[count - 1])
-        placed = from_scene.landmarks_model(scene)
+        placed = landmarks_model(scene)
         own = np.array([landmark.point for landmark in placed]), np.array([landmark.pixel for landmark in placed])
         assert len(placed) == count
         after = pose_of(scene)
@@ -296,18 +298,18 @@ def test_a_saved_case_opens_with_its_landmarks_and_its_own_pose(scene, pairs, tm
 
 @pytest.mark.parametrize("units", ["mm", "m"])
 def test_exported_landmarks_are_imported_unchanged(scene, pairs, tmp_path, units):
-    from blender_addon.state import from_scene
+    from blender_addon.state.landmarks import landmarks_mesh
 
     scene.oneframe.units = units
     add(*pairs)
     bpy.ops.oneframe.landmark_set(name="half", pixel=(5, 6))
-    before = from_scene.landmarks_mesh(scene)
+    before = landmarks_mesh(scene)
     path = tmp_path / "pairs.csv"
     bpy.ops.oneframe.export_landmarks(filepath=str(path))
     bpy.ops.oneframe.landmarks_clear()
     moved = displace(scene)
     bpy.ops.oneframe.import_landmarks(filepath=str(path))
-    for one, other in zip(before, from_scene.landmarks_mesh(scene), strict=True):
+    for one, other in zip(before, landmarks_mesh(scene), strict=True):
         assert (one.name, one.enabled, one.point is None) == (other.name, other.enabled, other.point is None)
         assert np.allclose(one.pixel, other.pixel, atol=1e-5)
         assert one.point is None or np.allclose(one.point, other.point, atol=1e-5)

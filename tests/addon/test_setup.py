@@ -120,7 +120,7 @@ def test_typed_numbers_keep_every_digit(opened, case_path):
 
 
 def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
-    from blender_addon.setup.open_case import unsaved_parts, unsaved_text
+    from blender_addon.setup.case_in_scene import unsaved_parts, unsaved_text
 
     assert unsaved_parts(opened) == ()
     bpy.ops.oneframe.nudge(axis="x")
@@ -135,7 +135,7 @@ def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
 
 
 def test_a_case_never_saved_is_lost_once_it_is_aligned(addon, case_path):
-    from blender_addon.setup.open_case import unsaved_parts
+    from blender_addon.setup.case_in_scene import unsaved_parts
 
     folder = case_path.parent
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))

@@ -9,6 +9,7 @@ import pytest
 sitk = pytest.importorskip("SimpleITK")
 
 from blender_addon.state import from_scene
+from blender_addon.state.landmarks import landmarks_mesh
 from blender_addon.volume import drill_session, drill_strokes, loaded
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.commands.__main__ import dispatch
@@ -108,13 +109,12 @@ def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
     surface = scene.oneframe.surface
     entry = scene.oneframe.landmarks.add()
     entry.has_point, entry.point = True, (1.0, 2.0, 3.0)
-    to_mesh = from_scene
-    before = to_mesh.landmarks_mesh(scene)[0].point
+    before = landmarks_mesh(scene)[0].point
     world = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
     scene.oneframe_ct.threshold_hu = 900
     bpy.ops.oneframe.make_surface()
     assert scene.oneframe.surface == surface
-    np.testing.assert_allclose(to_mesh.landmarks_mesh(scene)[0].point, before, atol=1e-5)
+    np.testing.assert_allclose(landmarks_mesh(scene)[0].point, before, atol=1e-5)
     after = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
     np.testing.assert_allclose(after, world, atol=1e-4)
 

@@ -8,7 +8,7 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.dataset import background_job
 from bl_ext.user_default.oneframe.refine.status_line import status
-from bl_ext.user_default.oneframe.setup.open_case import unsaved_parts
+from bl_ext.user_default.oneframe.setup.case_in_scene import unsaved_parts
 
 
 def scenario(user):

@@ -67,7 +67,12 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Exit at once: after OpenGL renders the bpy module may wait forever for its own threads when it is unloaded."""
+    """Print the processor time, of workers and what they started too; they have ended.
+
+    Then exit at once: after OpenGL renders the bpy module may wait forever for its own threads when it is unloaded.
+    """
+    if not hasattr(config, "workerinput"):
+        print(f"{sum(os.times()[:4]) / 60:.1f} min of processor time")
     if "bpy" in sys.modules and _EXIT_STATUS in config.stash:
         sys.stdout.flush()
         sys.stderr.flush()

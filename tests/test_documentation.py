@@ -161,6 +161,15 @@ def test_the_table_of_commands_is_right():
     assert re.findall(r"^\| `oneframe (\w+)` \|", text, re.MULTILINE) == list(COMMANDS)
 
 
+def test_every_promise_has_its_test():
+    page = (ROOT / "docs" / "guarantees.md").read_text(encoding="utf-8")
+    assert len(page.splitlines()) <= 60
+    tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
+    promised = [re.findall(r"`(test_\w+)`", line) for line in page.splitlines() if line.startswith("| **")]
+    assert all(promised)
+    assert [name for names in promised for name in names if f"def {name}(" not in tests] == []
+
+
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= README_LINES
 

@@ -86,7 +86,7 @@ def differences(found: Mapping[str, object], asked: Mapping[str, object]) -> lis
     """
     asked = json.loads(json.dumps(asked))
     without = dict.fromkeys(GROWING)
-    changes = _differences({**found, **without}, {**asked, **without}, "")
+    changes = changed_values({**found, **without}, {**asked, **without})
     return sorted(changes, key=lambda difference: (difference.of_input is None, difference.key))
 
 
@@ -101,12 +101,13 @@ def short(value: object) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def _differences(found: object, asked: object, name: str) -> list[Difference]:
+def changed_values(found: object, asked: object, name: str = "") -> list[Difference]:
+    """What differs between two JSON values; lists are compared as a whole."""
     if isinstance(found, dict) and isinstance(asked, dict):
         return [
             difference
-            for key in found.keys() | asked.keys()
-            for difference in _differences(found.get(key), asked.get(key), f"{name}.{key}" if name else key)
+            for key in sorted(found.keys() | asked.keys())
+            for difference in changed_values(found.get(key), asked.get(key), f"{name}.{key}" if name else key)
         ]
     return [] if found == asked else [Difference(name, found, asked)]
 

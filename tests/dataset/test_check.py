@@ -18,11 +18,9 @@ import pytest
 
 from oneframe.commands.__main__ import dispatch
 from oneframe.dataset.check.check_dataset import check_dataset
-from oneframe.dataset.check.comparison import require_equal
 from oneframe.dataset.layout import SPLIT, ViewPaths
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.view import file_sums, write_view
-from oneframe.errors import InputError
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
@@ -179,7 +177,7 @@ def rewrite_rotation(entry: dict) -> None:
 MUTATIONS = {
     "scene_gt entry too many": (
         lambda root: edit(root / S1 / "scene_gt.json", lambda c: c.update({"1": c["0"]})),
-        r"000001/scene_gt\.json: the entry: expected 1 keys, 1 are unknown \(1\)",
+        r"000001/scene_gt\.json: it is not what the records of the views make of it; remove it",
     ),
     "transforms.json axes": (
         lambda root: edit(
@@ -188,7 +186,7 @@ MUTATIONS = {
                 transform_matrix=(np.array(c["frames"][3]["transform_matrix"]) * [1, -1, -1, 1]).tolist()
             ),
         ),
-        r"^transforms\.json: frames\[3\]\.transform_matrix",
+        r"^transforms\.json: it is not what the records of the views make of it",
     ),
     "record without a hash": (
         lambda root: change_record(root, 1, lambda c: c["files"].popitem()),
@@ -291,7 +289,7 @@ SEALED = {
     ),
     "a column": (
         lambda root: (root / "poses.csv").write_text((root / "poses.csv").read_text().replace("\n", ",1\n")),
-        r"^poses\.csv: expected the columns index, image, r00",
+        r"^poses\.csv: it is not what the records of the views make of it",
     ),
 }  # fmt: skip
 
@@ -432,12 +430,14 @@ def test_links_that_lead_out_are_named(copied, tmp_path, run, capsys, name):
     assert f"{name}: expected a part of the dataset, found a link that leads out" in capsys.readouterr().out
 
 
-def test_tables_of_tables_may_differ_by_rounding_and_by_nothing_else():
-    """Another numpy gives other last digits, deep within the list of frames too."""
+def test_tables_may_differ_by_rounding_and_by_nothing_else(copied):
+    """Another processor or another numpy gives other last digits."""
+    table = copied / "transforms.json"
 
-    def frames(value: float) -> dict:
-        return {"frames": [{"file": "a.png", "matrix": [[1.0, 94.90095480038687], [0.5, value]]}, {"file": "b.png"}]}
+    def is_found(change: Callable[[np.ndarray], np.ndarray]) -> bool:
+        matrix = json.loads(table.read_text())["frames"][3]["transform_matrix"]
+        substitute(table, json.dumps(matrix), json.dumps(change(np.array(matrix)).tolist()))
+        return bool(check_dataset(sealed(copied), stream=io.StringIO()).findings)
 
-    require_equal(frames(2.0), frames(np.nextafter(2.0, 3.0)), "table", relative=1e-9)
-    with pytest.raises(InputError, match=r"frames\[0\]"):
-        require_equal(frames(2.0), frames(2.001), "table", relative=1e-9)
+    assert not is_found(lambda matrix: np.nextafter(matrix, 1e6))
+    assert is_found(lambda matrix: 1.00001 * matrix)

@@ -188,7 +188,7 @@ class _Check:
         if len(self._poses) == count and not unfinished:
             self._check_poses()
             if mesh is not None and FOREIGN not in findings.counts:
-                check_tables(root, description, mesh, self._finest_scale, findings)
+                check_tables(root, description, self._finest_scale, findings)
             if (root / "video").exists():
                 with findings.collecting("damaged files"):
                     check_video(root, description, mesh)

@@ -59,7 +59,8 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
         require_equal(frame.get("cam_from_model"), pose, "dataset.json: frame: cam_from_model", relative=RELATIVE)
     with findings.collecting(KIND):
         wanted = [described_frame(each, description.mesh_from_model) for each in case.frames]
-        require_equal(content.get("frames", []), wanted, f"dataset.json and {case.path}: frames", relative=RELATIVE)
+        found, expected = dict(enumerate(content.get("frames", []))), dict(enumerate(wanted))
+        require_equal(found, expected, f"dataset.json and {case.path}: frames", relative=RELATIVE)
 
 
 def _check_poses(description: Description, path: Path) -> None:

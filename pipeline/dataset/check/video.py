@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 
 from ...errors import InputError
-from ...files.content import read_beginning
+from ...files.content import read_beginning, read_content
 from ...surface.mesh import TriangleMesh
 from ...video.film_reader import read_video_frame, video_info
 from ..dataset_file import Description
 from ..layout import VIDEO_FILES
 from ..tables.pose_tables import POSE_COLUMNS
-from .comparison import RELATIVE, numbers_of, read_rows, require_equal, require_rotation
+from .comparison import RELATIVE, require_rotation
 from .depth import surface_depth
 
 VIDEO, VIDEO_POSES = VIDEO_FILES
@@ -63,14 +63,22 @@ def read_video_poses(root: Path) -> list[np.ndarray]:
     InputError
         The file is damaged.
     """
-    poses = []
-    for number, row in enumerate(read_rows(root, VIDEO_POSES, ["frame", "time_s", *POSE_COLUMNS])):
-        here, pose = f"{VIDEO_POSES}: row {number}", np.eye(4)
-        values = numbers_of(row, here)
-        require_equal(values[:2], [number, number / FRAMES_PER_SECOND], here, relative=RELATIVE)
-        pose[:3, :3], pose[:3, 3] = np.reshape(values[2:11], (3, 3)), values[11:]
-        require_rotation(pose, here)
-        poses.append(pose)
-    if not poses:
-        raise InputError(f"{VIDEO_POSES}: expected the pose of each frame, found none")
-    return poses
+    header, *rows = read_content(root / VIDEO_POSES, "the poses of a video", VIDEO_POSES).splitlines()
+    columns = ("frame", "time_s", *POSE_COLUMNS)
+    try:
+        values = np.array([row.split(b",") for row in rows], np.float64)
+        numbers = np.arange(len(rows))
+        times = np.stack([numbers, numbers / FRAMES_PER_SECOND], axis=1)
+        near = np.allclose(values[:, :2], times, rtol=RELATIVE, atol=RELATIVE)
+        if header.decode() != ",".join(columns) or not near or not np.isfinite(values).all():
+            raise ValueError
+        poses = np.tile(np.eye(4), (len(rows), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = values[:, 2:11].reshape(-1, 3, 3), values[:, 11:]
+    except (ValueError, IndexError):
+        raise InputError(
+            f"{VIDEO_POSES}: expected the columns {', '.join(columns)} and a row of numbers for each frame, found "
+            "another table"
+        ) from None
+    for number, pose in enumerate(poses):
+        require_rotation(pose, f"{VIDEO_POSES}: row {number}")
+    return [*poses]

@@ -65,7 +65,6 @@ def landmarks(user: User) -> Action:
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
     yield from user.show_step("landmarks", parts=True)
-    yield from user.find("oneframe.landmarks_clear")
     with user.context("UI"):
         bpy.ops.view2d.pan(deltax=0, deltay=-260)
     yield from window_picture(user, "landmarks")

@@ -20,19 +20,19 @@ def scenario(user):
     settings = user.window.scene.oneframe
     yield from user.open_sidebar("OneFrame")
     yield from user.key("RIGHT_ARROW", user.middle())
-    yield from user.press("oneframe.save_case")
+    yield from user.press("save_case")
     yield from user.until(lambda: b"manual" in user.case.read_bytes(), "the case to be saved without a question")
     text = user.case.read_bytes()
 
     yield from user.show_step("setup")
     for name, path in (("frame", frame), ("camera", user.case), ("surface", surface)):
-        yield from user.press(f"oneframe.load_{name}")
+        yield from user.press(f"load_{name}")
         yield from user.choose_file(path)
     yield from user.until(lambda: settings.surface.oneframe.mesh_path == str(surface), "the other surface")
     yield from user.key("RIGHT_ARROW", user.middle())
 
     # the case of before is a question; Return keeps it
-    yield from user.press("oneframe.save_case")
+    yield from user.press("save_case")
     yield from user.file_selector()
     yield from user.choose_file(user.case)
     yield 0.5
@@ -41,7 +41,7 @@ def scenario(user):
     assert user.case.read_bytes() == text
 
     # the place that is suggested
-    yield from user.press("oneframe.save_case")
+    yield from user.press("save_case")
     yield from user.accept_file()
     yield from user.until(other.exists, "the other case")
     saved = read_case(other)

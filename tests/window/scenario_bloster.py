@@ -25,14 +25,14 @@ def scenario(user):
     table = json.loads((FOLDER / "cameras.json").read_text())
     posed = table["frames"][FRAME]
     yield from user.open_sidebar("OneFrame")
-    yield from user.press("oneframe.load_frame")
+    yield from user.press("load_frame")
     yield from user.choose_file(FOLDER / posed["color"])
     scene = bpy.context.scene
     for name in ("fx", "fy", "cx", "cy"):
         setattr(scene.oneframe.camera, name, str(table["color"][name]))
     with user.context():
         bpy.ops.oneframe.set_camera("EXEC_DEFAULT", True)
-    yield from user.press("oneframe.load_surface")
+    yield from user.press("load_surface")
     yield from user.choose_file(FOLDER / "mesh_70k.ply")
     yield 1.0
     yield from user.picture("1_units")
@@ -52,7 +52,7 @@ def scenario(user):
     pixels = from_scene.camera(scene).project(transform_points(true, features))
     clicks = CLICK_SIGMA_PX * np.random.default_rng(1).normal(size=(PINS, 2))
     actions += yield from first_session.pin_features(user, list(zip(pixels, features, strict=True)), clicks)
-    yield from user.press("oneframe.save_case")
+    yield from user.press("save_case")
     yield from user.choose_file(user.folder / "case.toml")
     yield from user.until((user.folder / "case.toml").exists, "the case")
     actions += 2

@@ -22,7 +22,7 @@ def scenario(user):
     addon_utils.enable(PACKAGE)
     yield from user.open_sidebar("OneFrame")
     yield from user.show_step("ct")
-    yield from user.press("oneframe.open_ct")
+    yield from user.press("open_ct")
     yield from user.choose_file(path)
     loaded, areas = part("volume.loaded"), part("volume.slice_areas")
     yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT", 60)
@@ -60,7 +60,7 @@ def scenario(user):
     settings.threshold_hu = 300
 
     yield from user.open_sidebar("OneFrame")
-    yield from user.press("oneframe.make_surface")
+    yield from user.press("make_surface")
     scene = user.window.scene
     yield from user.until(lambda: scene.oneframe.surface is not None, "the surface", 60)
 
@@ -78,7 +78,7 @@ def scenario(user):
 
     # a stroke from the patient's left, undo and redo
     session = part("volume.drill_session")
-    yield from user.press("oneframe.drill()")
+    yield from user.press("drill")
     yield from user.until(lambda: session.of(scene) is not None, "the drill", 60)
     places = placed(user, scene)
     yield from user.redraw()

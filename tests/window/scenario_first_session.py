@@ -28,7 +28,7 @@ def scenario(user):
     yield from user.open_sidebar("OneFrame")
     assert shown(bpy.context.scene) == "setup"
     yield from user.picture("1_empty")
-    yield from user.press("oneframe.open_sample")
+    yield from user.press("open_sample")
     actions = 1
     yield from user.at_workbench()
     scene = bpy.context.scene

@@ -17,7 +17,7 @@ from oneframe.case.case_file import read_case
 from oneframe.case.case_update import differing_fields
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
-from oneframe.transforms import camera_centre, rigid
+from oneframe.transforms import camera_centre, rigid, transform_points
 from tests.blender.dataset.test_job import finished_views, linux_only, tree
 from tests.waiting import is_alive, wait_until
 
@@ -79,24 +79,15 @@ def test_previewed_poses_are_those_of_the_run(opened, case_path, tmp_path):
     assert (len(planned.lines), planned.count) == (6, 6)
     assert preview.is_current(opened)
     with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
-        for index in range(6):
-            expected = renderer.plan(index)
-            # a frustum's first line begins in the centre of projection
-            centre = planned.lines[index, 0, 0]
-            assert np.allclose(centre, camera_centre(expected.cam_from_model), atol=1e-9)
-            assert planned.observed[index] == expected.statistics.observed_fraction
+        camera = renderer.camera
+        (width, height), views = camera.size_wh, [renderer.plan(index) for index in range(6)]
+    for lines, observed, view in zip(planned.lines, planned.observed, views, strict=True):
+        # a frustum's first lines go from the centre of projection to the corners of the view
+        assert np.allclose(lines[0, 0], camera_centre(view.cam_from_model), atol=1e-9)
+        pixels = camera.project(transform_points(view.cam_from_model, lines[:4, 1]))
+        assert np.allclose(pixels, np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5, atol=1e-6)
+        assert observed == view.statistics.observed_fraction
     assert {name for name in datablocks() - before if "Render Result" not in name and "Viewer" not in name} == set()
-
-
-def test_a_frustum_is_what_the_view_shows(opened, case_path, tmp_path):
-    preview = importlib.import_module("blender_addon.dataset.pose_preview")
-    bpy.ops.oneframe.preview_poses()
-    with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
-        pose, camera = renderer.plan(3).cam_from_model, renderer.camera
-    corners = preview.shown().lines[3, :4, 1]
-    pixels = camera.project(corners @ pose[:3, :3].T + pose[:3, 3])
-    width, height = camera.size_wh
-    assert np.allclose(pixels, np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5, atol=1e-6)
 
 
 def test_listed_poses_replace_the_sampler(addon, write_tiny_case, tmp_path):
@@ -130,22 +121,20 @@ def touch_mesh(scene):
     os.utime(path, ns=(0, 0))
 
 
-CHANGES = {
-    "pose": (change_pose, True),
-    "mesh file": (touch_mesh, True),
-    "seed": (lambda scene: setattr(scene.oneframe.dataset, "seed", 6), True),
-    "angle of incidence": (lambda scene: setattr(scene.oneframe.dataset, "max_incidence_deg", 60), True),
-    "unseen surface": (lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"), False),
-}
+CHANGES = [
+    (change_pose, True),
+    (touch_mesh, True),
+    (lambda scene: setattr(scene.oneframe.dataset, "max_incidence_deg", 60), True),
+    (lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"), False),
+]
 
 
-@pytest.mark.parametrize("what", CHANGES)
-def test_poses_are_shown_only_while_they_are_up_to_date(opened, what):
+def test_poses_are_shown_only_while_they_are_up_to_date(opened):
     preview = importlib.import_module("blender_addon.dataset.pose_preview")
-    change, outdated = CHANGES[what]
-    bpy.ops.oneframe.preview_poses()
-    change(opened)
-    assert preview.is_current(opened) is not outdated
+    for change, outdated in CHANGES:
+        bpy.ops.oneframe.preview_poses()
+        change(opened)
+        assert preview.is_current(opened) is not outdated, change
     bpy.ops.oneframe.hide_poses()
     assert preview.shown() is None
 
@@ -171,28 +160,59 @@ def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
     refused(bpy.ops.oneframe.preview_view, "expected a view of the dataset, 0 to 5")
 
 
-def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, tmp_path, run_oneframe):
-    out, text = tmp_path / "addon", case_path.read_bytes()
-    opened.oneframe.dataset_out = str(out)
+def test_a_run_makes_the_scripts_dataset_and_saves_its_settings_alone(
+    opened, job_module, case_path, tmp_path, run_oneframe
+):
+    """A snapshot beside the dataset holds what the window shows; it is the same bytes for the same case."""
+    before, out = read_case(case_path), tmp_path / "elsewhere" / "out"
+    opened.oneframe.dataset_out, opened.oneframe.dataset.count = str(out), 2
+    bpy.ops.oneframe.nudge(axis="x")
+    opened.oneframe.landmarks.add().name = "new"
     assert bpy.ops.oneframe.render_dataset() == {"FINISHED"}
     refused(bpy.ops.oneframe.render_dataset, "A run is in progress")
     job = followed(job_module, ended)
-    assert (job.code, job.error) == (0, "")
-    assert (job.progress.count, job.progress.total) == (6, 6)
-    assert job.lines[-1] == f"dataset of 6 views: {out}"
-    # the case is unchanged: its file keeps its author's comments
-    assert case_path.read_bytes() == text
-    assert run_oneframe("render", case_path, "--out", tmp_path / "script", "--workers", 1).returncode == 0
+    assert (job.code, job.error, job.progress.count, job.progress.total) == (0, "", 2, 2)
+    assert job.lines[-1] == f"dataset of 2 views: {out}"
+    text, saved, snapshot = case_path.read_bytes(), read_case(case_path), out.with_name("out.case.toml")
+    assert differing_fields(before, saved) == ("dataset",)
+    assert saved.dataset["count"] == 2
+    rendered, case = snapshot.read_bytes(), read_case(snapshot)
+    assert np.array_equal(case.cam_from_mesh, from_scene().cam_from_mesh(opened))
+    assert [path.resolve() for path in (case.image, case.mesh)] == [
+        path.resolve() for path in (saved.image, saved.mesh)
+    ]
+    assert run_oneframe("render", snapshot, "--out", tmp_path / "script", "--workers", 1).returncode == 0
     assert tree(out) == tree(tmp_path / "script")
     # once more: nothing is left to do
-    assert bpy.ops.oneframe.render_dataset() == {"FINISHED"}
+    bpy.ops.oneframe.render_dataset()
     assert followed(job_module, ended).code == 0
+    job_module._current = None
+    # what it cannot become is said before anything starts, and nothing is written
+    files = tree(out)
+    for change, message in ((other_seed, "Seed was 5, is 6"), (change_pose, "the pose has changed")):
+        bpy.ops.oneframe.open_case(filepath=str(snapshot))
+        opened.oneframe.dataset_out = str(out)
+        change(opened)
+        with pytest.raises(RuntimeError, match=message) as caught:
+            bpy.ops.oneframe.render_dataset()
+        assert "--" not in str(caught.value)
+    assert job_module.current() is None
+    assert (tree(out), snapshot.read_bytes(), case_path.read_bytes()) == (files, rendered, text)
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    opened.oneframe.dataset_out = str(out.with_name("mine"))
+    (out.with_name("mine")).mkdir()
+    (out.with_name("mine") / "notes.txt").write_text("not a dataset")
+    refused(bpy.ops.oneframe.render_dataset, "found other files; choose another folder")
+    out.with_name("new.case.toml").write_text("# mine\n")
+    opened.oneframe.dataset_out = str(out.with_name("new"))
+    refused(bpy.ops.oneframe.render_dataset, "that of an earlier run")
+    assert out.with_name("new.case.toml").read_text() == "# mine\n"
 
 
 def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, case_path, tmp_path):
     out = tmp_path / "out"
     opened.oneframe.dataset_out = str(out)
-    opened.oneframe.dataset.count = 120
+    opened.oneframe.dataset.count = 60
     bpy.ops.oneframe.render_dataset()
     process = job_module.current().process
     followed(job_module, lambda job: finished_views(out) >= 2)
@@ -202,14 +222,14 @@ def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, 
     assert job.error == ""
     assert process.returncode == 130
     kept = {name: data for name, data in tree(out).items() if name.startswith("train_synt")}
-    assert 2 <= finished_views(out) < 120
+    assert 2 <= finished_views(out) < 60
     # the user adds a landmark meanwhile, which does not change the views
     opened.oneframe.landmarks.add().name = "later"
     bpy.ops.oneframe.render_dataset()
     counts = []
     job = followed(job_module, lambda job: counts.append(job.progress and job.progress.count) or ended(job))
     assert (job.code, job.error) == (0, "")
-    assert finished_views(out) == 120
+    assert finished_views(out) == 60
     after = tree(out)
     assert all(after[name] == data for name, data in kept.items())
     counts = [count for count in counts if count is not None]
@@ -273,75 +293,12 @@ def test_the_message_of_a_failed_run_reaches_the_user(opened, job_module, case_p
     assert not job.cancelled
 
 
-def test_a_run_saves_its_settings_and_nothing_else_with_the_users_case(opened, job_module, case_path, tmp_path):
-    """A snapshot beside the dataset holds what the window shows; it is the same bytes for the same case."""
-    before, out = read_case(case_path), tmp_path / "elsewhere" / "out"
-    opened.oneframe.dataset_out = str(out)
-    opened.oneframe.dataset.count = 2
-    bpy.ops.oneframe.nudge(axis="x")
-    opened.oneframe.landmarks.add().name = "new"
-    bpy.ops.oneframe.render_dataset()
-    assert followed(job_module, ended).code == 0
-    text, saved = case_path.read_bytes(), read_case(case_path)
-    assert differing_fields(before, saved) == ("dataset",)
-    assert saved.dataset["count"] == 2
-    snapshot = tmp_path / "elsewhere" / "out.case.toml"
-    before, case = snapshot.read_bytes(), read_case(snapshot)
-    assert np.array_equal(case.cam_from_mesh, from_scene().cam_from_mesh(opened))
-    assert (case.image.resolve(), case.mesh.resolve()) == tuple(
-        path.resolve() for path in (read_case(case_path).image, read_case(case_path).mesh)
-    )
-    bpy.ops.oneframe.render_dataset()
-    assert followed(job_module, ended).code == 0
-    assert snapshot.read_bytes() == before
-    # refused: neither the case nor a file of the user's at the snapshot's place is written
-    snapshot.write_text("# mine\n")
-    refused(bpy.ops.oneframe.render_dataset, "that of an earlier run")
-    assert snapshot.read_text() == "# mine\n"
-    assert case_path.read_bytes() == text
-
-
 def from_scene():
     return importlib.import_module("blender_addon.state.from_scene")
 
 
-def seed(scene):
+def other_seed(scene):
     scene.oneframe.dataset.seed = 6
-
-
-def other_pose(scene):
-    bpy.ops.oneframe.nudge(axis="x")
-
-
-DIFFERENCES = {
-    seed: "Seed was 5, is 6",
-    other_pose: "the pose has changed",
-}
-
-
-def test_what_a_dataset_cannot_become_is_said_before_anything_starts(opened, job_module, case_path, tmp_path):
-    out = tmp_path / "out"
-    opened.oneframe.dataset_out = str(out)
-    opened.oneframe.dataset.count = 2
-    bpy.ops.oneframe.render_dataset()
-    assert followed(job_module, ended).code == 0
-    job_module._current = None
-    before, snapshot = tree(out), (tmp_path / "out.case.toml").read_bytes()
-    for change, message in DIFFERENCES.items():
-        bpy.ops.oneframe.open_case(filepath=str(case_path))
-        opened.oneframe.dataset.count = 2
-        change(opened)
-        with pytest.raises(RuntimeError, match=message) as caught:
-            bpy.ops.oneframe.render_dataset()
-        assert "--" not in str(caught.value)
-        assert job_module.current() is None
-    assert tree(out) == before
-    assert (tmp_path / "out.case.toml").read_bytes() == snapshot
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "notes.txt").write_text("not a dataset")
-    opened.oneframe.dataset_out = str(tmp_path / "mine")
-    refused(bpy.ops.oneframe.render_dataset, "found other files; choose another folder")
-    assert not (tmp_path / "mine.case.toml").exists()
 
 
 def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module, case_path):

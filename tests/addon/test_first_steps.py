@@ -67,21 +67,18 @@ def test_files_dropped_together_are_a_case(addon, folder):
     assert {child.name for child in settings.surface.children} == {"ossicles", "facial_nerve"}
 
 
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
+def test_what_cannot_be_opened_is_reported(addon, folder):
+    before = bpy.context.scene
+    for names, message in (
         ([], "expected files, found none"),
         (["surface.ply", "other.ply"], "expected one surface, found surface.ply, other.ply"),
         (["ossicles.ply"], "drop the surface first"),
         (["notes.docx"], "notes.docx: expected a case, an image, K, a mesh or landmarks"),
         (["missing.png"], "missing.png"),
-    ],
-)
-def test_what_cannot_be_opened_is_reported(addon, folder, names, message):
-    before = bpy.context.scene
-    with pytest.raises(RuntimeError, match=message):
-        drop(folder, *names)
-    assert bpy.context.scene == before
+    ):
+        with pytest.raises(RuntimeError, match=message):
+            drop(folder, *names)
+        assert bpy.context.scene == before
 
 
 def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon, folder):

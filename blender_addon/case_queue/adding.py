@@ -8,7 +8,7 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_folder import CASE
 from ..pipeline.case.case_queue import NewFrame, add_frames, cases_of_frames
@@ -78,6 +78,3 @@ def added_text(scene: bpy.types.Scene, added: Sequence[Path]) -> Messages:
     """What was added, in words."""
     names = ", ".join(path.parent.name for path in added[:3]) + (f" and {len(added) - 3} more" if added[3:] else "")
     return (f"in the queue {queued.new_folder(scene)}: {names}",)
-
-
-register, unregister = class_registration(__name__)

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from bpy.props import IntProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
@@ -136,8 +136,7 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     pose_evidence.remember(scene, record, pose)
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     keys(
         Key("oneframe.queue_step", "PAGE_DOWN", properties=(("step", 1),)),
         Key("oneframe.queue_step", "PAGE_UP", properties=(("step", -1),)),

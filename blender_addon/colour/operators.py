@@ -8,7 +8,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import class_registration, listening, prop
+from ..class_registration import listening, prop
 from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
 from ..pipeline.errors import InputError
@@ -166,6 +166,4 @@ def _after_undo(scene: bpy.types.Scene, *_: object) -> None:
         show_colour(surface)
 
 
-register, unregister = class_registration(
-    __name__, listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo)
-)
+PARTS = (listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo))

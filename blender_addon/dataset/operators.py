@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.errors import InputError
@@ -265,6 +265,4 @@ def _remove_preview() -> None:
         bpy.data.images.remove(image)
 
 
-register, unregister = class_registration(
-    __name__, at_end(_remove_preview), listening(background_job.listeners, _job_changed)
-)
+PARTS = (at_end(_remove_preview), listening(background_job.listeners, _job_changed))

@@ -15,7 +15,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..class_registration import at_end, class_registration, drawing
+from ..class_registration import at_end, drawing
 from ..pipeline.blender.colour.reference_view import ReferenceView, reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -212,4 +212,4 @@ def _draw() -> None:
     gpu.state.depth_test_set("NONE")
 
 
-register, unregister = class_registration(__name__, at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))
+PARTS = (at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.blender.registration.register_frames import FRAME, FRAME_NAMES, CaseRegistrar
 from ..pipeline.case.posed_frame import UnreadFrame
 from ..pipeline.errors import InputError
@@ -84,6 +84,3 @@ class ONEFRAME_OT_clear_colour_sources(Reporting):
 def _set_further_frames(scene: bpy.types.Scene, frames: tuple[UnreadFrame, ...]) -> None:
     if (known := known_case(scene)) is not None:
         keep_known(scene, replace(known, frames=frames))
-
-
-register, unregister = class_registration(__name__)

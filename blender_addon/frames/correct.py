@@ -4,7 +4,6 @@ from typing import Any
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.blender.colour.reference_view import can_rasterise
 from ..pipeline.blender.registration.correct_source import CorrectedSource, correct_source
 from ..pipeline.errors import InputError
@@ -66,6 +65,3 @@ def record_text(record: dict[str, object]) -> str:
     moved_deg, moved_px, error_px = (float(str(record[key])) for key in ("moved_deg", "moved_px", "error_px"))
     moved = f"moved by {moved_deg:.2g}° and {format_two_digits(moved_px)} px"
     return f"{moved}, off by about {format_two_digits(error_px)} px"
-
-
-register, unregister = class_registration(__name__)

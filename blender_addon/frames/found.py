@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 from ..case_queue.queued import present, queue_of
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -325,8 +325,7 @@ def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
     return SeenFrame(name, text_of(frame.verdict), frame.cam_from_model)
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     listening(another_frame.finders, _seen),
     listening(scene_files.saved, _keep),
     at_end(_known.clear, _case_at.cache_clear),

@@ -7,7 +7,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration
 from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
@@ -141,4 +140,4 @@ class ONEFRAME_OT_play_frames(NeedsFound):
         show_status(context, None)
 
 
-register, unregister = class_registration(__name__, keys(Key("oneframe.case_frame", "ESC", tools=tuple(TOOLS))))
+PARTS = (keys(Key("oneframe.case_frame", "ESC", tools=tuple(TOOLS))),)

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.case.alignment_record import FURTHER_FRAMES
 from ..setup.alignment_record import pose_record
 from ..state import another_frame
@@ -77,6 +76,3 @@ def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSe
         reason = frame.verdict.reason
         text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."
     draw_text(layout, text, lines=TEXT_LINES)
-
-
-register, unregister = class_registration(__name__)

@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ..case_queue import queued
 from ..case_queue.adding import add_to_queue, added_text, first_case
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.case_queue import NewFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
@@ -164,6 +164,3 @@ def _all_or_none(written: Sequence[Path]) -> Iterator[None]:
         for path in written:
             path.unlink(missing_ok=True)
         raise
-
-
-register, unregister = class_registration(__name__)

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration, cursor, drawing
+from ..class_registration import cursor, drawing
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
 from ..state import another_frame, from_scene, workbench
@@ -188,6 +188,4 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     strokes.draw()
 
 
-register, unregister = class_registration(
-    __name__, drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer)
-)
+PARTS = (drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer))

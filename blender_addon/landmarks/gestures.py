@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
 from ..state.events import redraw
@@ -306,8 +306,7 @@ def _gesture(kind: str, tool: str, *, shift: bool = False, ctrl: bool = False, a
     return Key("oneframe.landmark_gesture", "LEFTMOUSE", "PRESS", shift, ctrl, alt, properties=settings, tools=(tool,))
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     keys(
         _gesture("IMAGE", LANDMARK_TOOL),
         _gesture("SURFACE", LANDMARK_TOOL, shift=True),

@@ -7,7 +7,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ..class_registration import class_registration, cursor
+from ..class_registration import cursor
 from ..pipeline.alignment.manual.picking import asked_half
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -161,4 +161,4 @@ def corner(area: bpy.types.Area, at: np.ndarray, size: int, avoided: Sequence[np
     return np.round(np.clip(best, free_low, np.maximum(free_high - size, free_low)))
 
 
-register, unregister = class_registration(__name__, cursor(draw_loupe))
+PARTS = (cursor(draw_loupe),)

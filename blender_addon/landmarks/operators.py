@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.alignment.refinement.refine import explained
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
@@ -324,8 +324,7 @@ def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
     return Key(operator, key, alt=alt, properties=(("at_pointer", True),), tools=(PIN_TOOL, LANDMARK_TOOL))
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     keys(
         _on_mark("oneframe.landmark_toggle", "LEFTMOUSE", alt=True),
         _on_mark("oneframe.landmark_remove", "X"),

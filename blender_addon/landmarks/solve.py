@@ -6,7 +6,7 @@ from functools import lru_cache
 import bpy
 import numpy as np
 
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
     complete_landmarks,
@@ -307,6 +307,4 @@ def follow(scene: bpy.types.Scene) -> None:
         apply(scene, solved)
 
 
-register, unregister = class_registration(
-    __name__, at_end(solved.cache_clear), listening(events.landmark_listeners, follow)
-)
+PARTS = (at_end(solved.cache_clear), listening(events.landmark_listeners, follow))

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..class_registration import at_end, class_registration, tool
+from ..class_registration import at_end, tool
 from ..pipeline.alignment.manual.picking import next_step
 from ..state import another_frame
 from ..state.landmarks import landmarks_model
@@ -101,6 +101,4 @@ def leave_tools() -> None:
                 break
 
 
-register, unregister = class_registration(
-    __name__, tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools)
-)
+PARTS = (tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools))

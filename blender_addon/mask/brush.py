@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, cursor, drawing, prop, tool
+from ..class_registration import cursor, drawing, prop, tool
 from ..pipeline.blender.colour.surface_colour import UNSEEN
 from ..pipeline.camera.distortion import distorted_pixels
 from ..pipeline.images.masked_frame import painted
@@ -135,8 +135,7 @@ _KEYS = keys(
     Key("oneframe.mask_stroke", "LEFTMOUSE", ctrl=True, properties=(("shows", True),), tools=_TOOLS),
     *size_keys("oneframe.mask_brush_size", MASK_TOOL),
 )
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     tool(MaskTool, "oneframe.move_tool"),
     cursor(draw_brush),
     drawing(bpy.types.SpaceView3D, draw_stroke, "POST_PIXEL"),

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from bpy.props import StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.blender.case.frame_file import Frame, read_frame
 from ..pipeline.case.case_folder import keep_files
 from ..pipeline.errors import InputError
@@ -118,6 +118,3 @@ class ONEFRAME_PT_mask(PartPanel):
         row.operator("oneframe.guess_mask", icon="SHADERFX")
         row.operator("oneframe.load_mask", text="Load", icon="FILE_FOLDER")
         row.operator("oneframe.clear_mask", icon="X")
-
-
-register, unregister = class_registration(__name__)

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from ..class_registration import class_registration, prop, tool
+from ..class_registration import prop, tool
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_from_vector, transform_points, turned_about
@@ -226,8 +226,7 @@ class MoveTool(ViewTool):
         layout.label(text=text if shows_frame(context) else "Look through the frame's camera (Numpad 0)")
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     tool(MoveTool, "oneframe.landmark_tool"),
     keys(
         *(

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..case_queue.queued import position, queue_of
-from ..class_registration import class_registration, drawing
+from ..class_registration import drawing
 from ..dataset import background_job
 from ..dataset.snapshot import usual_output
 from ..landmarks import solve
@@ -194,4 +194,4 @@ def _has_navigation(context: bpy.types.Context) -> bool:
     return is_shown and context.preferences.view.mini_axis_type == "GIZMO"
 
 
-register, unregister = class_registration(__name__, drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL"))
+PARTS = (drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL"),)

@@ -16,7 +16,7 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
-from ..class_registration import Part, at_end, class_registration, listening, prop
+from ..class_registration import Part, at_end, listening, prop
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_history import with_replaced
 from ..pipeline.case.case_writer import case_text, encoded
@@ -245,6 +245,4 @@ def _watched() -> Part:
     return Part(start, stop)
 
 
-register, unregister = class_registration(
-    __name__, at_end(_written.clear), listening(bpy.app.handlers.load_pre, flush), at_end(flush), _watched()
-)
+PARTS = (at_end(_written.clear), listening(bpy.app.handlers.load_pre, flush), at_end(flush), _watched())

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ..class_registration import at_end, class_registration
+from ..class_registration import at_end
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, has_entry
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.blender.case.load_case import load_case
@@ -113,4 +113,4 @@ def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
     return loaded
 
 
-register, unregister = class_registration(__name__, at_end(_read.cache_clear))
+PARTS = (at_end(_read.cache_clear),)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
@@ -145,6 +144,3 @@ def _is_3d_view(context: bpy.types.Context | None) -> bool:
 
 def _is_workbench(context: bpy.types.Context | None) -> bool:
     return context is not None and _is_3d_view(context) and workbench.is_workbench(context.scene)
-
-
-register, unregister = class_registration(__name__)

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
-from ..class_registration import at_end, class_registration, prop
+from ..class_registration import at_end, prop
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
 from ..pipeline.case.case_file import read_case
 from ..pipeline.errors import InputError
@@ -150,4 +150,4 @@ def _true_pose(path: Path, _stamp: Stamp) -> np.ndarray:
     return read_case(path).cam_from_mesh
 
 
-register, unregister = class_registration(__name__, at_end(_true_pose.cache_clear))
+PARTS = (at_end(_true_pose.cache_clear),)

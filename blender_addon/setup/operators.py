@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import class_registration, prop, start_timer, timers
+from ..class_registration import prop, start_timer, timers
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.camera.intrinsics_file import read_camera
@@ -318,4 +318,4 @@ class ONEFRAME_OT_save_edited_surface(SavesFile):
         return (f"saved {path}: {len(mesh.faces)} triangles",)
 
 
-register, unregister = class_registration(__name__, timers(_ask_for_units))
+PARTS = (timers(_ask_for_units),)

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
@@ -135,6 +134,3 @@ class ONEFRAME_PT_structures(PartPanel):
             row.prop(child, "name", text="")
             row.prop(child, "show_in_front", text="", icon="XRAY")
             row.prop(child, "hide_viewport", text="", icon_only=True, emboss=False)
-
-
-register, unregister = class_registration(__name__)

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.blender.alignment.overlay_picture import case_picture
 from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, is_found
 from ..pipeline.case.case_file import Case, read_case
@@ -191,6 +191,3 @@ def _with_kept_record(case: Case) -> Case:
         return case
     is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh) and case.alignment.get("method") != OTHER_FRAME
     return replace(case, alignment=saved.alignment) if is_same else case
-
-
-register, unregister = class_registration(__name__)

@@ -17,7 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..class_registration import attached, class_registration, prop
+from ..class_registration import attached, prop
 from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import DatasetOptions
 from . import events
@@ -239,8 +239,7 @@ class ONEFRAME_PG_object(bpy.types.PropertyGroup):
     mesh_path: str = prop(StringProperty, "Mesh", "File that the mesh was loaded from", subtype="FILE_PATH")
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     attached(bpy.types.Scene, "oneframe", ONEFRAME_PG_scene),
     attached(bpy.types.Object, "oneframe", ONEFRAME_PG_object),
 )

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty, IntProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.video.frame_folder import film_notes
 from ..state import camera_view, from_scene, workbench
@@ -116,6 +116,3 @@ class ONEFRAME_OT_video_strip(Reporting):
             shown_frame.restore(scene)
         for area in camera_view.views(context):
             fit_soon(area)
-
-
-register, unregister = class_registration(__name__)

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..state import camera_view, from_scene
 from ..state.pose import pivot_of
 from ..ui.frame_view import window_region
@@ -95,6 +94,3 @@ def orbit_surface(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:
     camera_view.aim(scene, space)
     view.view_perspective = "PERSP"
     view.view_rotation = camera_object.matrix_world.to_quaternion()
-
-
-register, unregister = class_registration(__name__)

@@ -9,7 +9,7 @@ Blender switches workspaces between two events, so this happens in steps of a ti
 import bpy
 from bpy.app.handlers import persistent
 
-from ..class_registration import at_end, class_registration, listening, start_timer, timers
+from ..class_registration import at_end, listening, start_timer, timers
 from ..state import camera_view, workbench
 from ..state.camera_view import WORKSPACE
 from ..state.events import areas
@@ -209,8 +209,7 @@ class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     at_end(_entering.clear, _opened.clear, remove),
     timers(_settle, zoom.fit_waiting),
     listening(workbench.listeners, _entered),

@@ -10,7 +10,7 @@ import numpy as np
 from bpy.props import FloatProperty
 from numpy.typing import ArrayLike
 
-from ..class_registration import class_registration, prop, start_timer
+from ..class_registration import prop, start_timer
 from ..state import from_scene
 from ..state.events import areas
 from ..ui.frame_view import FrameView, shows_frame, window_region
@@ -180,6 +180,3 @@ class ONEFRAME_OT_fit_frame(FrameTool):
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         fit_frame(context.scene, context.area)
         return {"FINISHED"}
-
-
-register, unregister = class_registration(__name__)

@@ -6,7 +6,7 @@ from itertools import groupby
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration, tool
+from ..class_registration import tool
 from ..pipeline.volume.drill.burr import way_over_bone
 from ..state import another_frame
 from ..state.events import redraw
@@ -144,4 +144,4 @@ _KEYS = keys(
     Key("oneframe.drill_stroke", "LEFTMOUSE", tools=(DRILL_TOOL,)),
     *size_keys("oneframe.burr_size", DRILL_TOOL),
 )
-register, unregister = class_registration(__name__, tool(DrillTool, "oneframe.move_tool"), _KEYS)
+PARTS = (tool(DrillTool, "oneframe.move_tool"), _KEYS)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.volume.bone.structures import structure_meshes, without_bone
 from ..pipeline.volume.drill.drill_guard import check_margins
@@ -122,6 +122,3 @@ class ONEFRAME_OT_save_plan(SavesFile):
         write_drill_plan(path, drill_strokes.plan_of(context.scene), input_files(context.scene))
         redraw()
         return (f"saved {path}",)
-
-
-register, unregister = class_registration(__name__)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.volume.bone.structures import structure_names, without_bone
 from ..pipeline.volume.drill.drill_plan import LARGEST_MARGIN_MM
 from ..state import from_scene
@@ -82,6 +82,3 @@ def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
     if scene.oneframe_ct.margins_text:
         return drill_strokes.margins_in(scene)
     return drill_strokes.usual_margins(structures_of(ct))
-
-
-register, unregister = class_registration(__name__)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.volume.bone.threshold import DEFAULT_HU, otsu_threshold
 from ..pipeline.volume.reading.dicom_series import SeriesInfo
@@ -168,6 +168,3 @@ class ONEFRAME_OT_otsu(NeedsCT, Reporting):
         level = otsu_threshold(loaded_ct(context.scene).volume)
         context.scene.oneframe_ct.threshold_hu = level
         return (f"threshold {level:g} HU",)
-
-
-register, unregister = class_registration(__name__)

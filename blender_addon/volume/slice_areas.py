@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..class_registration import at_end, class_registration, listening, start_timer, timers
+from ..class_registration import at_end, listening, start_timer, timers
 from ..pipeline.volume.slices.slice_planes import SlicePlane
 from ..ui.frame_view import window_region
 from ..ui.operator import Reporting, available
@@ -258,8 +258,7 @@ def _close() -> None:
     bpy.data.batch_remove([image for image in bpy.data.images if MARK in image])
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     listening(bpy.app.handlers.undo_post, fill_slices_soon),
     listening(bpy.app.handlers.redo_post, fill_slices_soon),
     at_end(_close, _numbers.clear),

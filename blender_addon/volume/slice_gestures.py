@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..ui.drag import Drag
 from ..ui.keymap import Key, Place, keys
 from ..ui.operator import OperatorResult
@@ -114,4 +114,4 @@ _KEYS = keys(
     _key("oneframe.slice_point", "LEFTMOUSE"),
     _key("oneframe.slice_window", "RIGHTMOUSE"),
 )
-register, unregister = class_registration(__name__, _KEYS)
+PARTS = (_KEYS,)

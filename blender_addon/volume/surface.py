@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.surface_folder import write_meshes
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.errors import InputError
@@ -165,6 +165,3 @@ def strokes_text(record: Mapping[str, Any]) -> str:
 def _inputs(scene: bpy.types.Scene) -> tuple[object, ...]:
     settings = scene.oneframe_ct
     return key_of(scene), settings.threshold_hu, settings.strokes_text, settings.margins_text
-
-
-register, unregister = class_registration(__name__)

@@ -11,6 +11,7 @@ from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import shown_frame
+from oneframe.blender.alignment import surface_object
 from oneframe.case.alignment_record import REGISTERED
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import CHECKED, NEW, ROUGH, queued_cases, state_of
@@ -35,8 +36,6 @@ def pose():
 
 
 def move(shift_mm):
-    from oneframe.blender.alignment import surface_object
-
     settings = bpy.context.scene.oneframe
     surface_object.set_pose(settings.camera_object, settings.surface, rigid(np.eye(3), shift_mm) @ pose())
 

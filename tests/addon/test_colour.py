@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from blender_addon.colour import operators as colour
 from oneframe.blender.case.load_case import load_case
 from oneframe.blender.colour.export import export_coloured_surface
 from oneframe.blender.colour.reference_view import colouring_view_of, colours_of
@@ -175,8 +176,6 @@ def test_everything_survives_the_blend_file(opened, tmp_path):
 
 
 def test_colours_of_another_pose_are_outdated(opened):
-    from blender_addon.colour import operators as colour
-
     bpy.ops.oneframe.project_colour()
     surface = opened.oneframe.surface
     record = json.loads(surface["oneframe_colour"])

@@ -149,7 +149,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
 
 
 @pytest.mark.parametrize("state", [ACCEPTED, DOUBTFUL, REFUSED])
-def test_a_frame_that_is_taken_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_path, state):
+def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_path, state):
     unsure = "standard_deviation_deg = [0.8, 0.8, 0.8]\nstandard_deviation_mm = [1.0, 1.0, 8.0]\n"
     scene = opened("case.toml", f'[alignment]\nmethod = "landmarks"\n{unsure if state == DOUBTFUL else ""}')
     bpy.ops.oneframe.case_frame()

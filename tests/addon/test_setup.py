@@ -9,10 +9,19 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
+from blender_addon.refine.status_line import status
+from blender_addon.setup.alignment_record import doubts
+from blender_addon.setup.case_in_scene import unsaved_parts, unsaved_text
+from blender_addon.state import from_scene, pose_evidence, to_scene
+from blender_addon.state import pose as pose_text
+from blender_addon.state.pose import pivot_of
+from blender_addon.view.overlay_passes import world_from_structure
+from oneframe.blender.case.load_case import load_case
 from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_update import differing_fields
+from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 
 MORE = """
@@ -55,8 +64,6 @@ def opened(addon, case_path):
 
 
 def updated_pose(scene):
-    from blender_addon.state import from_scene
-
     bpy.context.view_layer.update()
     return from_scene.cam_from_model(scene)
 
@@ -119,8 +126,6 @@ def test_typed_numbers_keep_every_digit(opened, case_path):
 
 
 def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
-    from blender_addon.setup.case_in_scene import unsaved_parts, unsaved_text
-
     assert unsaved_parts(opened) == ()
     bpy.ops.oneframe.nudge(axis="x")
     opened.oneframe.landmarks[0].name = "other"
@@ -134,8 +139,6 @@ def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
 
 
 def test_a_case_never_saved_is_lost_once_it_is_aligned(addon, case_path):
-    from blender_addon.setup.case_in_scene import unsaved_parts
-
     folder = case_path.parent
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     bpy.ops.oneframe.load_camera(filepath=str(case_path))
@@ -176,8 +179,6 @@ CAMERAS = [
 
 
 def test_blenders_camera_projects_points_as_k_and_pose_do(opened, rng):
-    from blender_addon.state import to_scene
-
     for camera in CAMERAS:
         to_scene.set_camera(bpy.context, camera, None)
         pose = updated_pose(opened)
@@ -207,7 +208,6 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
     assert made.camera == given.camera
     assert settings.camera_object.data.background_images[0].image is not None
     # in any order, the surface at its initial pose faces the camera inside the frame
-    from oneframe.blender.case.load_case import load_case
 
     loaded = load_case(made)
     pixels = made.camera.project(
@@ -219,9 +219,6 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
 
 
 def test_a_nudge_moves_the_pivot_by_its_step(opened):
-    from blender_addon.state import from_scene
-    from blender_addon.state.pose import pivot_of
-
     pivot, _ = pivot_of(opened)
     camera = from_scene.camera(opened)
     for axis, expected in (("x", [3.5, 0]), ("y", [0, 3.5])):
@@ -233,8 +230,6 @@ def test_a_nudge_moves_the_pivot_by_its_step(opened):
 
 
 def test_a_quarter_turn_rolls_about_the_view_ray_and_four_are_none(opened):
-    from blender_addon.state.pose import pivot_of
-
     pivot, _ = pivot_of(opened)
     poses = [updated_pose(opened)]
     for _ in range(4):
@@ -251,10 +246,6 @@ def test_a_quarter_turn_rolls_about_the_view_ray_and_four_are_none(opened):
 
 
 def test_what_is_in_doubt_is_said_until_it_is_put_right(addon, case_path):
-    from blender_addon.refine.status_line import status
-    from blender_addon.setup.alignment_record import doubts
-    from blender_addon.state import pose_evidence
-
     folder = case_path.parent
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     bpy.ops.oneframe.load_camera(filepath=str(case_path))
@@ -280,7 +271,7 @@ def test_what_is_in_doubt_is_said_until_it_is_put_right(addon, case_path):
     assert status(scene)[0].startswith("new.toml, not saved: pose  |  By hand")
 
 
-def test_a_scaled_or_mirrored_surface_is_refused_until_the_scale_is_removed(opened, tmp_path):
+def test_a_scaled_surface_is_refused_until_the_scale_is_removed(opened, tmp_path):
     surface, operators = opened.oneframe.surface, bpy.ops.oneframe
     save = functools.partial(operators.save_case, filepath=str(tmp_path / "x.toml"))
     for kind, factors in (("scaled", (1.1, 1.1, 1.1)), ("scaled", (1, 1, 1.02)), ("mirrored", (-1, 1, 1))):
@@ -329,8 +320,6 @@ def test_an_edited_surface_is_refused_until_it_is_saved(opened, case_path, tmp_p
 
 
 def test_a_pose_survives_the_clipboard(opened, tmp_path):
-    from blender_addon.state import pose as pose_text
-
     rows = pose_text.pose_rows(opened)
     pose, _ = pose_text.pose_from_text(", ".join(f"[{row.replace(' ', ', ')}]" for row in rows))
     before = updated_pose(opened)
@@ -369,8 +358,6 @@ def files_of(folder):
 
 
 def test_a_k_for_another_size_can_be_rescaled_also_if_it_is_loaded_after_the_frame(opened, tmp_path):
-    from blender_addon.state import from_scene, to_scene
-
     k = from_scene.camera(opened)
     half = k.resized(k.width // 2, k.height // 2)
     path = tmp_path / "camera.json"
@@ -384,8 +371,6 @@ def test_a_k_for_another_size_can_be_rescaled_also_if_it_is_loaded_after_the_fra
 
 
 def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path):
-    from blender_addon.view.overlay_passes import world_from_structure
-
     folder, names = case_path.parent, ["facial_nerve", "ossicles", "structure_1"]
     files = ["DOE_facial_nerve.ply", "ossicles.ply", "DOE_JOHN.ply"]
     for name in files:
@@ -408,15 +393,12 @@ def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path
 
 def _tiny_surface():
     vertices = np.array([[12.0, -7, 40], [21, -7, 40], [12, 2, 41]])
-    from oneframe.surface.mesh import TriangleMesh
 
     return TriangleMesh(vertices, np.array([[0, 1, 2]], np.int32))
 
 
 def test_a_distortion_from_a_file_is_the_scenes(opened, tmp_path):
     """The frame is undistorted by it; a file that folds the frame over is refused."""
-    from blender_addon.state import from_scene
-
     camera = from_scene.camera(opened)
     k = [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]]
     entry = {"K": k, "width": camera.width, "height": camera.height}
@@ -433,8 +415,6 @@ def test_a_distortion_from_a_file_is_the_scenes(opened, tmp_path):
 
 def test_units_can_be_changed_afterwards(opened, case_path, tmp_path):
     """Everything scales about the camera: each point stays at its pixel, and back again nothing has changed."""
-    from blender_addon.state import from_scene
-
     bpy.ops.oneframe.nudge(axis="roll", step_px=3)
     bpy.ops.oneframe.project_colour(mode="vertex")
     bpy.ops.oneframe.save_case(filepath=str(case_path))

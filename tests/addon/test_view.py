@@ -9,6 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mathutils import Matrix
 
+from blender_addon.ui.frame_view import FrameView
+from blender_addon.ui.keymap import MASK_TOOL, PIN_TOOL, binding
+from blender_addon.ui.strokes import Strokes
+from blender_addon.view.operators import toggling
+from blender_addon.view.overlay import Composite, frame_image_of
+from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, Projection, SurfacePicture
+from oneframe.blender.bridge.data_blocks import absolute_path
+from oneframe.blender.bridge.image import read_image
 from oneframe.camera.pinhole import PinholeCamera
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
@@ -49,8 +57,6 @@ def poses(scene):
 
 
 def projection_through(camera: PinholeCamera, times: int = 1):
-    from blender_addon.view.overlay_passes import Projection
-
     width, height, near, far = camera.width, camera.height, 1.0, 10_000.0
     clip_from_view = Matrix(
         (
@@ -65,8 +71,6 @@ def projection_through(camera: PinholeCamera, times: int = 1):
 
 def drawn(surface, projection, crease_deg=None):
     """``(H, W, 4)`` picture and lines, 0..1, top row first."""
-    from blender_addon.view.overlay_passes import SurfacePicture
-
     picture = SurfacePicture(projection.width, projection.height)
     picture.draw(projection, surface, crease_deg)
     shape = (projection.height, projection.width, 4)
@@ -156,11 +160,6 @@ def test_creases_of_a_box_are_its_edges(gpu_context):
 def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     import gpu
 
-    from blender_addon.ui.frame_view import FrameView
-    from blender_addon.view.overlay import Composite, frame_image_of
-    from blender_addon.view.overlay_passes import SurfacePicture
-    from oneframe.blender.bridge.image import read_image
-
     image, _ = read_image(frame_path(scene))
     height, width = image.shape[:2]
     camera = PinholeCamera(width, height, 320.0, 318.0, 30.0, 25.5)
@@ -177,8 +176,6 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
 
 
 def frame_path(scene):
-    from oneframe.blender.bridge.data_blocks import absolute_path
-
     return absolute_path(scene.oneframe.frame_path)
 
 
@@ -218,8 +215,6 @@ def test_a_loupe_magnifies_about_its_centre(at, times, size, point):
 
 
 def test_view_operators_are_cyclic_replace_each_other_and_move_nothing(in_view, scene):
-    from blender_addon.view.operators import toggling
-
     before, view, surface = poses(scene), scene.oneframe_view, scene.oneframe.surface
 
     def state():
@@ -245,8 +240,6 @@ def test_view_operators_are_cyclic_replace_each_other_and_move_nothing(in_view, 
 def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     """A ball that sticks out of a plate at half its height; its outline is that of K."""
     import bmesh
-
-    from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, SurfacePicture
 
     plate = new_object(lambda shape: bmesh.ops.create_grid(shape, size=10.0))
     plate.matrix_world = Matrix.Translation((-10.0, 0, -140))
@@ -288,8 +281,6 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
 )
 @settings(max_examples=30)
 def test_lines_over_the_view_fit_and_lose_nothing(text, room):
-    from blender_addon.ui.strokes import Strokes
-
     strokes = Strokes(unit=1.0)
     lines = strokes.wrapped(text, room)
     assert " ".join(lines) == text
@@ -307,8 +298,6 @@ def test_view_operators_are_disabled_in_other_views(in_view, scene):
 
 
 def test_a_hint_shows_what_would_act_now(in_view, scene):
-    from blender_addon.ui.keymap import MASK_TOOL, PIN_TOOL, binding
-
     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     assert not binding("oneframe.refine")
     bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)

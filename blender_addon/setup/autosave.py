@@ -16,7 +16,7 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
-from ..class_registration import Part, at_end, listening, prop
+from ..class_registration import Part, at_end, listening, prop, timers
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_history import with_replaced
 from ..pipeline.case.case_writer import case_text, encoded
@@ -46,6 +46,9 @@ _written: dict[Path, str] = {}
 
 _failed: set[str] = set()
 """What has been reported already."""
+
+_has_asked = False
+"""Whether the question of the start has been asked."""
 
 
 def aside(case_path: Path) -> Path:
@@ -208,6 +211,10 @@ def own_folder(name: str) -> Path:
 
 
 def _tick() -> float:
+    global _has_asked
+    if not _has_asked and (path := left_behind()) is not None:
+        offer(bpy.context, path)
+    _has_asked = True
     flush()
     return PERIOD_S
 
@@ -226,23 +233,10 @@ def flush(*_arguments: object) -> None:
             _failed.add(str(error))
 
 
-def _ask_at_start() -> None:
-    if (path := left_behind()) is not None:
-        offer(bpy.context, path)
-
-
-def _watched() -> Part:
-    """The timers: one for the whole session, one at its start."""
-
-    def start() -> None:
-        bpy.app.timers.register(_tick, first_interval=PERIOD_S, persistent=True)
-        bpy.app.timers.register(_ask_at_start, first_interval=START_S)
-
-    def stop() -> None:
-        for timer in filter(bpy.app.timers.is_registered, (_tick, _ask_at_start)):
-            bpy.app.timers.unregister(timer)
-
-    return Part(start, stop)
-
-
-PARTS = (at_end(_written.clear), listening(bpy.app.handlers.load_pre, flush), at_end(flush), _watched())
+PARTS = (
+    at_end(_written.clear),
+    listening(bpy.app.handlers.load_pre, flush),
+    at_end(flush),
+    timers(_tick),
+    Part(lambda: bpy.app.timers.register(_tick, first_interval=START_S, persistent=True), lambda: None),
+)

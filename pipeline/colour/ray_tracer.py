@@ -24,7 +24,7 @@ from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
-from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
+from .shading import ColouredSurface, ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .texture_atlas import TextureAtlas
 from .vertex_colours import NEUTRAL, VertexColours
 
@@ -122,42 +122,34 @@ class RayTracer:
 
     def __init__(
         self,
-        mesh: TriangleMesh,
+        surface: ColouredSurface,
         camera: PinholeCamera,
-        *colours: SurfaceColour,
-        unseen: np.ndarray | None = None,
+        *,
         samples: int = 1,
-        pivot_model: np.ndarray | None = None,
         rays: MeshRays | None = None,
     ) -> None:
         """Prepare what the views share.
 
         Parameters
         ----------
-        mesh
-            The surface, model frame.
-        camera
-            Intrinsics of the views.
-        colours
-            Sources of the surface's colour, of which the first that saw a point is taken; none for geometry alone.
-        unseen
-            ``(V, 3)`` colours of the vertices for what no frame saw; ``None``: neutral grey.
-        samples, pivot_model
-            Rays in each pixel at an edge, and with more than one the point whose distance determines the filter, mm.
+        surface, camera
+            What to render, and the intrinsics of the views.
+        samples
+            Rays in each pixel at an edge.
         rays
-            Those at the same mesh, if there are any yet.
+            What casts rays at the mesh; Embree if left out.
 
         Raises
         ------
         InputError
             Rays cannot be cast here.
         """
-        self._mesh, self._camera, self._unseen = mesh, camera, unseen
-        self._rays = rays or MeshRays(mesh)
+        mesh, colours, self._unseen = surface.mesh, surface.colours, surface.unseen
+        self._mesh, self._camera, self._rays = mesh, camera, rays or MeshRays(mesh)
         self._painters = [_Painter(mesh, colour) for colour in colours or (None,)]
-        self._pivot_model = None if samples == 1 else pivot_model
+        self._pivot_model = None if samples == 1 else surface.pivot_model
         self._pattern = pixel_pattern(samples)
-        by_place = unseen is not None or any(isinstance(colour, VertexColours | TextureAtlas) for colour in colours)
+        by_place = self._unseen is not None or any(isinstance(each, VertexColours | TextureAtlas) for each in colours)
         self._by_rays = by_place or len(mesh.faces) > FACES_A_PIXEL * camera.width * camera.height
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:

@@ -3,6 +3,7 @@
 It is what the material of :mod:`oneframe.blender.render.material` computes at a shaded point, for many points at once.
 """
 
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,29 @@ from .texture_atlas import COVERED_LEAST, TextureAtlas
 from .vertex_colours import VertexColours
 
 SurfaceColour = VertexColours | TextureAtlas | SourceView
+
+
+@dataclass(frozen=True)
+class ColouredSurface:
+    """What every engine renders.
+
+    Attributes
+    ----------
+    mesh
+        The surface, model frame, mm.
+    colours
+        Sources of its colour, of which the first that saw a point is taken; none for geometry alone, in neutral grey
+        and observed on front sides.
+    unseen
+        ``(V, 3)`` code values 0..1 of the vertices for what no frame saw; ``None``: neutral grey.
+    pivot_model
+        ``(3,)`` mm: the point whose distance determines the filter of anti-aliased views; the origin if left out.
+    """
+
+    mesh: TriangleMesh
+    colours: tuple[SurfaceColour, ...] = ()
+    unseen: np.ndarray | None = None
+    pivot_model: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 def source_of(colour: SurfaceColour) -> SourceView | None:

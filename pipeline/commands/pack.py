@@ -2,14 +2,10 @@
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
 
 from ..errors import InputError
-from ..process.arguments import add_cluster_arguments, at_least, check_cluster_arguments, explained_imports, resumable
+from ..process.arguments import at_least, explained_imports, resumable
 from ..process.own_process import own_output
 
 EXIT_WRONG = 1
@@ -19,9 +15,8 @@ EPILOG = """examples:
   %(prog)s dataset --out packed
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
   %(prog)s dataset --out test --split test  (a tenth of the views, unlike those of train and val)
-  %(prog)s dataset --out packed --verify    (compare every view with the dataset)
-  %(prog)s dataset --out packed --cluster tls://host:8786
-  %(prog)s --out packed --verify            (hashes and members; needs no dataset)
+  %(prog)s dataset --out packed --verify    (make every shard again and compare its hash)
+  %(prog)s --out packed --verify            (hashes; needs no dataset)
 
 Run the same command again to continue a stopped run, or to add the views that the dataset has got since. The bytes do
 not depend on who packs; those of JPEG depend on the version of OpenCV.
@@ -46,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     content.add_argument(
         "--jpeg", metavar="QUALITY", type=int,
-        help="store RGB as JPEG of this quality, 1 to 100; what that loses is reported",
+        help="store RGB as JPEG of this quality, 1 to 100",
     )  # fmt: skip
     content.add_argument(
         "--split", choices=("train", "val", "test"), help="pack only the views of this part (80, 10 and 10 %%); no "
@@ -64,8 +59,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="number of threads (default: one per core)",
     )
-    # its workers see both folders
-    add_cluster_arguments(work, "pack")
     work.add_argument(
         "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
     )
@@ -74,9 +67,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 @resumable()
 def run(arguments: argparse.Namespace) -> int:
     """Pack the dataset, or verify the pack."""
-    check_cluster_arguments(arguments)
-    if arguments.cluster is not None and arguments.verify:
-        raise InputError("command line: --cluster: expected without --verify; leave one of the two out")
     if arguments.split_gap_px is not None and arguments.split is None:
         raise InputError("command line: --split-gap-px: expected with --split only; add it, or leave out both")
     if arguments.dataset is None and not arguments.verify:
@@ -103,36 +93,17 @@ def run(arguments: argparse.Namespace) -> int:
         split = split_of_dataset(open_source(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    with _engine(arguments, output) as engine:
-        manifest = pack_dataset(
-            arguments.dataset,
-            arguments.out,
-            PackOptions(arguments.views_per_shard, arguments.jpeg, about),
-            views=views,
-            engine=engine,
-            stream=output,
-        )
-    if manifest.jpeg_quality is not None:
-        output.write(f"RGB as JPEG of quality {manifest.jpeg_quality}: {manifest.loss}\n")
-    size = sum(shard.sum.bytes for shard in manifest.shards)
+    manifest = pack_dataset(
+        arguments.dataset,
+        arguments.out,
+        PackOptions(arguments.views_per_shard, arguments.jpeg, about),
+        views=views,
+        workers=arguments.workers,
+        stream=output,
+    )
+    size = sum(shard.bytes for shard in manifest.shards)
     output.write(
-        f"pack of {len(manifest.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
+        f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
         f"shard{'s' * (len(manifest.shards) != 1)}: {arguments.out}\n"
     )
     return 0
-
-
-@contextmanager
-def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[..., Iterable[Any]]]:
-    """What packs: threads of this machine, or the workers of a cluster."""
-    with explained_imports():
-        from ..packing.pack import on_this_machine
-    if arguments.cluster is None:
-        yield on_this_machine(arguments.workers)
-        return
-    with explained_imports():
-        from ..cluster.pack_on_workers import packed_by_cluster
-        from ..cluster.sources import open_source
-    with open_source(arguments.cluster, insecure=arguments.insecure) as source:
-        output.write(f"{source.about}\n")
-        yield partial(packed_by_cluster, source=source)

@@ -3,15 +3,15 @@
 import json
 import shutil
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
 import cv2
 
-from ..dataset.checksums import sum_of_file
+from ..dataset.checksums import FileSum, sum_of_file
 from ..dataset.layout import MOST_VIEWS, ViewPaths
 from ..dataset.tables.bop import write_test_targets
 from ..errors import InputError, RunError
@@ -30,14 +30,11 @@ from .layout import (
     shard_name,
     view_key,
 )
-from .manifest import Manifest
-from .pack_folder import PackFolder, Plan
+from .manifest import Manifest, Plan
+from .pack_folder import PackFolder
 from .pack_info import pack_info
-from .shard import PackedShard, ShardOrder, pack_shard, writing_pack
+from .shard import ShardOrder, pack_shard, writing_pack
 from .source import Source, open_source
-
-Engine = Callable[[Sequence[ShardOrder], Progress], Iterable[PackedShard]]
-"""Packs shards by :func:`.pack_shard` anywhere, gives each as soon as it is there, and counts views."""
 
 
 @dataclass(frozen=True)
@@ -59,37 +56,13 @@ class PackOptions:
     about: str = ""
 
 
-def on_this_machine(workers: int = 0) -> Engine:
-    """An engine of so many threads, 0 for one a core: what takes time releases Python's lock."""
-
-    def packed(orders: Sequence[ShardOrder], progress: Progress) -> Iterator[PackedShard]:
-        stopped = threading.Event()
-
-        def count() -> None:
-            if stopped.is_set():
-                raise RunError("stopped")
-            progress.advance()
-
-        with ThreadPoolExecutor(workers or available_cores()) as pool:
-            futures = [pool.submit(pack_shard, order, count) for order in orders]
-            try:
-                for future in futures:
-                    yield future.result()
-            finally:
-                # what is begun leaves nothing
-                stopped.set()
-                pool.shutdown(cancel_futures=True)
-
-    return packed
-
-
 def pack_dataset(
     root: Path,
     out: Path,
     options: PackOptions | None = None,
     *,
     views: Sequence[int] | None = None,
-    engine: Engine | None = None,
+    workers: int = 0,
     stream: TextIO | None = None,
 ) -> Manifest:
     """Pack a dataset, or go on where an earlier run of the same pack was stopped.
@@ -102,8 +75,8 @@ def pack_dataset(
         How; the defaults if left out.
     views
         The views in the order in which they are packed; all of them, as they are numbered, if left out.
-    engine
-        What packs the shards; one thread a core of this machine if left out.
+    workers
+        Number of threads, 0 for one a core: what takes time releases Python's lock.
     stream
         Of the progress.
 
@@ -130,23 +103,15 @@ def pack_dataset(
         views=_checked_views(views, source.description.count),
     )
     with PackFolder(out, plan) as folder:
-        shards = {shard.number: shard for shard in folder.finished()}
-        done = sum(len(shard.views) for shard in shards.values())
+        shards = folder.finished()
+        done = sum(len(views) for number, views in enumerate(plan.shards()) if number in shards)
         orders = [order for order in shard_orders(source, out, plan) if order.number not in shards]
         with Progress(len(plan.views), "views packed", finished=done, stream=stream) as progress:
-            for shard in (engine or on_this_machine())(orders, progress):
-                with writing_pack(out / shard_name(shard.number)):
-                    folder.keep(shard)
-                shards[shard.number] = shard
-        manifest = Manifest(
-            plan.identity,
-            plan.views_per_shard,
-            plan.jpeg_quality,
-            plan.opencv,
-            tuple(shards[number] for number in range(len(plan.shard_views()))),
-            {},
-        )
-        manifest = _write_tables(source, out, manifest, options.about)
+            for number, known in _packed(orders, progress, workers):
+                with writing_pack(out / shard_name(number)):
+                    folder.keep(number, known)
+                shards[number] = known
+        manifest = _write_tables(source, out, plan, [shards[number] for number in sorted(shards)], options.about)
         folder.finish()
     return manifest
 
@@ -155,25 +120,45 @@ def shard_orders(source: Source, out: Path, plan: Plan) -> list[ShardOrder]:
     """The orders of all shards of a pack."""
     return [
         ShardOrder(source.root, out, number, views, plan.identity, source.description.camera, plan.jpeg_quality)
-        for number, views in enumerate(plan.shard_views())
+        for number, views in enumerate(plan.shards())
     ]
 
 
-def _write_tables(source: Source, out: Path, manifest: Manifest, about: str) -> Manifest:
-    """Write everything but the shards; gives the manifest, with the sums of these files."""
+def _packed(orders: Sequence[ShardOrder], progress: Progress, workers: int) -> Iterator[tuple[int, FileSum]]:
+    """Pack shards by threads, and give number and sum of each as soon as it is there."""
+    stopped = threading.Event()
+
+    def count() -> None:
+        if stopped.is_set():
+            raise RunError("stopped")
+        progress.advance()
+
+    with ThreadPoolExecutor(workers or available_cores()) as pool:
+        futures = [pool.submit(pack_shard, order, count) for order in orders]
+        try:
+            for order, future in zip(orders, futures, strict=True):
+                yield order.number, future.result()
+        finally:
+            # what is begun leaves nothing
+            stopped.set()
+            pool.shutdown(cancel_futures=True)
+
+
+def _write_tables(source: Source, out: Path, plan: Plan, shards: Sequence[FileSum], about: str) -> Manifest:
+    """Write everything but the shards; gives the manifest."""
     for name in COPIED:
         with writing_pack(out / name):
             create_folder((out / name).parent)
             with (source.root / name).open("rb") as content, written_file(out / name) as stream:
                 shutil.copyfileobj(content, stream)
-    keys = {view_key(ViewPaths(out, view)): shard.number for shard in manifest.shards for view in shard.views}
+    keys = {view_key(ViewPaths(out, view)): number for number, views in enumerate(plan.shards()) for view in views}
     with writing_pack(out / KEY_TO_SHARD):
         write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
     with writing_pack(out / TARGETS):
-        write_test_targets(out, sorted(source.targets.intersection(manifest.views)))
+        write_test_targets(out, sorted(source.targets.intersection(plan.views)))
     with writing_pack(out / INFO):
-        write_bytes_atomically(out / INFO, pack_info(source.description, manifest, about))
-    manifest = replace(manifest, files={name: sum_of_file(out / name) for name in TABLES})
+        write_bytes_atomically(out / INFO, pack_info(source.description, plan, about))
+    manifest = Manifest(plan, tuple(shards), {name: sum_of_file(out / name) for name in TABLES})
     with writing_pack(out / MANIFEST):
         write_json(out / MANIFEST, manifest.to_json())
     return manifest

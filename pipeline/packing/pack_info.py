@@ -4,7 +4,7 @@ from ..dataset.dataset_file import Description
 from ..dataset.layout import OBJECT_ID
 from ..dataset.run.survey import view_ranges
 from .layout import member_suffixes
-from .manifest import Manifest
+from .manifest import Plan
 
 _MEANING = {
     "camera.json": "`cam_K`, `depth_scale`, world-to-camera pose",
@@ -53,25 +53,25 @@ compares all hashes.
 """
 
 
-def pack_info(description: Description, manifest: Manifest, about: str = "") -> bytes:
+def pack_info(description: Description, plan: Plan, about: str = "") -> bytes:
     """The content of the file, with one more paragraph if there is something to say about the choice of views."""
-    jpeg = manifest.jpeg_quality is not None
+    jpeg = plan.jpeg_quality is not None
     suffixes = member_suffixes(description.kinds, jpeg=jpeg)
-    rgb = f"RGB is JPEG of quality {manifest.jpeg_quality}: {manifest.loss}." if jpeg else "RGB is as it was rendered."
+    rgb = f"RGB is JPEG of quality {plan.jpeg_quality}." if jpeg else "RGB is as it was rendered."
     return TEXT.format(
         about=f"\n{about}\n" if about else "",
         name=description.name,
-        count=len(manifest.views),
+        count=len(plan.views),
         object_id=OBJECT_ID,
         width=description.camera.width,
         height=description.camera.height,
-        shards=len(manifest.shards),
-        s="s" * (len(manifest.shards) > 1),
-        per_shard=manifest.views_per_shard,
-        views=view_ranges(manifest.views),
+        shards=len(plan.shards()),
+        s="s" * (len(plan.shards()) > 1),
+        per_shard=plan.views_per_shard,
+        views=view_ranges(plan.views),
         members="\n".join(f"| `{suffix}` | {_MEANING[suffix]} |" for suffix in suffixes),
         rgb=rgb,
-        last=len(manifest.shards) - 1,
+        last=len(plan.shards()) - 1,
         rgb_name="rgb.jpg" if jpeg else "rgb.png",
         rgb_suffix=".jpg" if jpeg else ".png",
     ).encode()

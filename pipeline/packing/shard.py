@@ -11,19 +11,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import cv2
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..dataset.checksums import FileSum, sum_of
-from ..dataset.decoding import Shape, decoded_grey
+from ..dataset.decoding import Shape, decoded_grey, decoded_rgb
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.run.resume_record import ViewRecord, read_record
 from ..dataset.tables.bop import scene_entries
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
-from .colour_loss import ColourLoss, as_jpeg
-from .layout import FILES, MASKS, shard_name, view_key
-from .masks import mask_json
+from .layout import FILES, MASKS, mask_json, shard_name, view_key
 
 
 @dataclass(frozen=True)
@@ -55,28 +54,8 @@ class ShardOrder:
     jpeg_quality: int | None = None
 
 
-@dataclass(frozen=True)
-class PackedShard:
-    """A written shard.
-
-    Attributes
-    ----------
-    number, views
-        As ordered.
-    sum
-        Size and hash of the file.
-    loss
-        What JPEG has lost; nothing was compared without it.
-    """
-
-    number: int
-    views: tuple[int, ...]
-    sum: FileSum
-    loss: ColourLoss
-
-
-def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) -> PackedShard:
-    """Write one shard, whole or not at all.
+def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) -> FileSum:
+    """Write one shard, whole or not at all; gives size and hash of the file.
 
     The same order makes the same bytes on any machine; with JPEG, those with the same version of OpenCV.
 
@@ -93,28 +72,31 @@ def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) ->
         A view is missing, damaged or of another dataset, or the shard cannot be written.
     """
     path = order.folder / shard_name(order.number)
-    loss = ColourLoss()
     with writing_pack(path), written_file(path) as stream:
-        hashed = _Hashed(stream)
-        with tarfile.TarFile(fileobj=hashed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
-            for index in order.views:
-                paths = ViewPaths(order.root, index)
-                try:
-                    members, lost = view_members(order, paths)
-                except InputError as error:
-                    raise RunError(str(error)) from None
-                for suffix, data in members:
-                    # without owner and time: the bytes depend on the members alone
-                    entry = tarfile.TarInfo(f"{view_key(paths)}.{suffix}")
-                    entry.size = len(data)
-                    archive.addfile(entry, io.BytesIO(data))
-                loss += lost
-                on_view()
-    return PackedShard(order.number, order.views, FileSum(hashed.sha256(), hashed.tell()), loss)
+        return write_shard(order, stream, on_view)
 
 
-def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, bytes]], ColourLoss]:
-    """The members of one view: name after its key, and content; and what JPEG has lost.
+def write_shard(order: ShardOrder, stream: BinaryIO, on_view: Callable[[], None]) -> FileSum:
+    """Write the bytes of a shard: see :func:`pack_shard`."""
+    hashed = _Hashed(stream)
+    with tarfile.TarFile(fileobj=hashed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+        for index in order.views:
+            paths = ViewPaths(order.root, index)
+            try:
+                members = view_members(order, paths)
+            except InputError as error:
+                raise RunError(str(error)) from None
+            for suffix, data in members:
+                # without owner and time: the bytes depend on the members alone
+                entry = tarfile.TarInfo(f"{view_key(paths)}.{suffix}")
+                entry.size = len(data)
+                archive.addfile(entry, io.BytesIO(data))
+            on_view()
+    return FileSum(hashed.sha256(), hashed.tell())
+
+
+def view_members(order: ShardOrder, paths: ViewPaths) -> list[tuple[str, bytes]]:
+    """The members of one view: name after its key, and content.
 
     Raises
     ------
@@ -137,9 +119,10 @@ def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, b
             members.append((name, checked_file(paths, record, kind, most)))
     rgb = checked_file(paths, record, "rgb", most)
     if order.jpeg_quality is None:
-        return [*members, ("rgb.png", rgb)], ColourLoss()
-    jpeg, loss = as_jpeg(rgb, order.jpeg_quality, shape, str(paths.file("rgb")))
-    return [*members, ("rgb.jpg", jpeg)], loss
+        return [*members, ("rgb.png", rgb)]
+    bgr = np.ascontiguousarray(decoded_rgb(rgb, shape, str(paths.file("rgb")))[..., ::-1])
+    jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, order.jpeg_quality])[1]
+    return [*members, ("rgb.jpg", jpeg.tobytes())]
 
 
 def checked_file(paths: ViewPaths, record: ViewRecord, kind: str, most: int) -> bytes:
@@ -200,17 +183,13 @@ class _Hashed(io.BufferedIOBase):
         return self._digest.hexdigest()
 
 
-class PackWriteError(RunError):
-    """A file of a pack cannot be written on this machine."""
-
-
 @contextmanager
 def writing_pack(path: Path) -> Iterator[None]:
     """Turn an OSError inside the block, which writes a file of a pack and nothing else, into a sentence.
 
     Raises
     ------
-    PackWriteError
+    RunError
         The file or its folder cannot be written.
     """
     try:
@@ -218,9 +197,9 @@ def writing_pack(path: Path) -> Iterator[None]:
     except OSError as error:
         safe = "the shards packed so far are safe"
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise PackWriteError(
+            raise RunError(
                 f"{path.parent}: the disk is full; {safe}: free space and run the same command again"
             ) from None
-        raise PackWriteError(
+        raise RunError(
             f"{path}: cannot write the file ({error.strerror}); {safe}: correct this and run the same command again"
         ) from None

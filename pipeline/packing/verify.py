@@ -1,35 +1,29 @@
-"""Whether a pack is whole: its hashes, its shards as another library reads them, and each view beside its dataset."""
+"""Whether a pack is whole: size and hash of every file, and, beside its dataset, every shard made again."""
 
-import tarfile
-from collections.abc import Iterator
+import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
+import cv2
+
 from ..dataset.check.findings import Findings
-from ..dataset.checksums import damaged_file
-from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import RECORD, ViewPaths, largest_view_file
+from ..dataset.checksums import FileSum, damaged_file
+from ..dataset.dataset_file import read_description
+from ..dataset.layout import RECORD
 from ..errors import InputError, RunError
 from ..progress import Progress
-from .colour_loss import ColourLoss, jpeg_loss
-from .layout import (
-    MANIFEST,
-    TABLES,
-    WORK,
-    is_note,
-    member_suffixes,
-    shard_name,
-    view_key,
-)
+from .layout import MANIFEST, TABLES, WORK, is_note, shard_name
 from .manifest import Manifest, read_manifest
+from .pack import shard_orders
 from .pack_folder import is_own_name
-from .shard import PackedShard, ShardOrder, view_members
-from .source import Source, open_source
+from .shard import ShardOrder, write_shard
+from .source import open_source
 
-DAMAGED, FOREIGN, OTHER = "damaged files", "foreign files", "members unlike the dataset"
+DAMAGED, FOREIGN, OTHER = "damaged files", "foreign files", "shards unlike the dataset"
 
 
 @dataclass(frozen=True)
@@ -41,14 +35,14 @@ class VerifyReport:
     count, shards
         Views and shards of the pack.
     compared
-        Views that were compared with the dataset.
+        Whether the shards were made again from the dataset.
     findings
         What is wrong; empty if the pack is whole.
     """
 
     count: int
     shards: int
-    compared: int
+    compared: bool
     findings: Findings
 
     def summary(self) -> str:
@@ -57,8 +51,7 @@ class VerifyReport:
         if self.findings:
             wrong = len(self.findings)
             return f"{name}: NOT whole, {wrong} finding{'s' * (wrong > 1)}"
-        compared = f", {self.compared} views compared with the dataset" if self.compared else ""
-        return f"{name}: whole (all hashes and members{compared})"
+        return f"{name}: whole (all hashes{', and each shard as the dataset makes it' * self.compared})"
 
 
 def verify_pack(
@@ -69,7 +62,7 @@ def verify_pack(
     Parameters
     ----------
     folder, root
-        The pack, and the dataset that it was made from, to compare every view.
+        The pack, and the dataset that it was made from, to make every shard again and compare its hash.
     threads
         How many shards are read at a time.
     stream
@@ -78,7 +71,7 @@ def verify_pack(
     Raises
     ------
     InputError
-        No complete pack, or no complete dataset, or another one.
+        No complete pack, or no complete dataset, or another one; or JPEG of another version of OpenCV beside a dataset.
     """
     if not (folder / MANIFEST).is_file():
         unfinished = (folder / WORK).is_dir()
@@ -87,28 +80,52 @@ def verify_pack(
             + ("an unfinished one; run the command that packs it again" if unfinished else f"no {MANIFEST} in it")
         )
     manifest = read_manifest(folder)
-    findings = Findings()
-    source = None
+    orders: list[ShardOrder | None] = [None] * len(manifest.shards)
     if root is not None:
-        source = open_source(root)
-        if source.description.identity != manifest.identity:
-            raise InputError(
-                f"{folder}: expected a pack of {root}, found one of another dataset; give the right folder"
-            )
+        orders = [*_orders(folder, root, manifest)]
+    findings = Findings()
     _check_tables(folder, manifest, findings)
-    description = None
-    with suppress(InputError):
-        description = read_description(folder / RECORD) if source is None else source.description
-    checks = [_ShardCheck(folder, manifest, shard, description, source) for shard in manifest.shards]
     with (
-        Progress(len(manifest.views), "views verified", stream=stream) as progress,
+        Progress(len(manifest.plan.views), "views verified", stream=stream) as progress,
         ThreadPoolExecutor(threads) as pool,
     ):
-        compared = sum(pool.map(lambda check: check.run(progress), checks))
-    for check in checks:
-        for kind, message in check.found:
-            findings.add(kind, message)
-    return VerifyReport(len(manifest.views), len(manifest.shards), compared, findings)
+
+        def checked(number: int, known: FileSum, order: ShardOrder | None) -> tuple[str, str | None]:
+            problem = damaged_file(folder, shard_name(number), known, hashes=True)
+            if problem is None and order is not None:
+                return OTHER, _unlike(order, known, progress.advance)
+            for _ in manifest.plan.shards()[number]:
+                progress.advance()
+            return DAMAGED, problem
+
+        for kind, problem in pool.map(checked, range(len(orders)), manifest.shards, orders):
+            if problem is not None:
+                findings.add(kind, problem)
+    return VerifyReport(len(manifest.plan.views), len(manifest.shards), root is not None, findings)
+
+
+def _orders(folder: Path, root: Path, manifest: Manifest) -> list[ShardOrder]:
+    """The orders that made a pack, from its dataset."""
+    source, plan = open_source(root), manifest.plan
+    if source.description.identity != plan.identity:
+        raise InputError(f"{folder}: expected a pack of {root}, found one of another dataset; give the right folder")
+    if plan.opencv not in (None, cv2.__version__):
+        raise InputError(
+            f"{folder}: OpenCV {plan.opencv} compressed its RGB, and {cv2.__version__} here may make other bytes: "
+            "leave out the dataset to compare hashes alone, or install that version"
+        )
+    return shard_orders(source, folder, plan)
+
+
+def _unlike(order: ShardOrder, known: FileSum, on_view: Callable[[], None]) -> str | None:
+    """What is wrong with a shard beside its dataset; ``None`` if the dataset makes the same bytes."""
+    name = shard_name(order.number)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            same = write_shard(order, nowhere, on_view) == known
+    except RunError as error:
+        return f"{name} cannot be made again: {error}"
+    return None if same else f"{name} does not hold what the dataset does"
 
 
 def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
@@ -120,101 +137,13 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
         )
         if problem:
             findings.add(DAMAGED, problem)
-    shards = {shard_name(shard.number) for shard in manifest.shards}
-    known_names = {MANIFEST, *manifest.files, *shards, *(str(Path(name).parent) for name in manifest.files)}
+    shards = {*map(shard_name, range(len(manifest.shards)))}
+    known_names = {MANIFEST, *manifest.files, *shards}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if name not in known_names and not path.is_dir() and not is_note(name):
             own = is_own_name(name) and name not in shards
             findings.add(FOREIGN, f"{name}: {'this pack has no such shard' if own else 'no pack has such a file'}")
     with suppress(InputError, OSError):
-        description = read_description(folder / RECORD)
-        if description.identity != manifest.identity:
+        if read_description(folder / RECORD).identity != manifest.plan.identity:
             findings.add(DAMAGED, f"{RECORD}: it describes another dataset than the one that {MANIFEST} names")
-
-
-@dataclass
-class _ShardCheck:
-    """The check of one shard, beside the dataset if its ``source`` is given; ``found`` are kinds and messages."""
-
-    folder: Path
-    manifest: Manifest
-    shard: PackedShard
-    description: Description | None
-    source: Source | None
-    found: list[tuple[str, str]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._name = shard_name(self.shard.number)
-
-    def run(self, progress: Progress) -> int:
-        """Check hash and members; gives the number of views that were compared with the dataset."""
-        problem = damaged_file(self.folder, self._name, self.shard.sum, hashes=True)
-        if problem is not None:
-            self._add(DAMAGED, problem)
-        compared, loss = 0, ColourLoss()
-        if problem is None or (self.folder / self._name).is_file():
-            for index, members in self._views():
-                if self.source is not None and members is not None:
-                    loss += self._compare(ViewPaths(self.source.root, index), members, self.source)
-                    compared += 1
-                progress.advance()
-        if problem is None and compared == len(self.shard.views) and loss != self.shard.loss:
-            self._add(OTHER, f"{self._name}: its loss by JPEG is not the one in {MANIFEST}: {loss}")
-        return compared
-
-    def _add(self, kind: str, message: str) -> None:
-        self.found.append((kind, message))
-
-    def _views(self) -> Iterator[tuple[int, dict[str, bytes] | None]]:
-        """Each view with its members by suffix, or ``None`` if they are not all there; stops where the archive does."""
-        if self.description is None:
-            return
-        suffixes = member_suffixes(self.description.kinds, jpeg=self.manifest.jpeg_quality is not None)
-        keys = {view_key(ViewPaths(self.folder, index)): index for index in self.shard.views}
-        expected = [f"{key}.{suffix}" for key in keys for suffix in suffixes]
-        most = largest_view_file(*self.description.camera.size_wh)
-        try:
-            with tarfile.open(self.folder / self._name, "r:") as archive:
-                names = [entry.name for entry in archive if entry.isreg() and entry.size <= most]
-                if names != expected:
-                    self._describe_difference(names, expected)
-                    return
-                for key, index in keys.items():
-                    members = {}
-                    for suffix in suffixes:
-                        content = archive.extractfile(f"{key}.{suffix}")
-                        members[suffix] = b"" if content is None else content.read()
-                    yield index, members
-        except (tarfile.TarError, OSError, EOFError) as error:
-            self._add(DAMAGED, f"{self._name}: no whole archive: {error}")
-
-    def _describe_difference(self, names: list[str], expected: list[str]) -> None:
-        missing = sorted(set(expected) - set(names))
-        foreign = sorted(set(names) - set(expected))
-        if missing:
-            self._add(DAMAGED, f"{self._name}: {len(missing)} members are missing, the first is {missing[0]}")
-        if foreign:
-            self._add(FOREIGN, f"{self._name}: {len(foreign)} members are foreign, the first is {foreign[0]}")
-        if not missing and not foreign:
-            self._add(DAMAGED, f"{self._name}: its members are in another order, or some are there twice")
-
-    def _compare(self, paths: ViewPaths, members: dict[str, bytes], source: Source) -> ColourLoss:
-        """Compare the members of a view with those that the dataset makes now; gives what JPEG has lost."""
-        quality, camera = self.manifest.jpeg_quality, source.description.camera
-        # another OpenCV may compress to other bytes: JPEG is compared with the image
-        order = ShardOrder(source.root, self.folder, 0, (paths.index,), source.description.identity, camera)
-        found, loss, jpeg = dict[str, bytes](), ColourLoss(), members.get("rgb.jpg")
-        try:
-            found = dict(view_members(order, paths)[0])
-            if quality is not None and jpeg is not None:
-                loss, found["rgb.jpg"] = jpeg_loss(jpeg, found["rgb.png"], camera.shape_hw, "rgb.jpg"), jpeg
-        except (InputError, RunError):
-            pass  # told of its members
-        for suffix, data in members.items():
-            if found.get(suffix) != data:
-                key = view_key(paths)
-                self._add(
-                    OTHER, f"{self._name}: {key}.{suffix} does not hold what the dataset does (view {paths.index})"
-                )
-        return loss

@@ -123,25 +123,25 @@ def open_dataset(path: str | Path) -> Dataset:
 
 def _open_pack(folder: Path) -> Dataset:
     manifest, description = read_manifest(folder), read_description(folder / RECORD)
-    if manifest.identity != description.identity:
+    if manifest.plan.identity != description.identity:
         raise InputError(
             f"{folder}: expected {MANIFEST} and {RECORD} of one dataset, found those of two; copy or pack it again"
         )
     places: list[range] = []
-    for shard in manifest.shards:
-        name = shard_name(shard.number)
+    for number, (known, views) in enumerate(zip(manifest.shards, manifest.plan.shards(), strict=True)):
+        name = shard_name(number)
         try:
             size = (folder / name).stat().st_size
         except OSError:
             raise InputError(f"{folder}: expected the shard {name}, found none; copy or pack it again") from None
-        if size != shard.sum.bytes:
+        if size != known.bytes:
             raise InputError(
-                f"{folder / name}: expected {shard.sum.bytes} bytes, found {size}: the shard is cut off or another "
+                f"{folder / name}: expected {known.bytes} bytes, found {size}: the shard is cut off or another "
                 "one; copy or pack it again"
             )
         first = places[-1].stop if places else 0
-        places.append(range(first, first + len(shard.views)))
-    return Dataset(PackFiles(folder, description, manifest), description, manifest.views, places)
+        places.append(range(first, first + len(views)))
+    return Dataset(PackFiles(folder, description, manifest.plan), description, manifest.plan.views, places)
 
 
 def _names(folder: Path) -> list[str]:

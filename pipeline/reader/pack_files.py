@@ -14,9 +14,8 @@ from ..dataset.layout import ViewPaths, largest_view_file
 from ..errors import InputError
 from ..files.content import regular_file
 from ..files.tables import parsed_json
-from ..packing.layout import FILES, shard_name, view_key
-from ..packing.manifest import Manifest
-from ..packing.masks import mask_columns
+from ..packing.layout import FILES, mask_columns, shard_name, view_key
+from ..packing.manifest import Plan
 from ..transforms import rigid
 from .view import Boxes, Truth, ViewFiles
 
@@ -27,13 +26,13 @@ MOST_OPEN = 8
 class PackFiles(ViewFiles):
     """The members of a pack's shards. It can be pickled, and used by several threads and after a fork."""
 
-    def __init__(self, folder: Path, description: Description, manifest: Manifest) -> None:
+    def __init__(self, folder: Path, description: Description, plan: Plan) -> None:
         """Open nothing yet: a shard's headers are read when its first view is."""
         self._folder, self.description = folder, description
         self._shape, self._most = description.camera.shape_hw, largest_view_file(*description.camera.size_wh)
-        rgb = "rgb.png" if manifest.jpeg_quality is None else "rgb.jpg"
+        rgb = "rgb.png" if plan.jpeg_quality is None else "rgb.jpg"
         self._suffixes = {"rgb": rgb, **FILES}
-        self._shard_of = {view: shard.number for shard in manifest.shards for view in shard.views}
+        self._shard_of = {view: number for number, views in enumerate(plan.shards()) for view in views}
         self._closed = False
         self._open: dict[int, _Shard] = {}
         self._places: dict[int, dict[str, tuple[int, int]]] = {}

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..colour.ray_tracer import RayTracer
+from ..colour.shading import ColouredSurface
 from ..colour.source_view import SourceView
-from ..projection.rays import MeshRays
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
 from .light import without_light
@@ -117,7 +117,7 @@ class KnownViews:
     def __init__(self, mesh: TriangleMesh, source: SourceView) -> None:
         """Prepare a surface (model frame) that is coloured by its aligned frame."""
         self.source = source
-        self._tracer = RayTracer(mesh, source.camera, source, rays=MeshRays(mesh))
+        self._tracer = RayTracer(ColouredSurface(mesh, (source,)), source.camera)
         self._latest: KnownView | None = None
 
     def near(self, cam_from_model: np.ndarray) -> KnownView:

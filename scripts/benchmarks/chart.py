@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from oneframe.blender.render.engines import check_engine, keep_freed_memory
+from oneframe.blender.render.engines import engine_named, keep_freed_memory
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.errors import InputError, RunError
 from oneframe.evaluation.conditions import current_conditions
@@ -99,7 +99,7 @@ def usable(configurations: Sequence[Configuration], report: Callable[[str], None
     missing = set()
     for engine in dict.fromkeys(configuration.engine for configuration in configurations):
         try:
-            check_engine(engine)
+            engine_named(engine).check()
         except InputError as error:
             report(f"left out: {error}")
             missing.add(engine)

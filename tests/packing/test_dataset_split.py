@@ -28,7 +28,7 @@ def test_parts_of_a_dataset(rendered, tmp_path, capfd):
         out = tmp_path / "-".join(map(str, options))
         assert dispatch([str(word) for word in ("pack", rendered, "--out", out, "--split", *options)]) == 0
         assert not verify_pack(out, rendered).findings
-        views = set(read_manifest(out).views)
+        views = set(read_manifest(out).plan.views)
         targets = json.loads((out / "test_targets_bop19.json").read_text())
         assert {entry["im_id"] for entry in targets} <= views
         info = (out / "dataset_info.md").read_text()

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from pycocotools import mask as coder
 
 from oneframe.errors import InputError
-from oneframe.packing.masks import mask_columns, mask_json
+from oneframe.packing.layout import mask_columns, mask_json
 
 MASKS = arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12)))
 

@@ -50,7 +50,7 @@ def sealed(pack: Path) -> None:
 def test_a_sound_pack_is_whole(dataset, packed):
     report = verify_pack(packed, dataset, stream=io.StringIO())
     assert report.summary() == (
-        "pack of 4 views in 2 shards: whole (all hashes and members, 4 views compared with the dataset)"
+        "pack of 4 views in 2 shards: whole (all hashes, and each shard as the dataset makes it)"
     )
 
 
@@ -83,63 +83,44 @@ def swapped(pack: Path) -> None:
     (pack / "x").rename(second)
 
 
-def without_a_member(pack: Path) -> None:
-    content = members(pack / SHARD)
-    del content["000000_000001.rgb.png"]
-    write_members(pack / SHARD, content)
-
-
-def with_a_member(pack: Path) -> None:
-    write_members(pack / SHARD, members(pack / SHARD) | {"000000_000009.rgb.png": b"x"})
-
-
-def another_order(pack: Path) -> None:
-    write_members(pack / SHARD, dict(reversed(members(pack / SHARD).items())))
-
-
-DAMAGE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
-    "truncated": (lambda pack: os.truncate(pack / SHARD, 20_000), "no whole archive|are missing", False),
-    "swapped": (swapped, f"{SHARD} has .* bytes instead of", False),
-    "a member less": (without_a_member, f"{SHARD}: 1 members are missing, the first is 000000_000001.rgb.png", True),
-    "a member more": (with_a_member, f"{SHARD}: 1 members are foreign, the first is 000000_000009.rgb.png", True),
-    "another order": (another_order, "its members are in another order", True),
-    "a shard less": (lambda pack: (pack / SHARD).unlink(), f"{SHARD} is missing", False),
-    "a shard more": (
-        lambda pack: (pack / "shard-000002.tar").write_bytes(b"x"), "this pack has no such shard", False,
-    ),
-    "a file more": (lambda pack: (pack / "models" / "x.txt").write_text("x"), "no pack has such a file", False),
-    "a table less": (lambda pack: (pack / "key_to_shard.json").unlink(), "key_to_shard.json is missing", False),
-}  # fmt: skip
+DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
+    "truncated": (lambda pack: os.truncate(pack / SHARD, 20_000), f"{SHARD} has 20000 bytes instead of"),
+    "swapped": (swapped, f"{SHARD} has .* bytes instead of"),
+    "a shard less": (lambda pack: (pack / SHARD).unlink(), f"{SHARD} is missing"),
+    "a shard more": (lambda pack: (pack / "shard-000002.tar").write_bytes(b"x"), "this pack has no such shard"),
+    "a file more": (lambda pack: (pack / "models" / "x.txt").write_text("x"), "no pack has such a file"),
+    "a table less": (lambda pack: (pack / "key_to_shard.json").unlink(), "key_to_shard.json is missing"),
+}
 
 
 @pytest.mark.parametrize("kind", DAMAGE)
 def test_damage_is_found(kind, dataset, copied_pack):
-    harm, message, hidden = DAMAGE[kind]
+    harm, message = DAMAGE[kind]
     harm(copied_pack)
-    if hidden:
-        sealed(copied_pack)
     for root in (None, dataset):
         found = findings(copied_pack, root)
         assert any(re.search(message, line) for line in found), found
 
 
-@pytest.mark.parametrize(
-    "suffix",
-    [
-        "camera.json", "gt.json", "gt_info.json", "mask.json", "mask_visib.json", "mask_observed.json", "depth.png",
-        "depth_mm.npy", "source_frame.png", "rgb.png",
-    ],
-)  # fmt: skip
-def test_a_view_unlike_the_dataset_is_found_although_its_hash_is_right(suffix, dataset, copied_pack):
-    content = members(copied_pack / SHARD)
-    content[f"000000_000001.{suffix}"] = content[f"000000_000002.{suffix}"]
-    if suffix == "camera.json":
-        content[f"000000_000001.{suffix}"] = b"{}"
-    write_members(copied_pack / SHARD, content)
+def with_another(member: str) -> Callable[[dict[str, bytes]], dict[str, bytes]]:
+    return lambda content: content | {f"000000_000001.{member}": content[f"000000_000002.{member}"] + b" "}
+
+
+CHANGES: dict[str, Callable[[dict[str, bytes]], dict[str, bytes]]] = {
+    "a member less": lambda content: {name: content[name] for name in content if "000001.rgb" not in name},
+    "a member more": lambda content: content | {"000000_000009.rgb.png": b"x"},
+    "another order": lambda content: dict(reversed(content.items())),
+    "an image": with_another("rgb.png"),
+    "a number": with_another("gt.json"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_shard_unlike_the_dataset_is_found_although_its_hash_is_right(change, dataset, copied_pack):
+    write_members(copied_pack / SHARD, CHANGES[change](members(copied_pack / SHARD)))
     sealed(copied_pack)
     assert findings(copied_pack) == []
-    (found,) = findings(copied_pack, dataset)
-    assert found == f"{SHARD}: 000000_000001.{suffix} does not hold what the dataset does (view 1)"
+    assert findings(copied_pack, dataset) == [f"{SHARD} does not hold what the dataset does"]
 
 
 def test_what_is_no_pack_is_a_sentence(dataset, copied_pack, tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.vertex_colours import VertexColours
 from oneframe.images.pixel_values import to_uint8
 from oneframe.sample.film import disturbance, disturbed, film_poses
@@ -108,7 +109,7 @@ def test_a_camera_that_goes_around_the_tissue_covers_nothing(rng):
     paint = np.cos(mesh.vertices @ waves.T + rng.uniform(0, 2 * np.pi, 60)).sum(axis=1) / 8
     rgb = np.clip(np.array([0.8, 0.65, 0.5]) * (1 + 0.3 * np.minimum(paint, 0.6)[:, None]), 0, 1).astype(np.float32)
     everywhere = np.ones(len(rgb), bool)
-    tracer = RayTracer(mesh, camera, VertexColours(rgb, everywhere, everywhere), unseen=rgb)
+    tracer = RayTracer(ColouredSurface(mesh, (VertexColours(rgb, everywhere, everywhere),), rgb), camera)
     scores = score_images(
         disturbed(to_uint8(tracer.render(pose).rgb), number) for number, pose in enumerate(film_poses())
     )

@@ -1,10 +1,11 @@
-"""A queue: frames are checked, one in the middle is being aligned when Blender ends, by kill or by its window."""
+"""A queue: frames are checked, one in the middle is being aligned when Blender ends: killed, or by its cross."""
 
 import json
 import os
 import signal
 
 import bpy
+import x11
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
@@ -42,8 +43,7 @@ def scenario(user):
     if os.environ["ONEFRAME_END"] == "killed":
         yield autosave.PERIOD_S + 1
         os.kill(os.getpid(), signal.SIGKILL)
-    # at once, as the window's cross does
-    yield from user.key("Q", user.middle(), ctrl=True)
+    x11.click_cross()
     yield 0.7
     yield from user.picture("1_quitting")
     yield from user.key("D")

@@ -11,11 +11,11 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe.pipeline.blender.render.engines import render_view
-from bl_ext.user_default.oneframe.pipeline.blender.render.surface_scene import SurfaceScene
+from bl_ext.user_default.oneframe.pipeline.blender.render.engines import opened_engine
 from bl_ext.user_default.oneframe.pipeline.camera.pinhole import PinholeCamera
 from bl_ext.user_default.oneframe.pipeline.case.case_file import Case
 from bl_ext.user_default.oneframe.pipeline.case.case_writer import write_case
+from bl_ext.user_default.oneframe.pipeline.colour.shading import ColouredSurface
 from bl_ext.user_default.oneframe.pipeline.images.png import encode_png
 from bl_ext.user_default.oneframe.pipeline.surface.mesh import TriangleMesh
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
@@ -150,8 +150,8 @@ def rendered_distances(loaded, dots):
     """The same distances in the renderer's silhouette at the frame's pose, at higher resolution: a mask is binary."""
     fine = 3
     camera = loaded.frame.camera.resized(fine * CAMERA.width, fine * CAMERA.height)
-    with SurfaceScene(loaded.surface.mesh, camera) as surface_scene:
-        mask = render_view(surface_scene, loaded.frame.cam_from_model).mask.astype(float)
+    with opened_engine("cycles", ColouredSurface(loaded.surface.mesh), camera) as render:
+        mask = render(loaded.frame.cam_from_model).mask.astype(float)
     reach, off = int(1.6 * fine * RADIUS_PX), []
     for dot in dots:
         column, row = np.rint((dot + 0.5) * fine - 0.5).astype(int)

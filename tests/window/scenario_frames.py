@@ -5,7 +5,7 @@ from importlib import import_module
 import addon_utils
 import bpy
 import numpy as np
-import x11_capture
+import x11
 
 PACKAGE = "bl_ext.user_default.oneframe"
 COUNT, LOST = 6, 5
@@ -85,7 +85,7 @@ def see(user, at, name, *, alone):
     (left, right), up = np.rint(view.region_from_px([[-0.5, -0.5], [width - 0.5, height - 0.5]]).T).astype(int)
     left, right = left + region.x, right + region.x
     above, below = user.window.height - region.y - up
-    shown = x11_capture.capture()[above:below, left:right].astype(float)
+    shown = x11.capture()[above:below, left:right].astype(float)
     expected = cv2.resize(film.picture, (right - left, below - above), interpolation=cv2.INTER_LINEAR)
     drawn = float((np.abs(shown - expected).max(axis=2) > 60).mean())
     user.facts[f"{name}_drawn"] = round(drawn, 4)

@@ -2,7 +2,7 @@
 
 import bpy
 import numpy as np
-import x11_capture
+import x11
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
@@ -50,7 +50,7 @@ def scenario(user):
     yield from user.key("LEFT_BRACKET")
     yield from user.until(lambda: scene.oneframe.mask_brush_px < size, "a smaller brush", 20)
     yield 0.5
-    changed = (x11_capture.capture() != before).any(axis=-1)
+    changed = (x11.capture() != before).any(axis=-1)
     x, y = user.middle()
     row = user.window.height - round(y)
     around, header = changed[row - 120 : row + 120, round(x) - 120 : round(x) + 120], user.region("TOOL_HEADER")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-import x11_capture
+import x11
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
@@ -124,7 +124,7 @@ def compare(user, scene):
 def shown(user):
     """The middle of the frame in the view, float RGB, top row first."""
     region = user.region()
-    picture = x11_capture.capture()[::-1][region.y : region.y + region.height, region.x : region.x + region.width]
+    picture = x11.capture()[::-1][region.y : region.y + region.height, region.x : region.x + region.width]
     width, height = seen(user).camera.size_wh
     low, high = seen(user).region_from_px([[0.2 * width, 0.8 * height], [0.8 * width, 0.2 * height]]).astype(int)
     return picture[low[1] : high[1], low[0] : high[0]][::-1].astype(float)
@@ -143,7 +143,7 @@ def magnify(user, scene):
         yield 0.3
         pointer = np.round(user._place) + 0.5 - np.array([region.x, region.y])
         left, below = map(int, loupe.corner(user.area, pointer, size, []))
-        window = x11_capture.capture()[::-1].astype(float)[region.y + below :, region.x + left :][:size, :size]
+        window = x11.capture()[::-1].astype(float)[region.y + below :, region.x + left :][:size, :size]
         y, x = (np.mgrid[:size, :size] + 0.5 - size / 2) / loupe.MAGNIFICATION
         at = seen(user).px_from_region(pointer)
         errors = {}

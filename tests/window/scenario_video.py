@@ -5,7 +5,7 @@ from importlib import import_module
 import addon_utils
 import bpy
 import numpy as np
-import x11_capture
+import x11
 
 PACKAGE = "bl_ext.user_default.oneframe"
 KINDS = ("clear", "tool", "clear", "blur", "clear", "glare", "clear")
@@ -113,7 +113,7 @@ def check_picture(user, film, low, high):
     cv2, region = import_module("cv2"), user.region()
     left, right = (round(region.x + x) for x in (low[0], high[0]))
     below, above = (round(user.window.height - region.y - y) for y in (low[1], high[1]))
-    seen = x11_capture.capture()[above:below, left:right].astype(float)
+    seen = x11.capture()[above:below, left:right].astype(float)
     expected = cv2.resize(film.picture, (right - left, below - above), interpolation=cv2.INTER_AREA)
     assert np.abs(seen - expected).mean() < SAME, np.abs(seen - expected).mean()
 

@@ -2,7 +2,7 @@
 
 import bpy
 import numpy as np
-import x11_capture
+import x11
 from mathutils import Vector
 
 PACKAGE = "bl_ext.user_default.oneframe"
@@ -91,7 +91,7 @@ def assert_frame_is_seen(user):
     at = (low + high) / 2 + (places - 0.5) * [1, -1] * scale * image.shape[1::-1] + [region.x, region.y]
     columns, rows = np.round([at[:, 0], user.window.height - at[:, 1]]).astype(int)
     u, v = (places * image.shape[1::-1]).astype(int).T
-    off = np.abs(x11_capture.capture()[rows, columns].astype(float) - image[v, u])
+    off = np.abs(x11.capture()[rows, columns].astype(float) - image[v, u])
     assert np.median(off) < 12, np.median(off)
 
 

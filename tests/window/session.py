@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from oneframe.images.png import encode_png
+from tests.window import x11
 
 DRIVER = Path(__file__).resolve().parent / "driver.py"
 SIZE = (1280, 800) if os.environ.get("ONEFRAME_SCREENSHOTS") else (1024, 640)
@@ -133,7 +134,8 @@ def _display(size: tuple[int, int]) -> Iterator[str]:
         with open(reading, encoding="ascii") as messages:
             number = messages.readline().strip()
         assert number, "Xvfb has not started"
-        yield f":{number}"
+        with x11.with_crosses(f":{number}"):
+            yield f":{number}"
     finally:
         server.kill()
         server.wait()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-import x11_capture
+import x11
 from hands import HOVER_S, Action, Hands
 
 
@@ -118,7 +118,7 @@ class User(Hands):
         """The picture of the window once two in a row are equal, so that all drawing is on the screen."""
         before = None
         for _ in range(25):
-            now = x11_capture.capture()
+            now = x11.capture()
             if before is not None and np.array_equal(now, before):
                 return now
             before = now
@@ -132,4 +132,4 @@ class User(Hands):
         if any(area.type == "VIEW_3D" for area in self.window.screen.areas):
             yield from self.redraw()
         yield 0.3
-        np.save(self._pictures / f"{name}.npy", x11_capture.capture())
+        np.save(self._pictures / f"{name}.npy", x11.capture())

@@ -4,11 +4,8 @@ import bpy
 
 IS_5 = bpy.app.version >= (5, 0, 0)
 
-ENGINE_IDS = {
-    "cycles": "CYCLES",
-    "eevee": "BLENDER_EEVEE" if IS_5 else "BLENDER_EEVEE_NEXT",
-}
-"""The project's name of an engine -> Blender's."""
+EEVEE = "BLENDER_EEVEE" if IS_5 else "BLENDER_EEVEE_NEXT"
+"""Blender's name of the engine."""
 
 
 def new_node_material(name: str) -> bpy.types.Material:

@@ -14,20 +14,17 @@ import numpy as np
 from ...case.loaded_case import LoadedCase
 from ...colour.exposure import matched_exposures
 from ...colour.fill import filled_colours
-from ...colour.ray_tracer import RayTracer
-from ...colour.shading import SurfaceColour
+from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import TextureAtlas, bake_atlas, classify_faces
 from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...errors import InputError
-from ...projection.rays import MeshRays
 from ...projection.rendered_view import RenderedView
 from ...projection.visible_surface import most_central
 from ...projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...transforms import camera_centre, inverse_rigid, transform_points
-from ..render.engines import render_view
-from ..render.surface_scene import SurfaceScene
+from ..render.engines import engine_named, opened_engine
 
 CLASSIFIED = 0.45
 """Fraction of the time for a texture after which the faces are classified."""
@@ -48,8 +45,8 @@ class ReferenceView:
         ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
     messages
         Messages for the user.
-    raster, rays
-        The z-buffer of the first view, or what casts rays at ``mesh``, if it comes from one.
+    raster
+        The z-buffer of the first view, if it comes from one.
     """
 
     mesh: TriangleMesh
@@ -57,7 +54,6 @@ class ReferenceView:
     pivot_model: np.ndarray
     messages: tuple[str, ...]
     raster: DepthRaster | None = None
-    rays: MeshRays | None = None
 
     @property
     def view(self) -> SourceView:
@@ -70,24 +66,20 @@ class ReferenceView:
 
 
 def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceView:
-    """Render each frame's own pose to find the surface that it saw: by ``"raster"`` if that is the engine, or Cycles.
+    """Render each frame's own pose to find the surface that it saw, by the :attr:`.Engine.reference` of an engine.
 
     Raises
     ------
     InputError
         No pixel of a frame shows the surface, or there is no such engine here.
     """
-    mesh = loaded.surface.mesh
-    rays = MeshRays(mesh) if engine == "raster" else None
     seen: list[RenderedView] = []
     for frame in loaded.frames:
-        if rays is not None:
-            seen.append(RayTracer(mesh, frame.camera, rays=rays).render(frame.cam_from_model))
-            continue
-        with SurfaceScene(mesh, frame.camera) as surface_scene:
-            seen.append(render_view(surface_scene, frame.cam_from_model))
-    view = _view_of(loaded, [each.depth_mm for each in seen], seen[0].observed)
-    return replace(view, rays=rays) if view.mesh is mesh else view
+        with opened_engine(
+            engine_named(engine).reference or engine, ColouredSurface(loaded.surface.mesh), frame.camera
+        ) as render:
+            seen.append(render(frame.cam_from_model))
+    return _view_of(loaded, [each.depth_mm for each in seen], seen[0].observed)
 
 
 def limited_to_incidence(source: ReferenceView, max_incidence_deg: float) -> ReferenceView:

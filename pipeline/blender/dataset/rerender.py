@@ -1,6 +1,6 @@
 """A dataset's views, video frames and other files rendered again from its case, to be compared with those on disk.
 
-Views of ``--engine raster`` are proven by Cycles.
+Views are proven by the :attr:`.Engine.proof` of their engine.
 """
 
 import json
@@ -20,7 +20,7 @@ from ...dataset.run.run_folder import Shard
 from ...dataset.tables.dataset_info import write_dataset_info
 from ...dataset.view import RenderedSample
 from ...files.machine import available_cores
-from ..render.engines import check_engine
+from ..render.engines import engine_named
 from ..render.video import write_video
 from . import finish
 from .job import Job, OpenJob, open_job
@@ -49,16 +49,17 @@ class CaseRenderer:
             The engine does not work here.
         """
         options = _options(case, content, poses)
-        check_engine(options.engine)
+        engine = engine_named(options.engine)
+        engine.check()
         # the dataset itself is never written to
         self._folder = tempfile.TemporaryDirectory(prefix="oneframe-check-")
         self._opened: OpenJob = open_job(Job(case, Path(self._folder.name), options, Shard()))
         self.description: dict[str, Any] = json.loads(json.dumps(self._opened.description))
-        self.same_renderer = options.engine != "raster"
+        self.same_renderer = engine.proof is None
         self._renderer = self._prover = self._opened.renderer(threads=available_cores())
-        if not self.same_renderer:
-            by_cycles = replace(self._opened.job, options=replace(options, engine="cycles"))
-            self._prover = replace(self._opened, job=by_cycles).renderer(threads=available_cores())
+        if engine.proof is not None:
+            proving = replace(self._opened.job, options=replace(options, engine=engine.proof))
+            self._prover = replace(self._opened, job=proving).renderer(threads=available_cores())
 
     def __enter__(self) -> "CaseRenderer":
         return self

@@ -14,7 +14,7 @@ from ...dataset.run.same_run import check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
 from ...files.machine import available_cores
 from ...progress import LINE_SECONDS, Progress
-from ..render.engines import check_engine, keep_freed_memory
+from ..render.engines import engine_named, keep_freed_memory
 from . import finish
 from .job import Job, OpenJob, open_job, render_views, write_error
 from .render_process import assigned_views, report_finished, report_ready
@@ -61,7 +61,7 @@ def run(
         The folder is in use or holds another dataset, or a file cannot be written. Finished views are kept.
     """
     report = _reporter(stream)
-    check_engine(job.options.engine)
+    engine_named(job.options.engine).check()
     opened = open_job(job)
     with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
         try:

@@ -1,61 +1,24 @@
 """One view of a dataset from its number: pose, render, ground truth. Independent of worker, shard and order."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from functools import partial
+from contextlib import ExitStack
 
 import numpy as np
-from mathutils import Vector
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from ...colour.ray_tracer import RayTracer
-from ...colour.shading import SurfaceColour
+from ...colour.shading import ColouredSurface
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths, view_kinds
 from ...dataset.options import DatasetOptions
 from ...dataset.run.resume_record import ViewRecord
 from ...dataset.view import RenderedSample, depth_scale_for, encode_view
-from ...poses.constraints import Constraints, PlannedPose, ViewStatistics, plan_given_poses, plan_pose, sampling_doubt
+from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
-from ...projection.rendered_view import Render
 from ...projection.silhouette import SilhouetteEdges
-from ...projection.visible_surface import cast_grid
-from ...transforms import camera_centre
 from ..colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
-from ..render.anti_aliasing import EdgeSampler
-from ..render.engines import render_view
-from ..render.scene_rays import scene_tree
-from ..render.surface_scene import SurfaceScene
-
-GRID = 16
-"""Number of rays along the longer side of the image; fractions are accurate to about 1 / GRID^2."""
-
-
-class ViewProbe:
-    """Casts a grid of rays at the surface; call it with ``cam_from_model`` (4x4, mm)."""
-
-    def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
-        self._tree = scene_tree(surface_scene)
-        self._source = source
-        self._camera = camera
-
-    def __call__(self, cam_from_model: np.ndarray) -> ViewStatistics:
-        """Surface fraction and observed fraction of the view, and the camera's distance to the surface."""
-        seen = cast_grid(self._first_hit, self._camera, cam_from_model, along=GRID)
-        *_, distance = self._tree.find_nearest(Vector(camera_centre(cam_from_model)))
-        clearance = np.inf if distance is None else float(distance)
-        if len(seen.pixels) == 0:
-            return ViewStatistics(0.0, 0.0, clearance)
-        # back sides are surface too, but never observed
-        observed = self._source.observed(seen.points_model, seen.normals_model)
-        return ViewStatistics(seen.image_fraction, float(observed.mean()), clearance)
-
-    def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
-        point, normal, _, _ = self._tree.ray_cast(origin, direction)
-        return None if point is None or normal is None else (point, normal)
-
+from ..render.engines import opened_engine
+from ..render.surface_tree import ViewProbe
 
 SAMPLED_VIEWS = 4
 """Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
@@ -110,9 +73,14 @@ class ViewRenderer:
         self.messages = (*loaded.messages, *source.messages, *filter(None, doubts))
         colours, messages = colours_of(source, options.colour)
         self.messages = (*self.messages, *messages)
+        surface = ColouredSurface(
+            source.mesh, tuple(colours), unseen_colours_of(source, options.unseen), source.pivot_model
+        )
         self._resources = ExitStack()
-        opened = _opened_renderer(source, self.camera, colours, options, threads)
-        self.render, self._probe = self._resources.enter_context(opened)
+        self.render = self._resources.enter_context(
+            opened_engine(options.engine, surface, self.camera, samples=options.samples, threads=threads)
+        )
+        self._probe = ViewProbe(source.mesh, self.camera, source.observed)
         self._kinds = view_kinds(float_depth=options.float_depth, several_frames=len(loaded.frames) > 1)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
@@ -189,40 +157,6 @@ class ViewRenderer:
             depth_scale=self.depth_scale,
             kinds=self._kinds,
         )
-
-
-@contextmanager
-def _opened_renderer(
-    source: ReferenceView,
-    camera: PinholeCamera,
-    colours: Sequence[SurfaceColour],
-    options: DatasetOptions,
-    threads: int,
-) -> Iterator[tuple[Render, ViewProbe]]:
-    """What renders any pose (4x4, mm) with the options' engine, from the best of the colours, and the probe."""
-    mesh, unseen, pivot = source.mesh, unseen_colours_of(source, options.unseen), source.pivot_model
-    if options.engine == "raster":
-        with SurfaceScene(mesh, camera) as scene:
-            probe = ViewProbe(scene, source, camera)
-        tracer = RayTracer(
-            mesh, camera, *colours, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
-        )
-        yield tracer.render, probe
-        return
-    # Eevee averages many samples at little cost
-    at_edges = options.samples > 1 and options.engine == "cycles"
-    with SurfaceScene(
-        mesh,
-        camera,
-        *colours,
-        unseen=unseen,
-        engine=options.engine,
-        samples=1 if at_edges else options.samples,
-        filtered=at_edges,
-    ) as scene:
-        scene.limit_threads(threads)
-        render = EdgeSampler(scene, pivot, options.samples).render if at_edges else partial(render_view, scene)
-        yield render, ViewProbe(scene, source, camera)
 
 
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:

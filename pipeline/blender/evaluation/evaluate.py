@@ -14,6 +14,7 @@ import numpy as np
 from ...case.loaded_case import LoadedCase
 from ...case.posed_frame import UnreadFrame
 from ...colour.ray_tracer import RayTracer
+from ...colour.shading import ColouredSurface
 from ...dataset.options import DatasetOptions
 from ...evaluation.finished_scores import BOUND, FinishedScores
 from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
@@ -177,7 +178,7 @@ def evaluate_case(
     """
     began = time.perf_counter()
     source = reference_view_of(case.loaded, "raster")
-    trace = RayTracer(source.mesh, case.loaded.frame.camera, *source.views, rays=source.rays).render
+    trace = RayTracer(ColouredSurface(source.mesh, source.views), case.loaded.frame.camera).render
     novel_poses = _novel_poses(case, source, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses

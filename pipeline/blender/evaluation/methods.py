@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...colour.shading import SurfaceColour
+from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.vertex_colours import VertexColours
 from ...dataset.options import COLOURS, ENGINES, UNSEEN
 from ...errors import InputError
@@ -19,7 +19,7 @@ from ...files.keys import nearest_name
 from ...images.pixel_values import to_uint8
 from ...transforms import transform_points
 from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
-from ..render.engines import check_engine, opened_engine
+from ..render.engines import engine_named, opened_engine
 
 Render = Callable[[np.ndarray], np.ndarray]
 """From ``cam_from_model`` (4x4, mm) to ``(H, W, 3)`` float32 code values 0..1."""
@@ -116,7 +116,7 @@ def _failure(renderer: str) -> str:
         ended = subprocess.run([sys.executable, "-c", path + trial], capture_output=True, check=False)
         return "" if ended.returncode == 0 else "PyVista gets no OpenGL context on this machine"
     try:
-        check_engine(renderer)
+        engine_named(renderer).check()
     except InputError:
         return "embreex is not installed" if renderer == "raster" else "Blender gets no OpenGL context on this machine"
     return ""
@@ -144,17 +144,17 @@ def opened(
         render = pyvista_renderer(source.mesh, codes, camera, samples=1, lit=False, depth_range_mm=depths)
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
-    unseen = unseen_colours_of(source, method.unseen)
-    with opened_engine(method.renderer, source.mesh, camera, _colours(method, source), unseen=unseen) as render_view:
+    surface = ColouredSurface(source.mesh, _colours(method, source), unseen_colours_of(source, method.unseen))
+    with opened_engine(method.renderer, surface, camera) as render_view:
         yield lambda pose: render_view(pose).rgb
 
 
-def _colours(method: Method, source: ReferenceView) -> list[SurfaceColour]:
+def _colours(method: Method, source: ReferenceView) -> tuple[SurfaceColour, ...]:
     if method.peer:
         rgb = _paper_colours(method, source)
         everywhere = np.ones(len(rgb), bool)
-        return [VertexColours(rgb, everywhere, everywhere)]
-    return colours_of(source, method.colour)[0]
+        return (VertexColours(rgb, everywhere, everywhere),)
+    return tuple(colours_of(source, method.colour)[0])
 
 
 def _paper_colours(method: Method, source: ReferenceView) -> np.ndarray:

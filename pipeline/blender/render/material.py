@@ -10,13 +10,12 @@ The flag is the rule of :mod:`oneframe.colour.source_view` at the shaded point, 
 lookup must also find colour: a texel that the frame saw, or three vertices with a colour from it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
-from ...colour.shading import SurfaceColour
+from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import COVERED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
@@ -44,37 +43,26 @@ def filter_lookups(frame: int) -> list[tuple[str, str]]:
     return [(f"filter offset {frame} {number}", f"filter image {frame} {number}") for number in range(4)]
 
 
-def assign_colour(
-    mesh_object: bpy.types.Object,
-    mesh: TriangleMesh,
-    colours: Sequence[SurfaceColour],
-    *,
-    unseen: np.ndarray | None = None,
-    filtered: bool = False,
-) -> None:
+def assign_colour(mesh_object: bpy.types.Object, surface: ColouredSurface, *, filtered: bool = False) -> None:
     """Give the object the material of a colour mode.
 
     Parameters
     ----------
-    mesh_object, mesh
-        The surface as a Blender object and as a mesh (model frame).
-    colours
-        Those from each frame, of which the first that saw a point is shown. None makes it plain neutral, for geometry
-        alone; the observed flag is then 1 on front sides.
-    unseen
-        ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
+    mesh_object, surface
+        The surface as a Blender object, and as it is.
     filtered
         Take colours (not the observed flag) as the mean of four lookups, nodes :func:`filter_lookups`, for which the
         caller sets images and offsets, see :mod:`oneframe.colour.footprint_filter`. The alpha of the first is added to
         the flag of observed points. Ignored for vertex colours, which have no image.
     """
+    colours, unseen = surface.colours, surface.unseen
     material = new_node_material("surface")
     nodes = Nodes(material.node_tree)
     backfacing = nodes.add("ShaderNodeNewGeometry").outputs["Backfacing"]
     rgb: bpy.types.NodeSocket | None = None
     flag = passed = nodes.math("GREATER_THAN", 1.0, backfacing)
     for number, colour in enumerate(colours):
-        frame = _Frame(nodes, mesh_object, mesh, number, filtered)
+        frame = _Frame(nodes, mesh_object, surface.mesh, number, filtered)
         own_rgb, own_flag, addition = frame.colour(colour)
         own_flag = nodes.math("GREATER_THAN", own_flag, backfacing)
         own_passed = own_flag if addition is None else nodes.math("MULTIPLY_ADD", own_flag, addition, own_flag)

@@ -1,47 +1,47 @@
-"""A Blender scene from data: one surface, one camera, and settings that keep colours and geometry exact."""
+"""A Blender scene from data: one surface, one camera, and settings that keep colours and geometry exact.
 
+What the engines of Blender share: colour, depth and observed surface of a view come from the same rays.
+"""
+
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Self
 
 import bpy
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...colour.shading import SurfaceColour
-from ...errors import InputError
-from ...surface.mesh import TriangleMesh
+from ...colour.shading import ColouredSurface
+from ...projection.rendered_view import RenderedView
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
-from ..bridge.versions import ENGINE_IDS
 from .material import OBSERVED_PASS, SOURCE_PASS, assign_colour
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
 
-LARGEST_VIEW_PX = 8192**2
-"""Pixels of a view: with its passes it takes 7 GB."""
-LARGEST_SIDE_PX = 16_384
-"""Of a view by Eevee: with more, OpenGL has no memory, and Eevee shows nothing without an error."""
+_BACKGROUND_MM = 1e9  # Blender's background has depth 1e10
 
 
-class SurfaceScene:
-    """A coloured surface and a pinhole camera in a separate Blender scene; use as a context manager.
+class SurfaceScene(ABC):
+    """A coloured surface and a pinhole camera in a separate Blender scene, without an engine yet.
+
+    Use as a context manager.
 
     Attributes
     ----------
     scene, camera_object, surface_object
         The Blender data; removed on exit, so that the open file is unchanged.
-    mesh, camera, colours, unseen
+    surface, camera
         What it was built from.
     """
 
     def __init__(
         self,
-        mesh: TriangleMesh,
+        surface: ColouredSurface,
         camera: PinholeCamera,
-        *colours: SurfaceColour,
-        unseen: np.ndarray | None = None,
-        engine: str = "cycles",
+        *,
         samples: int = 1,
         filtered: bool = False,
     ) -> None:
@@ -49,45 +49,27 @@ class SurfaceScene:
 
         Parameters
         ----------
-        mesh, camera, colours, unseen
-            As of :class:`.RayTracer`.
-        engine
-            ``"cycles"`` is exact; ``"eevee"`` is a rasteriser that needs OpenGL.
+        surface, camera
+            What to render, and the intrinsics of the views.
         samples
             Samples per pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
         filtered
             Take colours from an image that the caller sets, see :func:`.assign_colour`.
-
-        Raises
-        ------
-        InputError
-            Views of more than :data:`LARGEST_VIEW_PX`, or :data:`LARGEST_SIDE_PX` by Eevee.
         """
-        if camera.width * camera.height > LARGEST_VIEW_PX:
-            raise InputError(
-                f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"
-                f"{camera.height}; use a smaller frame or --scale"
-            )
-        if engine == "eevee" and max(camera.size_wh) > LARGEST_SIDE_PX:
-            raise InputError(
-                f"view: expected at most {LARGEST_SIDE_PX} px a side with engine {engine}, found {camera.width}x"
-                f"{camera.height}; use --engine cycles or --scale"
-            )
         self._own: list[bpy.types.ID] = []
         with self.owning():
-            self.mesh, self.camera, self.colours, self.unseen = mesh, camera, colours, unseen
+            self.surface, self.camera, self._samples = surface, camera, samples
             self.scene = bpy.data.scenes.new("oneframe")
-            self.surface_object = new_mesh_object("surface", mesh)
+            self.surface_object = new_mesh_object("surface", surface.mesh)
             self.scene.collection.objects.link(self.surface_object)
-            assign_colour(self.surface_object, mesh, colours, unseen=unseen, filtered=filtered)
+            assign_colour(self.surface_object, surface, filtered=filtered)
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
-            self.engine, self.samples = engine, samples
             _set_exact_colour(self.scene)
-            _set_passes(self.scene, several=len(colours) > 1)
-            _set_sampling(self.scene, engine, samples)
+            _set_passes(self.scene, several=len(surface.colours) > 1)
+            self._set_engine(POINT_FILTER_PX if samples == 1 else 1.0)
             self.scene.render.threads_mode = "AUTO"
 
-    def __enter__(self) -> "SurfaceScene":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -107,10 +89,35 @@ class SurfaceScene:
         if threads:
             self.scene.render.threads_mode, self.scene.render.threads = "FIXED", threads
 
+    @abstractmethod
+    def _set_engine(self, filter_px: float) -> None:
+        """Choose the engine, and its sampling with a pixel filter of this width."""
+
+    @abstractmethod
+    def _passes(self) -> dict[str, np.ndarray]:
+        """Render, and give ``(H, W, C)`` passes by name."""
+
+    def render(self, cam_from_model: np.ndarray) -> RenderedView:
+        """Render the surface from a pose (4x4, mm)."""
+        self.look_from(cam_from_model)
+        passes = self._passes()
+        combined, depth = passes["Combined"], passes["Depth"][..., 0]
+        # Eevee 4.5 gives the background the depth of the far clip plane
+        depth = np.where((depth < _BACKGROUND_MM) & (combined[..., 3] > 0), depth, np.float32(0))
+        # with several samples the flag is the mean over the pixel
+        flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
+        rgb = combined[..., :3] if self._samples == 1 else _without_background(combined, depth)
+        source = (flag > 0.5).astype(np.uint8)
+        if SOURCE_PASS in passes:
+            # at seams, several samples may be of several frames
+            numbers = passes[SOURCE_PASS][..., 0] / (1.0 if self._samples == 1 else np.maximum(flag, 0.5))
+            source *= np.clip(np.rint(numbers), 1, len(self.surface.colours)).astype(np.uint8)
+        return RenderedView(rgb, depth, source, flag > 1.5)
+
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""
         place_camera(self.camera_object, cam_from_model)
-        depth, radius = float(cam_from_model[2, 3]), self.mesh.radius
+        depth, radius = float(cam_from_model[2, 3]), self.surface.mesh.radius
         far = max(1.01 * (depth + radius), 1e-3 * radius)
         # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
         set_clip(self.camera_object, (max(0.99 * (depth - radius), 1e-4 * far), far))
@@ -139,22 +146,8 @@ def _set_passes(scene: bpy.types.Scene, *, several: bool) -> None:
         own.name, own.type = name, "VALUE"
 
 
-def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:
-    scene.render.engine = ENGINE_IDS[engine]
-    filter_px = POINT_FILTER_PX if samples == 1 else 1.0
-    if engine == "cycles":
-        cycles = scene.cycles
-        cycles.device = "CPU"
-        cycles.samples = samples
-        cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_auto_tile = False
-        # since 5.x tiles cannot be switched off
-        cycles.tile_size = 8192
-        cycles.pixel_filter_type, cycles.filter_width = "BOX", filter_px
-        cycles.seed, cycles.use_animated_seed = 0, False
-        cycles.max_bounces = cycles.transparent_max_bounces = 0
-        cycles.use_light_tree = cycles.caustics_reflective = cycles.caustics_refractive = False
-        cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
-    else:
-        scene.render.filter_size = POINT_FILTER_PX if samples == 1 else 1.0
-        scene.eevee.taa_render_samples = samples
-        scene.eevee.use_raytracing = scene.eevee.use_shadows = False
+def _without_background(combined: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """``(H, W, 3)`` the mean of the samples that hit the surface, black where the depth (0 for none) has none."""
+    alpha = combined[..., 3:]
+    shown = (depth[..., None] > 0) & (alpha > 0)
+    return np.divide(combined[..., :3], alpha, out=np.zeros((*depth.shape, 3), np.float32), where=shown)

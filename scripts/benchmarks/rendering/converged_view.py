@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.cycles import CyclesScene
+from oneframe.blender.render.engines import LARGEST_VIEW_PX
 from oneframe.blender.render.material import filter_lookups
-from oneframe.blender.render.surface_scene import LARGEST_VIEW_PX, SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.shading import SurfaceColour
+from oneframe.colour.shading import ColouredSurface, SurfaceColour
 from oneframe.colour.vertex_colours import VertexColours
 from oneframe.surface.mesh import TriangleMesh
 
@@ -58,11 +58,11 @@ def _converged_band(
     constant: bool,
 ) -> np.ndarray:
     fine = camera.resized(camera.width * along, camera.height * along)
-    with SurfaceScene(mesh, fine, colour, filtered=True) as scene:
+    with CyclesScene(ColouredSurface(mesh, (colour,)), fine, filtered=True) as scene:
         if constant and not isinstance(colour, VertexColours):
             for _, name in filter_lookups(0):
                 scene.surface_object.data.materials[0].node_tree.nodes[name].interpolation = "Closest"
-        rays = render_view(scene, cam_from_model)
+        rays = scene.render(cam_from_model)
 
     def by_pixel(values: np.ndarray) -> np.ndarray:
         """``(H along, W along, ...)`` -> ``(H, W, along^2, ...)``."""

@@ -17,8 +17,8 @@ import numpy as np
 
 from oneframe.blender.bridge.image import read_image
 from oneframe.blender.colour.reference_view import colours_of, vertex_colours_of
-from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.cycles import CyclesScene
+from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
 from oneframe.evaluation.scores.similarity import Similarity, similarity
@@ -83,8 +83,8 @@ def converged_reference(scene: RenderScene, along: int, advance: Callable[[], No
     (colour,), _ = colours_of(scene.source, "projective")
     judged = range(min(JUDGED_VIEWS, scene.planned))
     candidates = [*judged, *range(scene.planned, len(scene.poses))]
-    with SurfaceScene(scene.source.mesh, scene.camera, colour) as exact:
-        masks = {index: render_view(exact, scene.cam_from_model(index)) for index in candidates}
+    with CyclesScene(ColouredSurface(scene.source.mesh, (colour,)), scene.camera) as exact:
+        masks = {index: exact.render(scene.cam_from_model(index)) for index in candidates}
     enough = {index for index in candidates if masks[index].observed.sum() >= FEWEST_OBSERVED}
     indices = [index for index in candidates if index in enough or index < scene.planned]
     if scene.photographs and not any(index >= scene.planned for index in indices):
@@ -116,7 +116,7 @@ class SceneTrials:
         self._poses = folder / "poses.npy"
         np.save(self._poses, scene.written_poses())
         self._cases: dict[float, tuple[Path, int]] = {0.0: (scene.case, len(scene.loaded.surface.mesh.faces))}
-        self._bare = SurfaceScene(scene.source.mesh, scene.camera)
+        self._bare = CyclesScene(ColouredSurface(scene.source.mesh), scene.camera)
         self._seconds: dict[str, list[float]] = {}
         self._points: dict[str, Callable[[Sequence[float]], SpeedPoint]] = {}
         self._judged: dict[str, dict[str, float]] = {}

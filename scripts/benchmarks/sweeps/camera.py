@@ -17,12 +17,13 @@ import numpy as np
 
 from oneframe.blender.bridge.camera import MAX_PIXEL_ASPECT, SMALLEST_VIEW_PX
 from oneframe.blender.case.load_case import load_case
-from oneframe.blender.render.engines import check_engine, opened_engine
+from oneframe.blender.render.engines import engine_named, opened_engine
 from oneframe.camera.pinhole import FARTHEST_PRINCIPAL_POINT, PinholeCamera
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.loaded_case import FARTHEST_MM, MAX_EXTENT_RATIO
 from oneframe.case.precision import EXACT_PX, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
+from oneframe.colour.shading import ColouredSurface
 from oneframe.errors import InputError
 from oneframe.files.content import write_bytes_atomically
 from oneframe.images.png import encode_png
@@ -196,7 +197,7 @@ def outcome(folder: Path, place: Place, turn: float, engine: str) -> Outcome:
     try:
         case, pixels = write_place(folder, place, turn)
         loaded = load_case(read_case(case))
-        with opened_engine(engine, loaded.surface.mesh, loaded.frame.camera, ()) as render_view:
+        with opened_engine(engine, ColouredSurface(loaded.surface.mesh), loaded.frame.camera) as render_view:
             rendered = render_view(loaded.frame.cam_from_model)
     except InputError as error:
         return Outcome("refuses", message=str(error).replace(str(folder), "."))
@@ -241,7 +242,7 @@ def measure_offset(folder: Path, engine: str) -> list[Cell]:
         place = Place(_camera(width, height))
         case, pixels = write_place(folder, place, turn)
         loaded = load_case(read_case(case))
-        with opened_engine(engine, loaded.surface.mesh, loaded.frame.camera, ()) as render_view:
+        with opened_engine(engine, ColouredSurface(loaded.surface.mesh), loaded.frame.camera) as render_view:
             mask = render_view(loaded.frame.cam_from_model).mask
         found.append(offset_px(mask, place.camera, pixels))
     return [
@@ -273,7 +274,7 @@ def tasks(folder: Path, *, quick: bool) -> Iterator[Task]:
 def reason_against(engine: str) -> str:
     """Why an engine cannot render here; empty if it can."""
     try:
-        check_engine(engine)
+        engine_named(engine).check()
     except InputError as error:
         return str(error)
     return ""

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of
-from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.cycles import CyclesScene
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.loaded_case import FARTHEST_MM, LoadedCase, LoadedSurface, check_pose
 from oneframe.case.posed_frame import PosedFrame
 from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
+from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.source_view import MAX_INCIDENCE_DEG, TOLERANCE_PX
 from oneframe.errors import InputError
 from oneframe.projection.z_buffer import rasterise_depth
@@ -99,8 +99,8 @@ def view_outcome(
     The value is the fraction of the surface that is left grey. ``doubt`` is what a run says besides.
     """
     (colour,), messages = colours_of(source, mode)
-    with SurfaceScene(source.mesh, camera, colour) as scene:
-        rendered = render_view(scene, pose)
+    with CyclesScene(ColouredSurface(source.mesh, (colour,)), camera) as scene:
+        rendered = scene.render(pose)
     painted = rendered.observed
     grey = 1 - float(painted[rendered.mask].mean())
     if grey > 0.95:
@@ -199,8 +199,8 @@ def measure_wall(thickness_px: float, side: str) -> list[Cell]:
     source = reference(both, photograph(both, CAMERA, FRONTAL), CAMERA, FRONTAL)
     # from the frame's side for a layer below, from the other side for the back of a wall
     turned = rigid(rotation_from_vector(np.array([0.0, np.pi if side == "wall" else 0.0, 0.0])))
-    with SurfaceScene(behind, CAMERA, source.view) as scene:
-        rendered = render_view(scene, FRONTAL @ turned)
+    with CyclesScene(ColouredSurface(behind, (source.view,)), CAMERA) as scene:
+        rendered = scene.render(FRONTAL @ turned)
     leak = float(rendered.observed[rendered.mask].mean())
     answer: Answer = "falls back" if leak < WRONG_PART else "works"
     # what leaks is displaced by less than the tolerance: wrong only beyond it

@@ -12,6 +12,7 @@ import numpy as np
 
 from oneframe.colour.colour_doubts import MAX_STATED_ERROR_PX
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.source_view import MAX_INCIDENCE_DEG
 from oneframe.evaluation.scores.view_scores import FEWEST_PIXELS, colour_gain, corrected
 from oneframe.projection.z_buffer import rasterise_depth
@@ -53,7 +54,7 @@ def measure(scenes: Sequence[RefinementScene], seed: int) -> list[Cell]:
 def _errors(frame: RefinementScene, cam_from_model: np.ndarray, judge: RefinementScene) -> np.ndarray:
     """``(H, W)`` mean colour errors of 255 of the photograph at equal exposure; NaN where the frame saw nothing."""
     source = reference(frame.mesh, frame.image, frame.camera, cam_from_model)
-    view = RayTracer(source.mesh, frame.camera, *source.views, rays=source.rays).render(judge.cam_from_model)
+    view = RayTracer(ColouredSurface(source.mesh, source.views), frame.camera).render(judge.cam_from_model)
     matched = corrected(view.rgb, colour_gain(judge.image, view.rgb, view.observed))
     return np.where(view.observed, 255 * np.abs(matched - judge.image).mean(axis=2), np.nan)
 

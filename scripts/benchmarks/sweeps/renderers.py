@@ -17,10 +17,11 @@ from skimage.metrics import structural_similarity
 from oneframe.blender.colour.reference_view import colours_of
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.blender.dataset.view_renderer import ViewRenderer
-from oneframe.blender.render.engines import keep_freed_memory, render_view
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.cycles import CyclesScene
+from oneframe.blender.render.engines import keep_freed_memory
 from oneframe.case.case_file import read_case
 from oneframe.colour.colour_doubts import MAX_REDUCTION, reduction_doubt
+from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError, RunError
@@ -96,8 +97,8 @@ def measure_samples(folder: Path, distance: float, *, quick: bool) -> list[Cell]
     (colour,), _ = colours_of(source, "projective")
 
     def every_pixel(count: int) -> RenderedView:
-        with SurfaceScene(source.mesh, camera, colour, samples=count) as scene:
-            return render_view(scene, pose)
+        with CyclesScene(ColouredSurface(source.mesh, (colour,)), camera, samples=count) as scene:
+            return scene.render(pose)
 
     def at_edges(count: int) -> RenderedView:
         with _renderer(folder, COARSE_TRIANGLES, samples=count) as renderer:

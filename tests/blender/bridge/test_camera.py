@@ -9,9 +9,9 @@ import pytest
 
 from oneframe.blender.bridge.camera import cam_from_model_of, new_camera, place_camera
 from oneframe.blender.bridge.data_blocks import data_blocks
-from oneframe.blender.render.engines import check_engine, opened_engine, render_view
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.engines import engine_named, opened_engine
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.shading import ColouredSurface
 from oneframe.errors import InputError
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import CAM_FROM_OPENGL_CAM, rigid, rotation_from_vector
@@ -64,7 +64,7 @@ def test_pose_round_trip(scene, rng):
 def reason_against(engine: str) -> str:
     """Why an engine cannot render here; empty if it can."""
     try:
-        check_engine(engine)
+        engine_named(engine).check()
     except InputError as error:
         return str(error)
     return ""
@@ -91,7 +91,7 @@ def test_edges_of_a_rendered_triangle_are_where_k_says(engine, name):
     mesh = TriangleMesh(corners_cam, np.array([[0, 2, 1]], np.int32))
     cam_from_model = rigid(rotation_from_vector(np.array([0.3, -0.2, 0.1])), corners_cam.mean(axis=0))
     mesh = TriangleMesh((corners_cam - cam_from_model[:3, 3]) @ cam_from_model[:3, :3], np.array([[0, 2, 1]], np.int32))
-    with opened_engine(engine, mesh, camera, ()) as render:
+    with opened_engine(engine, ColouredSurface(mesh), camera) as render:
         rendered = render(cam_from_model)
     grid = camera.pixel_grid()
     signed = []
@@ -118,7 +118,7 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
     camera = CAMERAS[name]
     if name == "landscape":
         oblique_pose = rigid(translation=[0, 0, -180.0]) @ oblique_pose
-    with opened_engine(engine, bumpy_mesh, camera, ()) as render:
+    with opened_engine(engine, ColouredSurface(bumpy_mesh), camera) as render:
         rendered = render(oblique_pose)
     depth, _ = ray_cast(bumpy_mesh, camera, oblique_pose, camera.pixel_grid().reshape(-1, 2))
     depth = depth.reshape(camera.shape_hw)
@@ -133,20 +133,22 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
 @pytest.mark.render
 def test_a_view_larger_than_a_tile_of_the_renderer_is_complete(bumpy_mesh, frontal_pose):
     camera = PinholeCamera(2100, 2000, 14000.0, 14000.0, 1049.5, 999.5)
-    with SurfaceScene(bumpy_mesh, camera) as scene:
-        assert render_view(scene, frontal_pose).mask.all()
+    with opened_engine("cycles", ColouredSurface(bumpy_mesh), camera) as render:
+        assert render(frontal_pose).mask.all()
     with pytest.raises(InputError, match="million pixels"):
-        SurfaceScene(bumpy_mesh, PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5))
+        opened_engine(
+            "cycles", ColouredSurface(bumpy_mesh), PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5)
+        )
 
 
 @pytest.mark.render
 @pytest.mark.parametrize("engine", ["cycles", pytest.param("eevee", marks=pytest.mark.gl)])
 def test_a_closed_scene_leaves_nothing_behind(bumpy_mesh, frontal_pose, engine):
     """An engine that outlives its scene reads freed memory when anything is removed later."""
-    check_engine(engine)
+    engine_named(engine).check()
     before = set(data_blocks())
-    with SurfaceScene(bumpy_mesh, CAMERAS["square, far off centre"], engine=engine) as scene:
-        render_view(scene, frontal_pose)
+    with opened_engine(engine, ColouredSurface(bumpy_mesh), CAMERAS["square, far off centre"]) as render:
+        render(frontal_pose)
         assert engine != "cycles" or engines_of("CYCLES")
     assert not engines_of("CYCLES")
     assert set(data_blocks()) == before

@@ -11,9 +11,9 @@ from oneframe.blender.colour.reference_view import (
     reference_view_of,
     unseen_colours_of,
 )
-from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.cycles import CyclesScene
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.surface.mesh import TriangleMesh
@@ -35,8 +35,8 @@ def rendered_in(
     mode: str, source: ReferenceView, cam_from_model: np.ndarray, *, unseen: str = "neutral"
 ) -> RenderedView:
     (colour,), _ = colours_of(source, mode)
-    with SurfaceScene(source.mesh, CAMERA, colour, unseen=unseen_colours_of(source, unseen)) as scene:
-        return render_view(scene, cam_from_model)
+    with CyclesScene(ColouredSurface(source.mesh, (colour,), unseen_colours_of(source, unseen)), CAMERA) as scene:
+        return scene.render(cam_from_model)
 
 
 @pytest.mark.parametrize(("mode", "bound"), [("projective", 0.02), ("texture", 0.5)])

@@ -6,9 +6,9 @@ import pytest
 from oneframe.blender.case.load_case import load_case
 from oneframe.blender.colour.coverage import coverage_of
 from oneframe.blender.colour.reference_view import baked_colour_of, colouring_view_of
-from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.cycles import CyclesScene
 from oneframe.case.case_file import read_case
+from oneframe.colour.shading import ColouredSurface
 
 pytestmark = pytest.mark.render
 
@@ -18,8 +18,8 @@ def test_the_figures_are_those_of_a_rendered_view(write_tiny_case, tmp_path, mod
     source = colouring_view_of(load_case(read_case(write_tiny_case(tmp_path))))
     colour, _ = baked_colour_of(source, mode)
     found = coverage_of(source, colour)
-    with SurfaceScene(source.mesh, source.view.camera, colour) as scene:
-        view = render_view(scene, source.view.cam_from_model)
+    with CyclesScene(ColouredSurface(source.mesh, (colour,)), source.view.camera) as scene:
+        view = scene.render(source.view.cam_from_model)
     differences = 255 * np.abs(view.rgb[view.observed] - source.view.image[view.observed])
     # at the rim of the observed surface a lookup depends on the rounding of single precision, nowhere else
     rim = view.mask & ~view.observed & beside(view.observed)

@@ -16,6 +16,7 @@ from oneframe.blender.dataset.view_renderer import ViewRenderer
 from oneframe.blender.render.engines import opened_engine
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import read_case
+from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
@@ -79,7 +80,10 @@ def test_a_dataset_says_which_frame_colours_a_pixel(loaded, engine, tmp_path):
     dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
     source = reference_view_of(loaded, engine)
     with ExitStack() as opened:
-        alone = [opened.enter_context(opened_engine(engine, source.mesh, CAMERA, [view])) for view in source.views]
+        alone = [
+            opened.enter_context(opened_engine(engine, ColouredSurface(source.mesh, (view,)), CAMERA))
+            for view in source.views
+        ]
         for view in open_dataset(tmp_path / "out"):
             by_frame = np.stack([np.zeros(view.rgb.shape), *(render(view.cam_from_model).rgb for render in alone)])
             assert np.unique(view.source_frame[view.observed]).tolist() == [1, 2, 3]
@@ -95,7 +99,7 @@ def test_baked_colours_are_those_of_all_frames(loaded, mode):
     baked, _ = baked_colour_of(source, mode)
     views = []
     for colours in (source.views, [baked]):
-        with opened_engine("cycles", source.mesh, CAMERA, colours) as render:
+        with opened_engine("cycles", ColouredSurface(source.mesh, tuple(colours)), CAMERA) as render:
             views.append(render(pose))
     exact, found = views
     assert not (found.observed & ~exact.observed).mean() > 0.01

@@ -18,7 +18,7 @@ import pytest
 
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job, OpenJob, open_job
-from oneframe.blender.render.engines import check_engine
+from oneframe.blender.render.engines import engine_named
 from oneframe.blender.render.video import _is_whole, write_video
 from oneframe.case.case_file import read_case
 from oneframe.dataset import layout as dataset
@@ -701,7 +701,7 @@ def cycles_views(case, tmp_path_factory) -> dict[str, tuple[np.ndarray, np.ndarr
 )
 def test_other_engines_agree_with_cycles(case, tmp_path, cycles_views, engine, colour):
     try:
-        check_engine(engine)
+        engine_named(engine).check()
     except InputError as error:
         pytest.skip(str(error))
     exact = cycles_views[colour]

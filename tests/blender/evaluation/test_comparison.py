@@ -12,6 +12,7 @@ from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.case.posed_frame import UnreadFrame
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.shading import ColouredSurface
 from oneframe.evaluation.scores.similarity import similarity
 from oneframe.transforms import checked_rigid, rigid
 
@@ -36,7 +37,7 @@ def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> f
     photograph = UnreadFrame(image, loaded.case.camera, None, cam_from_mesh)
     real = load_posed_frame(photograph, loaded.surface.mesh_from_model, name="case.toml")
     source = reference_view_of(loaded, "raster")
-    view = RayTracer(source.mesh, loaded.frame.camera, *source.views, rays=source.rays).render(real.cam_from_model)
+    view = RayTracer(ColouredSurface(source.mesh, source.views), loaded.frame.camera).render(real.cam_from_model)
     compared = view.observed & real.valid
     return similarity(real.image, view.rgb, compared).correlation if compared.any() else -1.0
 

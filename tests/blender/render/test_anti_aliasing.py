@@ -7,11 +7,11 @@ import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
 from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of, unseen_colours_of
-from oneframe.blender.render.anti_aliasing import EdgeSampler
-from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.scene_rays import SceneRays
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.cycles import CyclesScene
+from oneframe.blender.render.engines import opened_engine
+from oneframe.blender.render.surface_tree import BlenderRays
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.edge_pixels import edge_pixels
 from oneframe.projection.rays import MeshRays
@@ -51,18 +51,17 @@ def source_from(loaded_case):
     return make
 
 
-def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0):
+def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0, unseen=None):
     (colour,), _ = colours_of(source, mode)
-    with SurfaceScene(source.mesh, camera, colour, filtered=True) as scene:
-        scene.limit_threads(threads)
-        sampler = EdgeSampler(scene, source.pivot_model, rays)
-        return [sampler.render(pose) for pose in poses]
+    surface = ColouredSurface(source.mesh, (colour,), unseen, source.pivot_model)
+    with opened_engine("cycles", surface, camera, samples=rays, threads=threads) as render:
+        return [render(pose) for pose in poses]
 
 
 def exact_view(source, mode, pose, camera=VIEW):
     (colour,), _ = colours_of(source, mode)
-    with SurfaceScene(source.mesh, camera, colour) as scene:
-        return render_view(scene, pose)
+    with CyclesScene(ColouredSurface(source.mesh, (colour,)), camera) as scene:
+        return scene.render(pose)
 
 
 def converged(source, mode, pose, camera=VIEW, *, constant=True):
@@ -158,10 +157,7 @@ def test_blender_s_rays_are_those_of_embree(stepped_mesh, oblique_pose):
     for pose in (oblique_pose, oblique_pose @ rigid(np.diag([1.0, -1.0, -1.0]))):
         directions = (VIEW.rays_cam(VIEW.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]).astype(np.float32)
         origins = np.broadcast_to(camera_centre(pose), directions.shape).astype(np.float32)
-        with SurfaceScene(stepped_mesh, VIEW) as scene:
-            found, expected = (
-                rays.first_hits(origins, directions) for rays in (SceneRays(scene), MeshRays(stepped_mesh))
-            )
+        found, expected = (rays(stepped_mesh).first_hits(origins, directions) for rays in (BlenderRays, MeshRays))
         same = found.face == expected.face
         # a pixel's centre may lie on an edge to the last bit
         assert np.count_nonzero(~same) <= 5
@@ -209,8 +205,8 @@ def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose
 def test_a_rasteriser_s_samples_do_not_mix_with_the_background(stepped_mesh, frontal_pose, oblique_pose, source_from):
     plain = np.full((*FRAME.shape_hw, 3), 0.75, np.float32)
     source = source_from(stepped_mesh, plain, frontal_pose)
-    with SurfaceScene(source.mesh, VIEW, source.view, engine="eevee", samples=8) as scene:
-        view = render_view(scene, FARTHER @ oblique_pose)
+    with opened_engine("eevee", ColouredSurface(source.mesh, source.views), VIEW, samples=8) as render:
+        view = render(FARTHER @ oblique_pose)
     assert not view.rgb[~view.mask].any()
     # where the frame saw the surface, some samples may be grey, but none black
     assert view.rgb[view.mask].min() > NEUTRAL - 0.01
@@ -222,10 +218,7 @@ def test_filled_views_change_where_the_frame_saw_nothing(stepped_mesh, frontal_p
     dark = np.full((*FRAME.shape_hw, 3), 0.125, np.float32)
     source = source_from(stepped_mesh, dark, frontal_pose)
     (neutral,) = views_of(source, mode, [oblique_pose])
-    (colour,), _ = colours_of(source, mode)
-    unseen = unseen_colours_of(source, "fill")
-    with SurfaceScene(source.mesh, VIEW, colour, unseen=unseen, filtered=True) as scene:
-        filled = EdgeSampler(scene, source.pivot_model, 8).render(oblique_pose)
+    (filled,) = views_of(source, mode, [oblique_pose], unseen=unseen_colours_of(source, "fill"))
     assert np.array_equal(filled.observed, neutral.observed)
     assert np.array_equal(filled.depth_mm, neutral.depth_mm)
     assert neutral.rgb.max() > 0.49

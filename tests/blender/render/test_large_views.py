@@ -5,6 +5,7 @@ import pytest
 
 from oneframe.blender.render.engines import opened_engine
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.shading import ColouredSurface
 
 pytestmark = pytest.mark.render
 
@@ -17,7 +18,7 @@ def test_a_long_view_is_that_of_a_ray_cast_in_all_its_parts(bumpy_mesh, frontal_
     # nearly as far from square pixels as is allowed, so that the short side shows the surface too
     fx, fy = (4 * width, 4 * width / 150) if width > height else (4 * height / 150, 4 * height)
     camera = PinholeCamera(width, height, fx, fy, (width - 1) / 2, (height - 1) / 2)
-    with opened_engine(engine, bumpy_mesh, camera, ()) as render:
+    with opened_engine(engine, ColouredSurface(bumpy_mesh), camera) as render:
         view = render(frontal_pose)
     pixels = camera.pixel_grid().reshape(-1, 2)[::97]
     depth, _ = ray_cast(bumpy_mesh, camera, frontal_pose, pixels)

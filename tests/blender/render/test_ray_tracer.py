@@ -1,15 +1,16 @@
 """The engine raster against Cycles and a ray cast: the same surface, the same colours, on meshes of any kind."""
 
+from contextlib import ExitStack
+
 import numpy as np
 import pytest
 import trimesh
 
 from oneframe.blender.colour.reference_view import colours_of, reference_view_of, unseen_colours_of
-from oneframe.blender.render.anti_aliasing import EdgeSampler
-from oneframe.blender.render.engines import render_view
-from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.blender.render.engines import opened_engine
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.options import COLOURS, UNSEEN
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.projection.z_buffer import rasterise_depth
@@ -45,16 +46,17 @@ def test_views_are_those_of_cycles(
     mesh = request.getfixturevalue(shape)
     source = reference_view_of(loaded_case(mesh, sharp_image(FRAME), frontal_pose, FRAME))
     (colour,), _ = colours_of(source, mode)
-    colours, pivot = unseen_colours_of(source, unseen), source.pivot_model
+    surface = ColouredSurface(mesh, (colour,), unseen_colours_of(source, unseen), source.pivot_model)
     nearer = rigid(translation=[4.0, -2.0, -100.0]) @ oblique_pose
     from_behind = oblique_pose @ rigid(rotation_from_vector(np.array([0.0, 2.6, 0.0])))
     for camera in (SMALL,) if samples > 1 else (SMALL, FRAME):
-        tracer = RayTracer(mesh, camera, colour, unseen=colours, samples=samples, pivot_model=pivot)
-        with SurfaceScene(mesh, camera, colour, unseen=colours, filtered=samples > 1) as scene:
-            sampler = EdgeSampler(scene, pivot, samples)
+        with ExitStack() as opened:
+            raster, cycles = (
+                opened.enter_context(opened_engine(engine, surface, camera, samples=samples))
+                for engine in ("raster", "cycles")
+            )
             for pose in (oblique_pose, nearer, from_behind):
-                cycles = sampler.render(pose) if samples > 1 else render_view(scene, pose)
-                assert_those_of_cycles(tracer.render(pose), cycles, camera)
+                assert_those_of_cycles(raster(pose), cycles(pose), camera)
 
 
 def blob(subdivisions: int, radius_mm: float) -> TriangleMesh:
@@ -77,12 +79,12 @@ def blob(subdivisions: int, radius_mm: float) -> TriangleMesh:
 def test_large_meshes_and_small_objects_are_those_of_a_z_buffer(mesh, camera, distance_mm, sharp_image, loaded_case):
     pose = rigid(rotation_from_vector(np.array([2.4, 0.3, -0.4])), [0.0, 0.0, distance_mm])
     source = reference_view_of(loaded_case(mesh, sharp_image(camera), pose, camera), "raster")
-    view = RayTracer(source.mesh, camera, source.view, rays=source.rays).render(
+    view = RayTracer(ColouredSurface(source.mesh, source.views), camera).render(
         pose @ rigid(rotation_from_vector(np.array([0.1, 0.2, 0.1])))
     )
     assert 0.2 < view.mask.mean() < 0.95
     assert view.observed.sum() > 0.7 * view.mask.sum()
-    shown = RayTracer(mesh, camera).render(pose)
+    shown = RayTracer(ColouredSurface(mesh), camera).render(pose)
     nearness = rasterise_depth(mesh, camera, pose).inverse_depth
     assert np.count_nonzero((nearness > 0) != shown.mask) <= 2
     both = (nearness > 0) & shown.mask
@@ -94,7 +96,7 @@ def test_a_camera_inside_the_surfaces_sphere_sees_what_a_ray_cast_sees(bumpy_mes
     """Near and far parts of the surface in one view, and parts behind the camera."""
     camera = PinholeCamera(120, 90, 60.0, 61.0, 60.2, 44.7)
     pose = rigid(rotation_from_vector(np.array([2.2, 0.1, 0.2])), np.array([0.5, 2.0, 6.0]))
-    view = RayTracer(bumpy_mesh, camera).render(pose)
+    view = RayTracer(ColouredSurface(bumpy_mesh), camera).render(pose)
     depth, _ = ray_cast(bumpy_mesh, camera, pose, camera.pixel_grid().reshape(-1, 2))
     depth = depth.reshape(camera.shape_hw)
     assert (depth > 0).mean() > 0.2

@@ -1,0 +1,80 @@
+"""The surface as Blender's search structure: what a pose would show, and rays for a Blender without embreex."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from mathutils import Vector
+from mathutils.bvhtree import BVHTree
+
+from ...camera.pinhole import PinholeCamera
+from ...errors import InputError
+from ...poses.constraints import ViewStatistics
+from ...projection.rays import Hits, MeshRays
+from ...projection.visible_surface import cast_grid
+from ...surface.mesh import TriangleMesh
+from ...transforms import camera_centre
+
+GRID = 16
+"""Number of rays along the longer side of the image; fractions are accurate to about 1 / GRID^2."""
+
+
+def surface_tree(mesh: TriangleMesh) -> BVHTree:
+    """The mesh as Blender's search structure, in single precision; no scene is needed."""
+    return BVHTree.FromPolygons(mesh.vertices.tolist(), mesh.faces.tolist(), all_triangles=True)
+
+
+class ViewProbe:
+    """What a pose would show, by a grid of rays at the surface; call it with ``cam_from_model`` (4x4, mm)."""
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        camera: PinholeCamera,
+        observed: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    ) -> None:
+        """Build the tree; ``observed`` tells of points and normals, both ``(N, 3)``, which the frame saw."""
+        self._tree, self._camera, self._observed = surface_tree(mesh), camera, observed
+
+    def __call__(self, cam_from_model: np.ndarray) -> ViewStatistics:
+        """Surface fraction and observed fraction of the view, and the camera's distance to the surface."""
+        seen = cast_grid(self._first_hit, self._camera, cam_from_model, along=GRID)
+        *_, distance = self._tree.find_nearest(Vector(camera_centre(cam_from_model)))
+        clearance = np.inf if distance is None else float(distance)
+        if len(seen.pixels) == 0:
+            return ViewStatistics(0.0, 0.0, clearance)
+        # back sides are surface too, but never observed
+        observed = self._observed(seen.points_model, seen.normals_model)
+        return ViewStatistics(seen.image_fraction, float(observed.mean()), clearance)
+
+    def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
+        point, normal, _, _ = self._tree.ray_cast(origin, direction)
+        return None if point is None or normal is None else (point, normal)
+
+
+def rays_at(mesh: TriangleMesh) -> MeshRays:
+    """What casts rays at a mesh: Embree, or Blender where it is missing."""
+    try:
+        return MeshRays(mesh)
+    except InputError:
+        return BlenderRays(mesh)
+
+
+class BlenderRays(MeshRays):
+    """Casts Blender's own rays, one after the other."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self._mesh, self._tree = mesh, surface_tree(mesh)
+
+    def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
+        """As of :class:`.MeshRays`."""
+        mesh = self._mesh
+        found = [self._tree.ray_cast(*ray) for ray in zip(origins.tolist(), directions.tolist(), strict=True)]
+        face = np.array([-1 if number is None else number for _, _, number, _ in found], np.int32)
+        distance = np.array([distance or 0.0 for *_, distance in found]) / np.linalg.norm(directions, axis=1)
+        a, b, c = (mesh.vertices[mesh.faces[face, corner]] for corner in range(3))
+        offset, cross = origins + distance[:, None] * directions - a, mesh.face_cross[face]
+        squared = (cross * cross).sum(axis=1)
+        second = (np.cross(offset, c - a) * cross).sum(axis=1) / squared
+        third = (np.cross(b - a, offset) * cross).sum(axis=1) / squared
+        front = (cross * directions).sum(axis=1) < 0
+        return Hits(face, distance.astype(np.float32), front, second.astype(np.float32), third.astype(np.float32))

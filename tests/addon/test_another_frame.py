@@ -14,6 +14,7 @@ from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
+from tests.video.surgical_film import write_film
 
 POINTS = [[1.25, -7.5, 41.0], [10.25, -7.5, 41.0], [1.25, -17.5, 41.0], [15.25, -17.5, 38.0], [8.0, -12.0, 41.0]]
 
@@ -130,10 +131,7 @@ def test_a_masked_version_of_the_frame_is_the_same_frame(aligned, folder, by):
 
 
 def test_the_case_names_the_film_of_its_frame(addon, folder):
-    writer = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
-    for level in (90, 120):
-        writer.write(np.full((48, 64, 3), level, np.uint8))
-    writer.release()
+    write_film(folder / "film.avi", [np.full((48, 64, 3), level, np.uint8) for level in (90, 120)], "MJPG")
     bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
     bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
     shown_frame.show(bpy.context.scene, 1)

@@ -23,6 +23,7 @@ from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, PIVOT, SOURCE, photograph, seen_from, write_case
+from tests.video.surgical_film import write_film
 
 ROUGH = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([0.6, -0.8, 0.4])]), SOURCE, PIVOT)
 POSES = [seen_from(8, 5), seen_from(-20, 30), seen_from(15, 90)]
@@ -37,10 +38,7 @@ def folder(tmp_path_factory):
     (made / "case.toml").rename(made / "rough.toml")
     write_case(made, mesh, SOURCE)
     images = [*(photograph(mesh, pose) for pose in POSES), photograph(mesh, SOURCE)[:, ::-1]]
-    writer = cv2.VideoWriter(str(made / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, CAMERA.size_wh)
-    for image in images:
-        writer.write(np.ascontiguousarray(np.rint(255 * image).astype(np.uint8)))
-    writer.release()
+    write_film(made / "film.avi", [np.rint(255 * image[..., ::-1]).astype(np.uint8) for image in images], "MJPG")
     return made
 
 

@@ -7,15 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from . import __version__
-from .blender.alignment import align_case as alignment
-from .blender.alignment import new_case
-from .blender.case.load_case import load_case
+from .alignment import align_case as alignment
 from .blender.colour.export import export_coloured_surface
 from .blender.dataset.job import Job
 from .blender.dataset.run import run
 from .camera.intrinsics_file import read_camera
+from .case import new_case
 from .case.case_file import Case, Structure, read_case
+from .case.frame import read_frame
 from .case.landmark_file import read_landmarks
+from .case.loaded_case import load_case
 from .commands.render import own_command
 from .dataset.options import checked_options, option_arguments
 from .dataset.run.run_folder import Shard
@@ -23,8 +24,8 @@ from .files.outputs import check_folder
 from .surface.mesh import TriangleMesh
 from .surface.structure_colour import structure_colour
 from .volume.bone.bone import bone_voxels
-from .volume.bone.bone_surface import bone_surface
 from .volume.bone.threshold import DEFAULT_HU, check_threshold
+from .volume.make_surface import SurfaceSettings, make_surface
 from .volume.reading.volume_reader import read_volume
 
 
@@ -45,7 +46,8 @@ def surface_from_ct(ct: Path | str, *, threshold_hu: float = DEFAULT_HU) -> Tria
     """
     volume = read_volume(Path(ct))
     check_threshold(volume, threshold_hu)
-    return bone_surface(volume, threshold_hu, bone_voxels(volume, threshold_hu)).surface.mesh
+    settings = SurfaceSettings(tolerance_mm=0)
+    return make_surface(volume, threshold_hu, bone_voxels(volume, threshold_hu), None, settings).bone.surface.mesh
 
 
 def make_case(
@@ -89,12 +91,9 @@ def make_case(
         ),
         only=None,
         units="mm",
-        frame=Path(frame),
-        frame_number=None,
-        mask=None if mask is None else Path(mask),
+        frame=read_frame(Path(frame)) if mask is None else read_frame(Path(frame)).with_mask(Path(mask)),
         camera=read_camera(Path(camera)),
         rescale_camera=False,
-        pose=None,
     )
     for _message in new_case.make_case(given, Path(out), overwrite=overwrite):
         pass

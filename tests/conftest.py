@@ -14,8 +14,8 @@ import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
+from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface
-from oneframe.case.posed_frame import PosedFrame
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply

@@ -42,12 +42,12 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, InBackground):
 
     def work(self, context: bpy.types.Context) -> Work:
         _check_object_mode(from_scene.surface_of(context.scene))
-        self._inputs, self._source = inputs_of(context.scene), colouring.source_of(context.scene)
-        return partial(colouring.coloured, self._source, self.mode)
+        self._inputs, self._loaded = inputs_of(context.scene), from_scene.loaded_case(context.scene)
+        return partial(colouring.coloured, self._loaded, self.mode)
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         check_inputs(context.scene, self._inputs)
-        messages = colouring.put(context.scene, self._source, result)
+        messages = colouring.put(context.scene, self._loaded, result)
         show_colour(from_scene.surface_of(context.scene))
         return messages
 

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end, listening
-from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
+from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.events import areas

@@ -16,10 +16,11 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, drawing
-from ..pipeline.blender.colour.reference_view import ReferenceView, reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
+from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.colour.reference_view import ReferenceView
 from ..pipeline.dataset.description import view_camera
 from ..pipeline.dataset.options import DatasetOptions, merged_options
 from ..pipeline.errors import InputError
@@ -140,10 +141,10 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)
     listed = listed_poses(loaded, options)
     count = options.count if listed is None else len(listed)
-    source = reference_view_of(loaded)
-    with ViewRenderer(loaded, source, options, listed) as renderer:
+    reference = reference_view_of(loaded)
+    with ViewRenderer(loaded, reference, options, listed) as renderer:
         planned = [renderer.plan(index) for index in range(min(number, count))]
-    lines = frusta(planned, view_camera(loaded, options), source)
+    lines = frusta(planned, view_camera(loaded, options), reference)
     statistics = [view.statistics for view in planned]
     _planned = PlannedPoses(
         key,
@@ -155,14 +156,14 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     return _planned
 
 
-def frusta(planned: list[PlannedPose], camera: PinholeCamera, source: ReferenceView) -> np.ndarray:
+def frusta(planned: list[PlannedPose], camera: PinholeCamera, reference: ReferenceView) -> np.ndarray:
     """``(N, 10, 2, 3)`` ends of the lines of each pose's frustum, model frame, mm; a triangle marks the image's top."""
     width, height = camera.size_wh
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height], [width / 2, -height / 4]]) - 0.5
     rays = np.concatenate([np.zeros((1, 3)), camera.rays_cam(corners)])
     lines = np.empty((len(planned), len(_EDGES), 2, 3))
     for number, view in enumerate(planned):
-        pivot_cam = transform_points(view.cam_from_model, source.pivot_model[None])[0]
+        pivot_cam = transform_points(view.cam_from_model, reference.pivot_model[None])[0]
         length = LENGTH * float(np.linalg.norm(pivot_cam))
         lines[number] = transform_points(inverse_rigid(view.cam_from_model), length * rays)[_EDGES]
     return lines

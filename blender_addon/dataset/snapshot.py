@@ -9,8 +9,7 @@ from ..pipeline.case.case_file import case_from_text, read_case
 from ..pipeline.case.case_update import update_case
 from ..pipeline.case.case_writer import case_text, encoded
 from ..pipeline.errors import InputError
-from ..pipeline.files.content import write_bytes_atomically
-from ..pipeline.files.outputs import check_outputs, made_folder, writing
+from ..pipeline.files.outputs import check_outputs, write_output, writing
 from ..state import from_scene
 from ..state.known_case import keep_known, known_case
 from ..state.scene_files import check_lasting, forget_stamps, input_files
@@ -75,6 +74,5 @@ def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
     check_outputs([path], input_files(scene))
     if path.exists() and not path.read_bytes().startswith(f"# {COMMENT}\n".encode()):
         raise InputError(f"{path}: expected no such file or that of an earlier run, found another case; rename it")
-    with writing(made_folder(path)):
-        write_bytes_atomically(path, data)
+    write_output(path, data)
     return path

@@ -11,7 +11,7 @@ from ..video.strip_layout import StripLayout
 from . import found
 
 HEIGHT = 6
-"""At interface scale 1, above the curve."""
+"""At interface scale 1, in the gap above the curve."""
 
 
 def _draw_band() -> None:

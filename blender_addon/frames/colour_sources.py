@@ -7,11 +7,11 @@ import bpy
 from bpy.props import IntProperty
 
 from ..class_registration import prop
-from ..pipeline.blender.registration.register_frames import FRAME, FRAME_NAMES, CaseRegistrar
-from ..pipeline.case.posed_frame import UnreadFrame
+from ..pipeline.case.frame import UnreadFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_own_folder, made_folder
 from ..pipeline.registration.colour_sources import chosen_sources
+from ..pipeline.registration.register_frames import FRAME, FRAME_NAMES, CaseRegistrar
 from ..state import from_scene
 from ..state.known_case import further_frames, keep_known, known_case
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of

@@ -4,10 +4,8 @@ from typing import Any
 
 import bpy
 
-from ..pipeline.blender.colour.reference_view import can_rasterise
-from ..pipeline.blender.registration.correct_source import CorrectedSource, correct_source
-from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
+from ..pipeline.registration.correct_source import CorrectedSource, correct_source
 from ..refine.preview import BackgroundPreview
 from ..setup.alignment_record import tool_and_date
 from ..state import image_evidence, pose_evidence
@@ -30,8 +28,6 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
 
     def work(self, context: bpy.types.Context) -> Work:
         loaded, film = recorded_case(context.scene), session.scored(context.scene).path
-        if not can_rasterise(loaded):
-            raise InputError("expected the whole surface in front of the camera, found part of it behind; cut it off")
         tool, date = tool_and_date()
         self._inputs, self._before = inputs_of(context.scene), loaded.frame.cam_from_model
         return lambda progress: correct_source(loaded, film, tool=tool, date=date, progress=progress)

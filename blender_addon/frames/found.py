@@ -18,7 +18,6 @@ import numpy as np
 
 from ..case_queue.queued import present, queue_of
 from ..class_registration import at_end, listening
-from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
@@ -30,6 +29,7 @@ from ..pipeline.registration.colour_sources import Candidate, Candidates
 from ..pipeline.registration.film_change import FilmAgreement, FilmChange
 from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame, judged_together
+from ..pipeline.registration.register_frames import CaseRegistrar
 from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
@@ -94,8 +94,8 @@ class FoundFrames:
         alone, written_s = dict[int, RegisteredFrame](), time.monotonic()
         agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
         try:
-            with registrar.frames(film.path) as (_, frames):
-                for frame in frames:
+            with registrar.frames(film.path) as opened:
+                for frame in opened.frames:
                     if frame.number not in left:
                         continue
                     found = registrar.register(frame)

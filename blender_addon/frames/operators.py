@@ -7,9 +7,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..pipeline.blender.registration.register_frames import CaseRegistrar
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
+from ..pipeline.registration.register_frames import CaseRegistrar
 from ..setup.alignment_record import is_start, pose_record
 from ..state import from_scene
 from ..state.scene_files import forget_stamps

@@ -8,8 +8,8 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..class_registration import prop
-from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.errors import InputError
+from ..pipeline.images.image_reader import read_image
 from ..pipeline.video.frame_folder import write_frame
 from ..state import another_frame, pose_evidence, to_scene
 from ..state.pose import set_cam_from_model

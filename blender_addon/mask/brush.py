@@ -7,9 +7,8 @@ import numpy as np
 from bpy.props import BoolProperty
 
 from ..class_registration import cursor, drawing, prop, tool
-from ..pipeline.blender.colour.surface_colour import UNSEEN
 from ..pipeline.camera.distortion import distorted_pixels
-from ..pipeline.images.masked_frame import painted
+from ..pipeline.images.masked_frame import UNSEEN, painted
 from ..state import another_frame, from_scene
 from ..state.events import redraw
 from ..ui.drag import BrushSize, BrushStroke, size_keys

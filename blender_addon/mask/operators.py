@@ -1,15 +1,14 @@
 """Operators that hide parts of the frame which show no surface, such as instruments, hands and glare."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy.props import StringProperty
 
 from ..class_registration import prop
-from ..pipeline.blender.case.frame_file import Frame, read_frame
-from ..pipeline.case.case_folder import keep_files
+from ..pipeline.case.case_folder import KeptFile, keep_files
+from ..pipeline.case.frame import Frame, read_frame
 from ..pipeline.errors import InputError
 from ..pipeline.images.pixel_values import to_uint8
 from ..state import from_scene, to_scene
@@ -43,9 +42,9 @@ def set_mask(scene: bpy.types.Scene, frame: Frame) -> Messages:
     """
     settings = scene.oneframe
     is_from_film = settings.frame_path == scene.oneframe_video.taken_path
-    kept = frame.kept(session_folder() / f"{Path(frame.name).stem.removesuffix(_SUFFIX)}{_SUFFIX}.png")
-    keep_files([kept], {})
-    to_scene.relink_frame(scene, kept.path)
+    path = session_folder() / f"{frame.path.stem.removesuffix(_SUFFIX)}{_SUFFIX}.png"
+    keep_files([KeptFile(path, frame.encoded())], {})
+    to_scene.relink_frame(scene, path)
     if is_from_film:
         scene.oneframe_video.taken_path = settings.frame_path
     return (f"{frame.masked:.1%} of the frame masked",)

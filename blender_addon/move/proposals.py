@@ -12,7 +12,7 @@ from bpy.props import IntProperty
 from ..class_registration import at_end, prop
 from ..pipeline.alignment.proposal.propose import Proposal, propose_poses
 from ..pipeline.case.alignment_record import PROPOSED
-from ..pipeline.case.posed_frame import PosedFrame
+from ..pipeline.case.frame import PosedFrame
 from ..pipeline.errors import InputError
 from ..pipeline.projection.z_buffer import rasterise_depth
 from ..pipeline.surface.mesh import TriangleMesh

@@ -10,10 +10,9 @@ import bpy
 from ..class_registration import at_end
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, has_entry
 from ..pipeline.blender.alignment import alignment_scene
-from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import differing_fields
-from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.case.loaded_case import LoadedCase, load_case
 from ..pipeline.errors import InputError
 from ..state import from_scene, image_evidence, pose_evidence, to_scene, workbench
 from ..state.initial_pose import has_initial_pose, set_initial_pose

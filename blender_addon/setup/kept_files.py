@@ -6,8 +6,8 @@ from pathlib import Path
 
 import bpy
 
-from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh, made_by_file
+from ..pipeline.case.frame import read_frame
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
@@ -56,7 +56,9 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     inputs = {name: path for name, path in input_files(scene).items() if name != "case" and not is_kept(path)}
     if is_kept(frame):
         target = folder / (frame.name if from_video and not collect else FRAME)
-        kept.append((read_frame(frame).kept(target), lambda path: to_scene.relink_frame(scene, Path(path))))
+        kept.append(
+            (KeptFile(target, read_frame(frame).encoded()), lambda path: to_scene.relink_frame(scene, Path(path)))
+        )
     surface, before_surface = from_scene.surface_of(scene), len(kept)
     for made in (surface, *(child for child in surface.children if child.oneframe.role == "STRUCTURE")):
         source = from_scene.absolute_path(made.oneframe.mesh_path)

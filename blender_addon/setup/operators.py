@@ -6,7 +6,6 @@ from bpy.props import EnumProperty, StringProperty
 
 from ..class_registration import prop, start_timer, timers
 from ..pipeline.blender.alignment import alignment_scene, surface_object
-from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT
@@ -14,6 +13,7 @@ from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_f
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, place_doubt, size_doubt, size_text
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_outputs
+from ..pipeline.images.image_reader import read_image
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh, stated_space
 from ..pipeline.surface.mesh_writer import write_ply

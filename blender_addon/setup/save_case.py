@@ -10,7 +10,7 @@ import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import prop
-from ..pipeline.blender.alignment.overlay_picture import case_picture
+from ..pipeline.blender.render.lettering import text_mask
 from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, is_found
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import other_inputs, update_case
@@ -19,6 +19,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.content import write_bytes_atomically
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.images.png import encode_png
+from ..pipeline.overlay.overlay_picture import case_picture
 from ..state import from_scene
 from ..state.events import redraw
 from ..state.known_case import known_case, remember_file
@@ -128,14 +129,14 @@ class ONEFRAME_OT_save_record(NeedsAlignment, SavesFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         # OpenCV comes with the extension
-        from ..pipeline.blender.alignment.record_page import record_page
+        from ..pipeline.overlay.record_page import record_page
 
         scene, path = context.scene, self.chosen_file()
         check_outputs([path], input_files(scene))
         loaded = from_scene.loaded_case(scene).with_shown_structures()
         loaded = replace(loaded, case=replace(loaded.case, alignment=pose_record(scene)))
-        picture = case_picture(loaded, under_instruments=False, explained=True).image
-        write_bytes_atomically(path, encode_png(record_page(loaded, picture)))
+        picture = case_picture(loaded, text_mask).image
+        write_bytes_atomically(path, encode_png(record_page(loaded, picture, text_mask)))
         return (f"saved {path}",)
 
 

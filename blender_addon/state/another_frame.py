@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 
 from ..pipeline.blender.bridge.data_blocks import absolute_path, set_exact
-from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.case.alignment_record import OTHER_FRAME, is_a_start
 from ..pipeline.errors import InputError
+from ..pipeline.images.image_reader import read_image
 from . import events, from_scene, pose_evidence
 from .initial_pose import has_initial_pose
 

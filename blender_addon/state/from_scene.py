@@ -15,12 +15,11 @@ import numpy as np
 from ..pipeline.blender.alignment.alignment_scene import camera_of
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of, pose_of
 from ..pipeline.blender.bridge.data_blocks import absolute_path
-from ..pipeline.blender.case.load_case import load_frame
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure
+from ..pipeline.case.frame import PosedFrame, load_frame
 from ..pipeline.case.loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
-from ..pipeline.case.posed_frame import PosedFrame
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh

@@ -3,11 +3,11 @@
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.manual.initial_pose import initial_pose
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.errors import InputError
+from ..pipeline.projection.initial_pose import initial_pose
 from ..pipeline.surface.mesh import Ball, TriangleMesh
 from . import from_scene, image_evidence, pose_evidence
 from .camera_view import follow_surface

@@ -12,7 +12,7 @@ import bpy
 from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.case.case_file import Case, case_from_text, read_case
 from ..pipeline.case.case_writer import case_text
-from ..pipeline.case.posed_frame import UnreadFrame
+from ..pipeline.case.frame import UnreadFrame
 from ..pipeline.errors import InputError
 
 UNNAMED = Path("/case.toml")

@@ -87,8 +87,9 @@ def layout_of(area: bpy.types.Area, span_s: tuple[float, float]) -> StripLayout 
     thumbnails = curve[1] + GAP * unit, curve[1] + (GAP + THUMBNAILS) * unit
     top = thumbnails[1] + TEXT_ROW * unit
     if top - below > LARGEST_SHARE * height:
-        thumbnails = curve[1], curve[1]
-        top = curve[1] + TEXT_ROW * unit
+        # the gap stays: the band of the found frames lies in it
+        thumbnails = (thumbnails[0],) * 2
+        top = thumbnails[1] + TEXT_ROW * unit
     if top - below > LARGEST_SHARE * height or right - left < LEAST_WIDTH * unit:
         return None
     return StripLayout((left, below), (right, top), curve, thumbnails, span_s, unit)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.props import BoolProperty
 
 from ..class_registration import prop
@@ -17,7 +16,7 @@ from ..pipeline.surface.mesh import Ball, TriangleMesh, ball_around
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.bone import bone_voxels
-from ..pipeline.volume.bone.bone_surface import STAGES, taken_bone
+from ..pipeline.volume.bone.bone_surface import STAGES
 from ..pipeline.volume.bone.structures import without_bone
 from ..pipeline.volume.bone.threshold import check_threshold
 from ..pipeline.volume.drill.drill_guard import check_margins
@@ -122,8 +121,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT):
             labels = None if ct.labels is None else without_bone(ct.labels)
             made = make_surface(ct.volume, level, solid, labels, SurfaceSettings(plan), report=report)
             paths = write_meshes(session_folder(), made.bone.surface.mesh, made.structures)
-            taken = 0 if made.removed is None else np.count_nonzero(taken_bone(solid, made.removed))
-            record = _record(ct, series, level, plan, taken * ct.volume.grid.voxel_mm3)
+            record = _record(ct, series, level, plan, made.removed_mm3)
             return made.finish.focus, made.structures, paths, record
 
         return make

@@ -1,6 +1,6 @@
 """The case file: a frame, its camera, surface and pose, and further frames, read strictly from TOML.
 
-This module reads paths and numbers; :mod:`oneframe.blender.case.load_case` opens the files that they name.
+This module reads paths and numbers; :func:`.load_case` opens the files that they name.
 """
 
 import re
@@ -22,8 +22,8 @@ from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
 from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
+from .frame import UnreadFrame
 from .landmarks import Landmark, landmarks_from_tables
-from .posed_frame import UnreadFrame
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ("video", "video_frame")),

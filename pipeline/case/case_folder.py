@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import content_named, is_content_named, names_in, read_content, write_bytes_atomically
-from ..files.outputs import check_outputs, made_folder, writing
+from ..files.content import content_named, is_content_named, names_in, read_content
+from ..files.outputs import check_outputs, write_output
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh, stated_space
 from ..surface.mesh_writer import encoded_ply
@@ -126,8 +126,7 @@ def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path]) -> None:
     fresh = [file for file in files if not file.is_there]
     check_outputs([file.path for file in fresh], inputs)
     for file in fresh:
-        with writing(made_folder(file.path)):
-            write_bytes_atomically(file.path, file.data)
+        write_output(file.path, file.data)
 
 
 def made_by_file(mesh: Path) -> Path:

@@ -19,8 +19,8 @@ from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text, read_case
 from .case_history import history_path, with_replaced
+from .frame import UnreadFrame
 from .landmarks import Landmark
-from .posed_frame import UnreadFrame
 
 UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 

@@ -1,4 +1,4 @@
-"""A case in memory, and a check that its pose is plausible: the surface in view, at a microscope's distance."""
+"""A case in memory, checked: its files fit together, and its pose shows the surface at a microscope's distance."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -9,15 +9,19 @@ import numpy as np
 from ..camera.pinhole import whereabouts
 from ..errors import InputError
 from ..files.keys import nearest_name
+from ..images.overlay import draw_overlay
+from ..projection.initial_pose import initial_pose
+from ..projection.overlay_scene import OverlayScene
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..surface.structure_colour import OTHER
-from ..transforms import rigid, transform_points
+from ..transforms import inverse_rigid, rigid, transform_points
+from .alignment_record import INITIAL_GUESS
 from .case_file import Case, Structure
-from .posed_frame import PosedFrame
-
-NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
-"""Working distances outside this range indicate wrong units; an error by a factor of 1000 is always outside."""
+from .case_writer import UNIT_OF
+from .frame import PosedFrame, load_posed_frame
+from .precision import precision_doubts
+from .surface_size import FARTHEST_MM, NEAREST_MM, extents_of, size_doubt
 
 MAX_EXTENT_RATIO = 200.0
 """Largest ratio of the surface's extent to the frame's at the pose, or of the frame's to the surface's: wrong units
@@ -94,6 +98,44 @@ class LoadedCase:
         return replace(self, surface=replace(self.surface, structures=shown))
 
 
+def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
+    """Open the files of a case and check that they fit together.
+
+    Parameters
+    ----------
+    case
+        The case.
+    aligned
+        False accepts any pose, and puts an initial guess in the place of none: use it before the alignment.
+
+    Raises
+    ------
+    InputError
+        A file cannot be used; the image's size differs from the camera's; or, for an aligned case, the surface is
+        behind the camera, outside the frame or at an implausible distance.
+    """
+    mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
+    if not case.posed and not aligned:
+        guess = initial_pose(mesh, case.camera) @ inverse_rigid(mesh_from_model)
+        case = replace(case, cam_from_mesh=guess, posed=True, alignment={"method": INITIAL_GUESS})
+        messages = [*messages, "the case has no pose: an initial guess is shown, not aligned"]
+    frames = tuple(load_posed_frame(frame, mesh_from_model, name=case.path.name) for frame in case.every_frame)
+    cam_from_model = case.cam_from_mesh @ mesh_from_model
+    doubt = size_doubt(extents_of(mesh), UNIT_OF[case.mm_per_unit], case.camera, case.mesh.name)
+    messages = messages if doubt is None else [*messages, doubt.message]
+    if aligned:
+        check_poses(case, mesh, frames)
+        messages = [*messages, *precision_doubts(case.mesh.name, case.camera, mesh, mesh_from_model, cam_from_model)]
+    structures = []
+    for structure in case.structures:
+        structure_mesh, structure_messages = read_mesh(structure.mesh, like=case.mesh)
+        centre = mesh_from_model[:3, 3]
+        structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
+        messages += structure_messages
+    surface = LoadedSurface(mesh, mesh_from_model, tuple(structures))
+    return LoadedCase(case, surface, frames, (*case.messages, *messages))
+
+
 def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
     """Read the surface and move it to the model frame.
 
@@ -160,3 +202,25 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
             f"{name}: expected the surface in the frame, it lies {place}: u {u.min():.0f} to {u.max():.0f}, "
             f"v {v.min():.0f} to {v.max():.0f} px of {camera.width}x{camera.height}; align the pose first"
         )
+
+
+def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None) -> np.ndarray:
+    """The frame with its overlay, ``(H, W, 3)`` float32 values 0..1.
+
+    Parameters
+    ----------
+    loaded
+        The case, at its pose; of its structures, those of :meth:`.LoadedCase.with_shown_structures`.
+    surface_depth_mm
+        ``(H, W)`` depth of the surface in the frame, 0 where there is none; rasterised if left out.
+    """
+    frame = loaded.frame
+    camera, pose = frame.camera, frame.cam_from_model
+    scene = overlay_scene(loaded.with_shown_structures())
+    return draw_overlay(frame.image, scene.surface_layer(camera, pose, surface_depth_mm), scene.layers(camera, pose))
+
+
+def overlay_scene(loaded: LoadedCase) -> OverlayScene:
+    """The surface and the structures of a case."""
+    surface = loaded.surface
+    return OverlayScene.of(surface.mesh, [(mesh, structure.colour) for structure, mesh in surface.structures])

@@ -7,10 +7,12 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..files.numbers import MM_PER_UNIT
 from ..surface.mesh import TriangleMesh
-from .loaded_case import FARTHEST_MM, NEAREST_MM
 
 SMALLEST_MM, LARGEST_MM = 1.0, 2000.0
 """Plausible extents of a surface: from an ossicle to a whole body."""
+
+NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
+"""Working distances outside this range indicate wrong units; an error by a factor of 1000 is always outside."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import RunError
-from ..files.content import write_bytes_atomically
-from ..files.outputs import writing
+from ..files.outputs import write_output
 
 DPI = 160
 
@@ -101,8 +100,7 @@ def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, tit
                 content = io.BytesIO()
                 figure.savefig(content, format=kind, metadata={"Title": title, **metadata})
                 path = chart_path(data, theme, kind)
-                with writing(path):
-                    write_bytes_atomically(path, content.getvalue())
+                write_output(path, content.getvalue())
                 written.append(path)
     return written
 
@@ -144,3 +142,13 @@ def _style(theme: Theme) -> Iterator[None]:
 def note(figure: Any, theme: Theme, text: str) -> None:
     """Write one line in small print below the chart."""
     figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=theme.muted)
+
+
+def round_ticks_inside(axes: Any, *, margin: float) -> None:
+    """About four round ticks along x, none of them outside the data."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.margins(x=margin)
+    low, high = axes.get_xlim()
+    axes.set_xticks([tick for tick in MaxNLocator(4).tick_values(low, high) if low <= tick <= high])
+    axes.set_xlim(low, high)

@@ -1,4 +1,4 @@
-"""The reference view, and its visibility rule, which all colour modes share: which surface points the frame saw.
+"""A frame as a source of colour, and the visibility rule of all colour modes: which surface points the frame saw.
 
 The frame saw a surface point X of a face if all of these hold, with z the depth of X and (u, v) its pixel:
 
@@ -29,7 +29,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..case.posed_frame import PosedFrame
+from ..case.frame import PosedFrame
 from ..images.pixel_values import among_centres, sample_bilinear
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, inverse_rigid, transform_points

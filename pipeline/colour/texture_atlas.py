@@ -34,6 +34,8 @@ MAX_SLOPE = 16.0
 COVERED_LEAST = 1e-3
 """Least weight of observed texels in a lookup: below it, single precision tells too little of their colour."""
 
+OBSERVED_LEAST = 0.9999
+"""If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
 _ELSEWHERE = 3
 """In the place of 0, 1 and 2 of :func:`classify_faces`: the face is in the atlas of another view."""
 

@@ -50,6 +50,9 @@ def dispatch(argv: Sequence[str]) -> int:
         No command or an unknown one; the command raises its own errors.
     """
     if argv and argv[0] in COMMANDS:
+        # reads what is no plain PNG
+        from .. import blender  # noqa: F401
+
         return run_command(f"oneframe {argv[0]}", _command(argv[0]), argv[1:])
     if argv and not argv[0].startswith("-"):
         raise InputError(f"command line: unknown command {argv[0]!r}; {nearest_name(argv[0], COMMANDS)}")

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 ABOUT = "Compare the poses of two annotators: in degrees, mm and px, beside what their stated errors let expect."
@@ -29,14 +29,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Compare, write table and pictures, and print the table."""
-    with explained_imports():
-        from ..blender.evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import check_own_folder, made_folder, writing
-        from ..files.tables import write_csv
-        from ..images.png import encode_png
+    from ..evaluation.agreement import HEADER, agreements, pair_picture, paired_cases, summary
+    from ..files.outputs import check_own_folder, made_folder, write_output, writing
+    from ..files.tables import write_csv
+    from ..images.png import encode_png
+
     folder: Path = arguments.out
     pairs, output = paired_cases(arguments.first, arguments.second), own_output()
     compared = [case for _, *both in pairs for case in both]
@@ -47,12 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
         write_csv(folder / "agreement.csv", HEADER, [each.row for each, _, _ in found])
     for number, (each, *cases) in enumerate(found[: arguments.pictures], start=1):
         path = folder / f"worst_{number}_{each.name}.png"
-        with writing(path):
-            write_bytes_atomically(path, encode_png(pair_picture(*cases)))
+        write_output(path, encode_png(pair_picture(*cases)))
     for each, _, _ in found:
         expected = f" (expected {each.expected_px:.1f} px)" if each.expected_px > 0 else ""
         line = f"{each.name}: {each.angle_deg:.2f} degrees, {each.shift_mm:.2f} mm, {each.px:.1f} px"
         output.write(line + expected + "\n")
-    for line in summary([each for each, _, _ in found]):
-        output.write(line + "\n")
-    return 0
+    output.writelines(f"{line}\n" for line in summary([each for each, _, _ in found]))

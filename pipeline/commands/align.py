@@ -5,11 +5,15 @@ import datetime
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
-from ..process.arguments import explained_imports
 from ..process.own_process import own_output
+
+if TYPE_CHECKING:
+    from ..alignment.align_case import AlignedCase
+    from ..case.case_file import Case
 
 ABOUT = "Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."
 EPILOG = """examples:
@@ -73,117 +77,86 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Align the case, print the report and write the requested files."""
     if arguments.restore is not None:
-        return _restore(arguments)
-    with explained_imports():
-        from ..alignment.landmarks.focal_length import focal_length
-        from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
-        from ..alignment.refinement.report import refinement_table
-        from ..blender.alignment.align_case import align_case, alignment_picture, propose_case
-        from ..case.case_file import read_case
-        from ..case.case_update import other_inputs
-        from ..case.case_writer import case_output, write_case
-        from ..case.landmark_file import read_landmarks
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import check_outputs, made_folder, writing
-        from ..images.pixel_values import to_uint8
-        from ..images.png import encode_png
+        _restore(arguments)
+        return
     if arguments.take_refused and not arguments.refine:
         raise InputError("command line: --take-refused: expected --refine with it")
     if arguments.propose and arguments.landmarks:
         raise InputError("command line: --propose: expected no --landmarks with it, which would decide the pose")
-    output = own_output()
-    case = read_case(arguments.case, posed=False)
-    inputs, outputs = case.input_files(), []
-    if arguments.landmarks:
-        inputs["file of the landmarks"] = arguments.landmarks
-    if arguments.json:
-        outputs.append(arguments.json)
-    if arguments.picture:
-        outputs.append(arguments.picture)
-    if arguments.out:
-        outputs.append(case_output(arguments.out))
-    check_outputs(outputs, inputs)
-    if arguments.out and not arguments.overwrite and (other := other_inputs(arguments.out, case)):
-        raise InputError(
-            f"{arguments.out}: expected no file or a case of this frame and surface, found one of "
-            f"{' and '.join(other)}; choose another name, or replace it with --overwrite"
-        )
+    from ..alignment.align_case import align_case
+    from ..alignment.landmarks.focal_length import focal_length
+    from ..case.landmark_file import read_landmarks
+
+    output, case = own_output(), _checked_case(arguments)
     if arguments.landmarks:
         case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
     if arguments.estimate_focal:
         found_focal = focal_length(case.landmarks, case.camera, click_sigma_px=arguments.click_sigma_px)
         case = replace(case, camera=found_focal.camera)
         output.write(f"{found_focal.text}\n")
-    tool, date = f"OneFrame {__version__}, align", datetime.date.today().isoformat()
-    lines, aligned = [], None
-    if arguments.propose:
-        aligned, proposals = propose_case(case, arguments.propose, tool=tool, date=date)
-        case = aligned.loaded.case
-        for number, each in enumerate(proposals, 1):
-            taken = ", taken" if number == arguments.propose else ""
-            lines.append(
-                f"proposal {number}: explains {each.explained:.0%} of the image, score {each.score:.0f}{taken}"
-            )
-        if not arguments.refine:
-            lines.append("note: nothing has verified the proposal; look at --picture, or refine it")
-    if aligned is None or arguments.refine:
-        aligned = align_case(
-            case,
-            click_sigma_px=arguments.click_sigma_px,
-            refine=arguments.refine,
-            take_refused=arguments.take_refused,
-            tool=tool,
-            date=date,
+    aligned = align_case(
+        case,
+        click_sigma_px=arguments.click_sigma_px,
+        refine=arguments.refine,
+        take_refused=arguments.take_refused,
+        propose=arguments.propose or 0,
+        tool=f"OneFrame {__version__}, align",
+        date=datetime.date.today().isoformat(),
+    )
+    output.write("\n".join(aligned.lines()) + "\n")
+    _write(arguments, aligned, output)
+
+
+def _checked_case(arguments: argparse.Namespace) -> "Case":
+    """The case, once it is sure that the outputs replace nothing that they should not."""
+    from ..case.case_file import read_case
+    from ..case.case_update import other_inputs
+    from ..case.case_writer import case_output
+    from ..files.outputs import check_outputs
+
+    case = read_case(arguments.case, posed=False)
+    inputs = case.input_files() | ({"file of the landmarks": arguments.landmarks} if arguments.landmarks else {})
+    outputs = [path for path in (arguments.json, arguments.picture) if path]
+    check_outputs([*outputs, *([case_output(arguments.out)] if arguments.out else [])], inputs)
+    if arguments.out and not arguments.overwrite and (other := other_inputs(arguments.out, case)):
+        raise InputError(
+            f"{arguments.out}: expected no file or a case of this frame and surface, found one of "
+            f"{' and '.join(other)}; choose another name, or replace it with --overwrite"
         )
-    alignment, refinement, found = aligned.alignment, aligned.refinement, aligned.loaded.case
-    by_pairs = alignment is not None and len(alignment.landmarks) > 0
-    lines += report_lines(alignment) if alignment and by_pairs else []
-    lines += [f"note: {message}" for message in aligned.messages]
-    if refinement and refinement.accepted:
-        lines.append(refinement.message)
-    elif refinement and aligned.took_refused:
-        lines.append(f"warning: taken although refused: {refinement.objection}")
-    elif refinement:
-        lines.append(f"note: {refinement.message}")
-    if aligned.took_refused or not by_pairs:
-        lines += pose_lines(found.cam_from_mesh)
-    output.write("\n".join(lines) + "\n")
+    return case
+
+
+def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO) -> None:
+    """Write the requested files."""
+    from ..case.case_writer import write_case
+    from ..files.outputs import made_folder, write_output, writing
+    from ..images.pixel_values import to_uint8
+    from ..images.png import encode_png
+
     if arguments.json:
-        table: dict[str, object] = report_table(alignment) if alignment and by_pairs else {}
-        if aligned.took_refused:
-            # residuals and uncertainty of the landmarks belong to their own pose
-            table = {"start": table} if table else {}
-        if refinement:
-            mesh_from_model = aligned.loaded.surface.mesh_from_model
-            table["refinement"] = refinement_table(refinement, mesh_from_model, taken=aligned.took_refused)
-        text = json.dumps({**table, **pose_table(found.cam_from_mesh)}, indent=2, allow_nan=False) + "\n"
-        with writing(made_folder(arguments.json)):
-            write_bytes_atomically(arguments.json, text.encode())
+        text = json.dumps(aligned.table(), indent=2, allow_nan=False) + "\n"
+        write_output(arguments.json, text.encode())
     if arguments.picture:
-        picture = encode_png(to_uint8(alignment_picture(aligned)))
-        with writing(made_folder(arguments.picture)):
-            write_bytes_atomically(arguments.picture, picture)
-        drawn = "frame, overlay"
-        if by_pairs and not aligned.took_refused:
-            drawn += ", residuals (10 times their length), 95 % ellipses"
-        output.write(f"{drawn}: {arguments.picture}\n")
+        picture = encode_png(to_uint8(aligned.picture()))
+        write_output(arguments.picture, picture)
+        marks = ", residuals (10 times their length), 95 % ellipses" if aligned.by_landmarks else ""
+        output.write(f"frame, overlay{marks}: {arguments.picture}\n")
     if arguments.out:
         with writing(made_folder(arguments.out)):
-            write_case(arguments.out, found)
+            write_case(arguments.out, aligned.loaded.case)
         output.write(f"aligned case: {arguments.out}\n")
-    return 0
 
 
-def _restore(arguments: argparse.Namespace) -> int:
+def _restore(arguments: argparse.Namespace) -> None:
     """List the earlier poses of the case file, or take one back."""
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..case.case_history import earlier_poses
-        from ..case.case_update import update_case
-        from ..files.outputs import writing
+    from ..case.case_file import read_case
+    from ..case.case_history import earlier_poses
+    from ..case.case_update import update_case
+    from ..files.outputs import writing
+
     chosen = ("landmarks", "estimate_focal", "propose", "refine", "take_refused", "out", "json", "picture")
     if others := [name for name in chosen if getattr(arguments, name)]:
         raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
@@ -192,7 +165,7 @@ def _restore(arguments: argparse.Namespace) -> int:
     if not number:
         output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(poses, start=1)))
         output.write("" if poses else f"{path}: no pose has been replaced in it\n")
-        return 0
+        return
     if not 1 <= number <= len(poses):
         found = f"an earlier pose from 1 to {len(poses)}" if poses else "a case with earlier poses"
         raise InputError(f"{path}: --restore: expected {found}, found {number if poses else 'none'}")
@@ -201,4 +174,3 @@ def _restore(arguments: argparse.Namespace) -> int:
         update_case(path, restored)
     is_same = (restored.camera, restored.distortion) == (case.camera, case.distortion)
     output.write(f"{path}: the pose {'' if is_same else 'and its K '}as before: {poses[number - 1].text}\n")
-    return 0

@@ -2,11 +2,18 @@
 
 import argparse
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 from ..errors import InputError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
+
+if TYPE_CHECKING:
+    from ..case.frame import Frame
+
+VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm")
 
 ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."
 EPILOG = """examples:
@@ -86,17 +93,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Read and check everything, write the folder, and say what it holds."""
-    with explained_imports():
-        from ..blender.alignment.new_case import CaseInputs, make_case
-        from ..camera.intrinsics_file import read_camera, typed_camera
-        from ..case.case_file import Structure, read_case
-        from ..case.case_folder import CASE
-        from ..case.case_queue import NewFrame, add_frames, case_name
-        from ..case.surface_folder import RECORD
-        from ..surface.structure_colour import structure_colour
-        from ..volume.bone.structures import name_of_file
+    from ..camera.intrinsics_file import read_camera, typed_camera
+    from ..case.case_file import Structure, read_case
+    from ..case.case_folder import CASE
+    from ..case.case_queue import NewFrame, add_frames, case_name
+    from ..case.new_case import CaseInputs, make_case
+    from ..case.surface_folder import RECORD
+    from ..surface.structure_colour import structure_colour
+    from ..volume.bone.structures import name_of_file
+
     for name in ("size", "distortion"):
         if getattr(arguments, name) is not None and arguments.K is None:
             raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
@@ -127,23 +134,46 @@ def run(arguments: argparse.Namespace) -> int:
         structures=tuple(structures),
         only=None if arguments.only is None else tuple(arguments.only),
         units=arguments.units,
-        frame=frame,
-        frame_number=arguments.frame_number,
-        mask=arguments.mask,
+        frame=_frame(arguments, output),
         camera=camera,
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
-        denoise=bool(arguments.denoise),
         others=tuple(others),
     )
-    for line in make_case(given, out, overwrite=arguments.overwrite):
-        output.write(line + "\n")
+    output.writelines(f"{line}\n" for line in make_case(given, out, overwrite=arguments.overwrite))
     case, aligned = out / CASE, out / "aligned.toml"
     if others:
         added = add_frames(arguments.out, read_case(case), [NewFrame(path) for path in others])
         output.write(f"queue: {len(added) + 1} frames in {arguments.out}\nnext: open {case} in Blender and align it\n")
-        return 0
+        return
     output.write(
         f"next: open {case} in Blender and align it, or: oneframe align {case} --landmarks FILE --out {aligned}\n"
     )
-    return 0
+
+
+def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":
+    """The first frame that is named: an image, or one of a video; with its mask, and without noise if that is asked."""
+    import numpy as np
+
+    from ..case.frame import Frame, read_frame
+    from ..images.pixel_values import to_uint8
+
+    path = arguments.frame[0]
+    if arguments.frame_number is not None:
+        from ..video.film_reader import read_video_frame
+
+        pixels = read_video_frame(path, arguments.frame_number)
+        frame = Frame(path, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))
+    elif path.suffix.lower() in VIDEOS:
+        raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
+    else:
+        frame = read_frame(path)
+    if arguments.mask is not None:
+        frame = frame.with_mask(arguments.mask)
+    if arguments.denoise:
+        from ..video.denoise import denoised
+
+        codes, said = denoised(to_uint8(frame.colours), frame.shown)
+        output.write(f"{said}\n")
+        frame = frame if codes is None else replace(frame, colours=codes / np.float32(255))
+    return frame

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from ..errors import InputError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 EXIT_WRONG = 1
@@ -26,8 +26,8 @@ again: it renders these views and writes all tables again.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    with explained_imports():
-        from ..dataset.check.check_dataset import DEFAULT_VIEWS
+    from ..dataset.check.check_dataset import DEFAULT_VIEWS
+
     parser.add_argument("dataset", metavar="DIR", type=Path, help="folder of the dataset")
     effort = parser.add_argument_group("effort")
     effort.add_argument(
@@ -54,15 +54,15 @@ def run(arguments: argparse.Namespace) -> int:
     for name in ("rerender", "poses"):
         if getattr(arguments, name) is not None and arguments.case is None:
             raise InputError(f"command line: --{name}: expected also the case that was rendered; give it with --case")
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..dataset.check.check_dataset import check_dataset
-        from ..dataset.check.rerendered import Rerendering
+    from ..case.case_file import read_case
+    from ..dataset.check.check_dataset import check_dataset
+    from ..dataset.check.rerendered import Rerendering
+
     case = None if arguments.case is None else read_case(arguments.case)
     poses, again, output = arguments.poses, None, sys.stdout
     if case is not None and arguments.rerender is not None:
-        with explained_imports():
-            from ..blender.dataset.rerender import CaseRenderer
+        from ..blender.dataset.rerender import CaseRenderer
+
         output = own_output()
         again = Rerendering(lambda description: CaseRenderer(case, description.content, poses), arguments.rerender)
     report = check_dataset(
@@ -74,8 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         rerendering=again,
         stream=output,
     )
-    for line in (*report.findings.shown(), report.summary()):
-        output.write(line + "\n")
+    output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
     if again is not None and not report.rerendered:
         output.write("no view was rendered again: first correct what was found\n")
     return EXIT_WRONG if report.findings else 0

@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from ..dataset.options import UNSEEN
-from ..process.arguments import explained_imports
 from ..process.own_process import own_output
 
 ABOUT = "Write the surface with the frame's colours on it, as GLB, OBJ or PLY."
@@ -32,18 +31,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the coloured surface and report how much of it the frame saw."""
-    with explained_imports():
-        from ..blender.case.load_case import load_case
-        from ..blender.colour.export import check_export, export_coloured_surface
-        from ..case.case_file import read_case
+    from ..blender.colour.export import check_export, export_coloured_surface
+    from ..case.case_file import read_case
+    from ..case.loaded_case import load_case
+
     output = own_output()
     case = read_case(arguments.case)
     check_export(arguments.out, case.input_files(), colour=arguments.colour)
     loaded = load_case(case)
     messages = export_coloured_surface(loaded, arguments.out, colour=arguments.colour, unseen=arguments.unseen)
-    for message in (*loaded.messages, *messages):
-        output.write(message + "\n")
+    output.writelines(f"{message}\n" for message in (*loaded.messages, *messages))
     output.write(f"coloured surface: {arguments.out}\n")
-    return 0

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
@@ -55,12 +55,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the evaluation and report its summary."""
-    with explained_imports():
-        from ..blender.evaluation.evaluation_run import evaluation_run, run_evaluation
-        from ..blender.evaluation.methods import DEFAULT, chosen_methods
-    methods = chosen_methods(arguments.methods or DEFAULT)
+    from ..blender.render.engines import RENDERERS
+    from ..evaluation.evaluation_run import evaluation_run, run_evaluation
+    from ..evaluation.methods import DEFAULT, chosen_methods
+
+    methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
     prepared, inputs = evaluation_run(
         [(arguments.case, arguments.photographs), *map(tuple, arguments.more)],
@@ -71,6 +72,4 @@ def run(arguments: argparse.Namespace) -> int:
         inception=arguments.inception,
         pictures=arguments.pictures,
     )
-    for line in run_evaluation(prepared, inputs, stream=sys.stderr):
-        output.write(line + "\n")
-    return 0
+    output.writelines(f"{line}\n" for line in run_evaluation(prepared, inputs, stream=sys.stderr))

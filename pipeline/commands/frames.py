@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from ..errors import InputError, RunError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."
@@ -50,18 +50,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Score the film, write the best frames and report them."""
     if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
         raise InputError(
             f"command line: --to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}"
         )
-    with explained_imports():
-        from ..charts.page import chart_outputs, require_matplotlib
-        from ..charts.score_chart import score_charts
-        from ..progress import ShareProgress
-        from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
-        from ..video.frame_scores import best_frames, score_frames
+    from ..charts.page import chart_outputs, require_matplotlib
+    from ..charts.score_chart import score_charts
+    from ..progress import ShareProgress
+    from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
+    from ..video.frame_scores import best_frames, score_frames
+
     output = own_output()
     video, out = arguments.video, arguments.out
     charts = chart_outputs(out / TABLE)
@@ -75,8 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
             video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=shown.reach
         )
     chosen = best_frames(scores.frames, arguments.count, apart_s=arguments.apart)
-    for line in report_lines(video, scores, len(chosen), arguments.count):
-        output.write(line + "\n")
+    output.writelines(f"{line}\n" for line in report_lines(video, scores, len(chosen), arguments.count))
     written = write_frames(video, out, scores, chosen)
     for rank, frame in enumerate(written, start=1):
         output.write(frame_line(rank, frame) + "\n")
@@ -90,4 +89,3 @@ def run(arguments: argparse.Namespace) -> int:
         output.write("note: no chart of the scores, which needs matplotlib; run pip install matplotlib\n")
     if not written:
         raise InputError(f"{video.name}: expected a frame that shows something sharply, found none; see {out / TABLE}")
-    return 0

@@ -2,10 +2,13 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 from ..errors import InputError
-from ..process.arguments import explained_imports
 from ..process.own_process import own_output
+
+if TYPE_CHECKING:
+    from ..case.loaded_case import LoadedCase
 
 ABOUT = "Draw surface and structures over the frame, or over each frame of a video, as augmented reality shows them."
 EPILOG = """examples:
@@ -50,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Draw the picture or the video and report what it shows."""
     if (arguments.video is None) != (arguments.poses is None):
         given, missing = ("--video", "--poses") if arguments.video else ("--poses", "--video")
@@ -59,11 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: --under-instruments: expected no --video, whose frames have no alpha")
     if arguments.video and arguments.page:
         raise InputError("command line: --page: expected no --video, which has many frames")
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..case.case_folder import made_by_file
-        from ..files.outputs import check_outputs, made_folder, writing
-        from ..progress import Progress
+    from ..case.case_file import read_case
+    from ..case.case_folder import made_by_file
+    from ..case.loaded_case import load_case
+    from ..files.outputs import check_outputs
+
     output = own_output()
     case = read_case(arguments.case)
     inputs = case.input_files()
@@ -72,38 +75,43 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.page:
         inputs["record of the surface"] = made_by_file(case.mesh)
     check_outputs([arguments.out], inputs)
-    if arguments.video:
-        with explained_imports():
-            from ..blender.alignment.overlay_film import OverlayFilm, opened_film, report_lines
-            from ..blender.case.load_case import load_case
-        loaded = load_case(case, aligned=False).with_shown_structures(arguments.only)
-        with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
-            for message in (*loaded.messages, *messages):
-                output.write(f"note: {message}\n")
-            drawing = OverlayFilm(loaded, film, poses, explained=not arguments.plain)
-            with Progress(drawing.count, "frames", stream=output) as shown, writing(made_folder(arguments.out)):
-                report = drawing.write(arguments.out, shown.advance)
-        lines = report_lines(report, case)
-    else:
-        with explained_imports():
-            from ..blender.alignment.overlay_picture import case_picture, picture_lines
-            from ..blender.case.load_case import load_case
-            from ..files.content import write_bytes_atomically
-            from ..images.png import encode_png
-        loaded = load_case(case).with_shown_structures(arguments.only)
-        picture = case_picture(loaded, under_instruments=arguments.under_instruments, explained=not arguments.plain)
-        image = picture.image
-        if arguments.page:
-            with explained_imports():
-                from ..blender.alignment.record_page import record_page
-            image = record_page(loaded, image)
-        with writing(made_folder(arguments.out)):
-            write_bytes_atomically(arguments.out, encode_png(image))
-        lines = [*(f"note: {message}" for message in loaded.messages), *picture_lines(loaded, picture)]
+    loaded = load_case(case, aligned=not arguments.video).with_shown_structures(arguments.only)
+    output.writelines(f"note: {message}\n" for message in loaded.messages)
+    lines = _film(arguments, loaded, output) if arguments.video else _picture(arguments, loaded)
     drawn = {structure.name for structure, _ in loaded.surface.structures}
     if left := [structure.name for structure in case.structures if structure.name not in drawn]:
         lines.append(f"not drawn: {', '.join(left)}; --only NAME draws what it names")
-    for line in lines:
-        output.write(line + "\n")
+    output.writelines(f"{line}\n" for line in lines)
     output.write(f"overlay: {arguments.out}\n")
-    return 0
+
+
+def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> list[str]:
+    from ..blender.render.lettering import text_mask
+    from ..blender.render.video import stream_video
+    from ..files.outputs import made_folder, writing
+    from ..overlay.overlay_film import OverlayFilm, opened_film, report_lines
+    from ..progress import Progress
+
+    with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
+        output.writelines(f"note: {message}\n" for message in messages)
+        drawing = OverlayFilm(loaded, film, poses, None if arguments.plain else text_mask)
+        with Progress(drawing.count, "frames", stream=output) as shown, writing(made_folder(arguments.out)):
+            stream_video(arguments.out, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
+    return report_lines(drawing.report, loaded.case)
+
+
+def _picture(arguments: argparse.Namespace, loaded: "LoadedCase") -> list[str]:
+    from ..blender.render.lettering import text_mask
+    from ..files.outputs import write_output
+    from ..images.png import encode_png
+    from ..overlay.overlay_picture import case_picture, picture_lines
+
+    write = None if arguments.plain else text_mask
+    picture = case_picture(loaded, write, under_instruments=arguments.under_instruments)
+    image = picture.image
+    if arguments.page:
+        from ..overlay.record_page import record_page
+
+        image = record_page(loaded, image, text_mask)
+    write_output(arguments.out, encode_png(image))
+    return picture_lines(loaded, picture)

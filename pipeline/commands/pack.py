@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from ..errors import InputError
-from ..process.arguments import at_least, explained_imports, resumable
+from ..process.arguments import at_least, resumable
 from ..process.own_process import own_output
 
 EXIT_WRONG = 1
@@ -28,8 +28,8 @@ and files that it names and pack again.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    with explained_imports():
-        from ..packing.layout import VIEWS_PER_SHARD
+    from ..packing.layout import VIEWS_PER_SHARD
+
     parser.add_argument("dataset", metavar="DIR", type=Path, nargs="?", help="folder of the complete dataset")
     parser.add_argument(
         "--out", metavar="PACKED", type=Path, required=True, help="folder of the pack; an unfinished one is resumed"
@@ -75,21 +75,20 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     output = own_output()
     if arguments.verify:
-        with explained_imports():
-            from ..files.machine import available_cores
-            from ..packing.verify import verify_pack
+        from ..files.machine import available_cores
+        from ..packing.verify import verify_pack
+
         threads = arguments.workers or available_cores()
         report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
-        for line in (*report.findings.shown(), report.summary()):
-            output.write(line + "\n")
+        output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
         return EXIT_WRONG if report.findings else 0
-    with explained_imports():
-        from ..packing.pack import PackOptions, pack_dataset
+    from ..packing.pack import PackOptions, pack_dataset
+
     views, about = None, ""
     if arguments.split is not None:
-        with explained_imports():
-            from ..packing.source import open_source
-            from ..packing.split import split_of_dataset
+        from ..packing.source import open_source
+        from ..packing.split import split_of_dataset
+
         split = split_of_dataset(open_source(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."

@@ -2,13 +2,20 @@
 
 import argparse
 import datetime
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 from ..process.own_process import own_output
+
+if TYPE_CHECKING:
+    from ..case.case_file import Case
+    from ..case.loaded_case import LoadedCase
+    from ..registration.evidence import RegistrationEvidence
 
 ABOUT = "Find the pose of further frames of a case, from a folder of images or a video, without any training."
 EPILOG = """examples:
@@ -52,23 +59,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Register the frames, write the files and report what was found."""
-    with explained_imports():
-        from ..blender.case.load_case import load_case
-        from ..blender.registration.correct_source import correct_source
-        from ..blender.registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
-        from ..blender.registration.register_frames import doubt_of_case, frame_files
-        from ..case.case_file import read_case
-        from ..case.case_folder import remove_unnamed
-        from ..case.case_update import other_inputs
-        from ..case.case_writer import write_case
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import check_outputs, check_own_folder, writing
-        from ..progress import ShareProgress
-        from ..registration.pose_list import ESTIMATES, POSES
-        from ..registration.verdict import ACCEPTED
-        from ..report.registration_page import registration_page
+    from ..case.case_file import read_case
+    from ..case.case_update import other_inputs
+    from ..case.loaded_case import load_case
+    from ..files.outputs import check_outputs, check_own_folder, write_output
+    from ..progress import ShareProgress
+    from ..registration.pose_list import ESTIMATES, POSES
+    from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
+    from ..registration.register_frames import doubt_of_case, frame_files
+    from ..report.registration_page import registration_page
+
     if arguments.denoise and not arguments.colour_frames:
         raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
     if arguments.estimate_focal and not arguments.correct_source:
@@ -83,29 +85,10 @@ def run(arguments: argparse.Namespace) -> int:
             f"{out}: expected an empty folder or one of this frame and surface, found a case of {' and '.join(other)}; "
             f"choose another folder"
         )
-    loaded = load_case(case).with_shown_structures()
-    for message in loaded.messages:
-        output.write(f"note: {message}\n")
-    comment = ""
+    loaded, comment = load_case(case).with_shown_structures(), ""
+    output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
-        with ShareProgress("of the case's pose", stream=output) as shown:
-            corrected = correct_source(
-                loaded,
-                arguments.frames,
-                focal=arguments.estimate_focal,
-                tool=f"OneFrame {__version__}, register",
-                date=datetime.date.today().isoformat(),
-                progress=shown.reach,
-            )
-        comment = f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
-        comment += f", K = {case.camera.k.tolist()}" if arguments.estimate_focal else ""
-        loaded = corrected.loaded
-        output.write(f"{corrected.text}\n")
-        if case.frames:
-            output.write(
-                f"note: the case's {len(case.frames)} further frames keep their poses; if these are from before, take "
-                f"them out and choose frames with --colour-frames\n"
-            )
+        loaded, comment = _corrected(arguments, loaded, output)
     if doubt := doubt_of_case(loaded):
         output.write(f"note: {doubt}\n")
     with ShareProgress("of the frames", stream=output) as shown:
@@ -116,36 +99,93 @@ def run(arguments: argparse.Namespace) -> int:
             every=arguments.every,
             colour_frames=arguments.colour_frames,
             denoise=arguments.denoise,
-            progress=lambda done, count: shown.reach(done / count),
+            progress=shown.reach,
         )
-    with writing(out / PAGE):
-        write_bytes_atomically(out / PAGE, registration_page(found.evidence, name=out.resolve().name))
+    if found.evidence.is_film:
+        _write_film(arguments, loaded, found.evidence, output)
+    write_output(out / PAGE, registration_page(found.evidence, name=out.resolve().name))
     if found.evidence.colour is not None:
         output.write("".join(f"{line}\n" for line in found.evidence.colour.lines()))
     if arguments.correct_source or arguments.colour_frames:
         further = (*loaded.case.frames, *found.sources)
-        with writing(out / CASE):
-            write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
-        remove_unnamed(out)
+        _write_case(out / CASE, replace(loaded.case, frames=further), comment)
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
     elif (out / CASE).exists():
         output.write(f"note: {out / CASE} is of an earlier run: its pose may be another than these frames go by\n")
-    if found.evidence.cut_off:
-        output.write(f"note: {found.evidence.cut_off}\n")
-    reasons, counts = found.evidence.reasons, found.evidence.counts
-    if not counts[ACCEPTED]:
-        output.write(
-            "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?\n"
+    output.writelines(f"{line}\n" for line in _report(found.evidence, out))
+
+
+def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
+    """The case with a pose corrected by the frames, and a comment for its file."""
+    from ..progress import ShareProgress
+    from ..registration.correct_source import correct_source
+
+    case = loaded.case
+    with ShareProgress("of the case's pose", stream=output) as shown:
+        corrected = correct_source(
+            loaded,
+            arguments.frames,
+            focal=arguments.estimate_focal,
+            tool=f"OneFrame {__version__}, register",
+            date=datetime.date.today().isoformat(),
+            progress=shown.reach,
         )
-    if found.evidence.change is not None:
-        output.write(f"note: {found.evidence.change.words()}\n")
-    output.write("".join(f"{reason}\n" for reason in reasons[:MOST_REASONS]))
+    output.write(f"{corrected.text}\n")
+    if case.frames:
+        output.write(
+            f"note: the case's {len(case.frames)} further frames keep their poses; if these are from before, take "
+            f"them out and choose frames with --colour-frames\n"
+        )
+    comment = f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
+    return corrected.loaded, comment + (f", K = {case.camera.k.tolist()}" if arguments.estimate_focal else "")
+
+
+def _write_film(
+    arguments: argparse.Namespace, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO
+) -> None:
+    from ..blender.render.lettering import text_mask
+    from ..blender.render.video import stream_video
+    from ..files.outputs import writing
+    from ..progress import Progress
+    from ..registration.register_case import FILM, marked_film
+    from ..video.film_reader import WIDEST, Film
+
+    path = arguments.out / FILM
+    with Film(arguments.frames, every=arguments.every, width=WIDEST) as film, writing(path):
+        drawing = marked_film(loaded, film, evidence.frames, text_mask)
+        with Progress(drawing.count, "frames of the film", stream=output) as shown:
+            stream_video(path, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
+
+
+def _write_case(path: Path, case: "Case", comment: str) -> None:
+    from ..case.case_folder import remove_unnamed
+    from ..case.case_writer import write_case
+    from ..files.outputs import writing
+
+    with writing(path):
+        write_case(path, case, comment=comment)
+    remove_unnamed(path.parent)
+
+
+def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
+    """What was found and where it stands, in lines."""
+    from ..registration.pose_list import POSES
+    from ..registration.register_case import FILM, PAGE, SHEET
+    from ..registration.verdict import ACCEPTED
+
+    if evidence.cut_off:
+        yield f"note: {evidence.cut_off}"
+    reasons, counts = evidence.reasons, evidence.counts
+    if not counts[ACCEPTED]:
+        yield "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?"
+    if evidence.change is not None:
+        yield f"note: {evidence.change.words()}"
+    yield from reasons[:MOST_REASONS]
     if len(reasons) > MOST_REASONS:
-        output.write(f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}\n")
-    output.write(", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}\n")
-    if found.evidence.is_film:
-        output.write(f"the film with the overlay: {out / FILM}\n")
-    output.write(f"some frames with the surface at their poses: {out / SHEET}\n")
-    output.write(f"all frames on one page, to look at in a browser: {out / PAGE}\n")
-    return 0
+        yield f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}"
+    yield ", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}"
+    if evidence.is_film:
+        yield f"the film with the overlay: {out / FILM}"
+    yield f"some frames with the surface at their poses: {out / SHEET}"
+    yield f"all frames on one page, to look at in a browser: {out / PAGE}"

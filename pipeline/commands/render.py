@@ -15,7 +15,6 @@ from ..process.arguments import (
     add_cluster_arguments,
     at_least,
     check_cluster_arguments,
-    explained_imports,
     resumable,
 )
 from ..process.command_line import end_with_input, script_command
@@ -100,7 +99,7 @@ def own_command() -> list[str]:
 
 
 @resumable()
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Render the dataset, or those of a queue, or act as one of its worker processes."""
     check_cluster_arguments(arguments, "blender_on_workers", "gather", "send_case")
     if arguments.cluster is not None and arguments.shard != "0/1":
@@ -112,15 +111,14 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     render_this = _render_queue if arguments.case.is_dir() else _render_case
     render_this(arguments, own_output())
-    return 0
 
 
 def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
-    with explained_imports():
-        from ..blender.dataset.run import run as render
-        from ..blender.dataset.run import work
-        from ..case.alignment_record import INITIAL_GUESS
-        from ..files.outputs import check_folder
+    from ..blender.dataset.run import run as render
+    from ..blender.dataset.run import work
+    from ..case.alignment_record import INITIAL_GUESS
+    from ..files.outputs import check_folder
+
     job = _job(arguments)
     case = job.case
     check_folder(arguments.out, _read_by(job))
@@ -144,11 +142,11 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
 
 
 def _job(arguments: argparse.Namespace) -> "Job":
-    with explained_imports():
-        from ..blender.dataset.job import Job
-        from ..case.case_file import read_case
-        from ..dataset.options import merged_options
-        from ..dataset.run.run_folder import parse_shard
+    from ..blender.dataset.job import Job
+    from ..case.case_file import read_case
+    from ..dataset.options import merged_options
+    from ..dataset.run.run_folder import parse_shard
+
     case = read_case(arguments.case)
     options = merged_options(case.dataset, arguments, arguments.case)
     return Job(case, arguments.out, options, parse_shard(arguments.shard))
@@ -162,14 +160,14 @@ def _read_by(job: "Job") -> dict[str, Path]:
 
 def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     """Render the aligned cases of a queue, each as its own command would; then join what is complete."""
-    with explained_imports():
-        from ..blender.dataset.job import open_job
-        from ..case.case_file import read_case
-        from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
-        from ..dataset.joined_scenes import join_scenes
-        from ..dataset.layout import CASES, CHECKSUMS, SCENES
-        from ..dataset.run.same_run import check_description
-        from ..files.outputs import check_own_folder, made_folder, writing
+    from ..blender.dataset.job import open_job
+    from ..case.case_file import read_case
+    from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
+    from ..dataset.joined_scenes import join_scenes
+    from ..dataset.layout import CASES, CHECKSUMS, SCENES
+    from ..dataset.run.same_run import check_description
+    from ..files.outputs import check_own_folder, made_folder, writing
+
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
     if not paths:
@@ -213,9 +211,9 @@ def _elsewhere(arguments: argparse.Namespace, output: TextIO) -> "Iterator[Elsew
     if arguments.cluster is None:
         yield None
         return
-    with explained_imports():
-        from ..cluster.render_on_workers import RenderPool
-        from ..cluster.sources import open_source
+    from ..cluster.render_on_workers import RenderPool
+    from ..cluster.sources import open_source
+
     with open_source(arguments.cluster, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
         yield RenderPool(source, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)

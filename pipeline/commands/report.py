@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from ..errors import InputError
-from ..process.arguments import at_least, explained_imports
+from ..process.arguments import at_least
 
 DEFAULT_VIEWS = 1000
 """As many as a page of 20 MB shows well."""
@@ -40,14 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--out", metavar="FILE", type=Path, required=True, help="HTML page to write")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the page and report its size."""
-    with explained_imports():
-        from ..case.case_file import read_case
-        from ..dataset.layout import RECORD, advice_without_record
-        from ..evaluation.record.evaluation_record import EVALUATION
-        from ..files.content import write_bytes_atomically
-        from ..files.outputs import check_outputs, made_folder, writing
+    from ..case.case_file import read_case
+    from ..dataset.layout import RECORD, advice_without_record
+    from ..evaluation.record.evaluation_record import EVALUATION
+    from ..files.outputs import check_outputs, write_output
+
     root, out = arguments.folder, arguments.out
     is_evaluation = (root / EVALUATION).is_file()
     if not is_evaluation and not (root / RECORD).is_file():
@@ -64,16 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
             f"{out}: expected a file outside the folder of the {kind}, whose own files it shows; choose another place"
         )
     if is_evaluation:
-        with explained_imports():
-            from ..report.evaluation_page import evaluation_page
+        from ..report.evaluation_page import evaluation_page
+
         content = evaluation_page(root)
     else:
-        with explained_imports():
-            from ..dataset.check.check_dataset import check_dataset
-            from ..report.dataset_page import dataset_page
+        from ..dataset.check.check_dataset import check_dataset
+        from ..report.dataset_page import dataset_page
+
         check = None if arguments.no_check else check_dataset(root, stream=sys.stdout)
         content = dataset_page(root, views=arguments.views, check=check, case=case, stream=sys.stdout)
-    with writing(made_folder(out)):
-        write_bytes_atomically(out, content)
+    write_output(out, content)
     sys.stdout.write(f"page of {len(content) / 1e6:.1f} MB: {out}\n")
-    return 0

@@ -4,7 +4,6 @@ import argparse
 import time
 from pathlib import Path
 
-from ..process.arguments import explained_imports
 from ..process.own_process import own_output
 
 ABOUT = "Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."
@@ -26,11 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--film", action="store_true", help="also make a film of it, which takes some minutes")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the sample case and report each file."""
-    with explained_imports():
-        from ..blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
-        from ..sample.temporal_bone import sample_surface
+    from ..blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
+    from ..sample.temporal_bone import sample_surface
+
     output = own_output()
     start = time.monotonic()
     check_sample_case(arguments.out)
@@ -42,4 +41,3 @@ def run(arguments: argparse.Namespace) -> int:
         for path in write_sample_film(arguments.out, surface):
             output.write(f"{time.monotonic() - start:6.1f} s  {path}\n")
     output.write(f"next: oneframe render {arguments.out / 'case.toml'} --out dataset\n")
-    return 0

@@ -9,8 +9,8 @@ import numpy as np
 from .. import __version__
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
+from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase
-from ..case.posed_frame import UnreadFrame
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash

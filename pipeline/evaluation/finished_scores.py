@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.content import read_content, write_bytes_atomically
-from ..files.outputs import writing
+from ..files.content import read_content
+from ..files.outputs import write_output, writing
 
 FINISHED = ".finished.jsonl"
 """Name of the file; its folder may hold it, as all hidden ones."""
@@ -54,8 +54,7 @@ class FinishedScores:
                 entry = json.loads(line)
                 self._known[tuple(entry["view"])] = entry
         whole = [first, *(json.dumps(entry) for entry in self._known.values())]
-        with writing(self._path):
-            write_bytes_atomically(self._path, "".join(f"{line}\n" for line in whole).encode())
+        write_output(self._path, "".join(f"{line}\n" for line in whole).encode())
 
     def __contains__(self, key: Key) -> bool:
         return key in self._known

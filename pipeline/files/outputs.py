@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import InputError, RunError
-from .content import remove_abandoned
+from .content import remove_abandoned, write_bytes_atomically
 
 _DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
@@ -138,6 +138,18 @@ def made_folder(path: Path) -> Path:
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     return path
+
+
+def write_output(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all, in a folder that is created if there is none.
+
+    Raises
+    ------
+    RunError
+        It cannot be written.
+    """
+    with writing(made_folder(path)):
+        write_bytes_atomically(path, data)
 
 
 def unwritable(path: Path, error: OSError) -> RunError:

@@ -133,12 +133,12 @@ def put(image: np.ndarray, panel: np.ndarray, place: Place) -> None:
     image[rows, columns] = np.rint(blended) if white == 255 else blended
 
 
-def put_border(image: np.ndarray, codes: tuple[int, int, int], words: str, write: Write) -> None:
+def put_border(image: np.ndarray, codes: tuple[int, int, int], words: str = "", write: Write | None = None) -> None:
     """Draw a border of a colour around an ``(H, W, 3)`` uint8 image, and words, if any, on a band along its top."""
     width = max(round(BORDER_FRACTION * max(image.shape)), 2)
     for part in (np.s_[:width], np.s_[-width:], np.s_[:, :width], np.s_[:, -width:]):
         image[part] = codes
-    if not words:
+    if not words or write is None:
         return
     size, room = letter_size((image.shape[0], image.shape[1])), image.shape[1] - 4 * width
     text = write(words, size)

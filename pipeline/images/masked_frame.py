@@ -8,6 +8,8 @@ from .png import encode_png
 DEEP = 65535
 """Largest code value of 16 bits."""
 
+UNSEEN = (0.10, 0.25, 1.0)
+"""Code values (0..1) that mark unseen surface: a blue that does not occur in bone, blood or mucosa."""
 TINT = 0.6
 """Opacity of the colour that marks what is masked."""
 
@@ -101,10 +103,10 @@ def painted(shown: np.ndarray, way_px: np.ndarray, radius_px: float, *, shows: b
     return result
 
 
-def with_mask_tinted(colours: np.ndarray, valid: np.ndarray, tint: tuple[float, float, float]) -> np.ndarray:
-    """``(H, W, 3)`` float32 code values of a frame, with :data:`TINT` of a colour (0..1) where ``valid`` is False."""
+def with_mask_tinted(colours: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """``(H, W, 3)`` float32 code values of a frame, with :data:`TINT` of :data:`UNSEEN` where ``valid`` is False."""
     result = colours.astype(np.float32, copy=True)
-    result[~valid] = (1 - TINT) * result[~valid] + TINT * np.array(tint, np.float32)
+    result[~valid] = (1 - TINT) * result[~valid] + TINT * np.array(UNSEEN, np.float32)
     return result
 
 

@@ -73,9 +73,8 @@ class Command(Protocol):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the arguments of this command."""
 
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Do it; gives the exit code. The arguments as they were typed are ``argv`` of the namespace."""
-        ...
+    def run(self, arguments: argparse.Namespace) -> int | None:
+        """Do it; gives an exit code other than 0. The arguments as they were typed are ``argv`` of the namespace."""
 
 
 def command_parser(prog: str, command: Command) -> ArgumentParser:
@@ -88,9 +87,10 @@ def command_parser(prog: str, command: Command) -> ArgumentParser:
 
 def run_command(prog: str, command: Command, argv: Sequence[str]) -> int:
     """Parse the arguments of a command and run it; gives its exit code."""
-    arguments = command_parser(prog, command).parse(argv)
-    arguments.argv = argv
-    return command.run(arguments)
+    with _explained_imports():
+        arguments = command_parser(prog, command).parse(argv)
+        arguments.argv = argv
+        return command.run(arguments) or 0
 
 
 def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str], float]:
@@ -107,7 +107,7 @@ def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str]
 
 
 @contextmanager
-def explained_imports() -> Iterator[None]:
+def _explained_imports() -> Iterator[None]:
     """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error.
 
     Raises

@@ -1,4 +1,4 @@
-"""The poses of registered frames as files: a list in JSON, and BOP's table of estimates."""
+"""Lists of photographs with poses, in JSON: of registered frames, beside BOP's table of estimates; and read."""
 
 import csv
 import io
@@ -10,13 +10,21 @@ from typing import Any
 import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..files.content import write_bytes_atomically
-from ..files.outputs import writing
+from ..camera.distortion import checked_distortion
+from ..case.case_file import Case
+from ..case.frame import UnreadFrame
+from ..errors import InputError
+from ..files.content import read_content
+from ..files.outputs import write_output
+from ..files.tables import parsed_json
+from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ..transforms import checked_rigid, inverse_rigid
 from .register import RegisteredFrame
 from .verdict import ACCEPTED, Verdict
 
 POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
+DISTORTION = "distortion"
+"""Key of an entry in a list of photographs."""
 
 
 def pose_entry(
@@ -69,10 +77,8 @@ def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit:
     RunError
         They cannot be written.
     """
-    with writing(folder / POSES):
-        write_bytes_atomically(folder / POSES, encoded_list(entries))
-    with writing(folder / ESTIMATES):
-        write_bytes_atomically(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
+    write_output(folder / POSES, encoded_list(entries))
+    write_output(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
 
 
 def _estimates(entries: Sequence[dict[str, object]], mm_per_unit: float) -> str:
@@ -89,3 +95,38 @@ def _estimates(entries: Sequence[dict[str, object]], mm_per_unit: float) -> str:
         )
         writer.writerow((1, entry["frame"], 1, entry["probability"], rotation, position, -1))
     return table.getvalue()
+
+
+def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
+    """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file, or ``null``: left out.
+
+    Photographs as the lens took them have its ``"distortion"`` in their entry, as in the case file.
+
+    Returns
+    -------
+    The photographs, of the case's camera; and messages about what was corrected.
+
+    Raises
+    ------
+    InputError
+        As :func:`.read_poses`, an entry names no image, or its distortion is none.
+    """
+    poses, messages = read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=case.mm_per_unit)
+    entries: Any = parsed_json(read_content(path, "a list of photographs"), path.name)
+    entries = [entry for entry in entries if not is_without_pose(entry)]
+    images: list[Any] = [entry.get("image") if isinstance(entry, dict) else None for entry in entries]
+    for number, image in enumerate(images):
+        if not isinstance(image, str) or not image:
+            raise InputError(
+                f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image {image!r}'
+            )
+    lenses = [
+        checked_distortion(entry[DISTORTION], case.camera, f"{path.name}: entry {number}: {DISTORTION}")
+        if DISTORTION in entry
+        else None
+        for number, entry in enumerate(entries)
+    ]
+    return [
+        UnreadFrame(path.parent / image, case.camera, lens, pose)
+        for image, lens, pose in zip(images, lenses, poses, strict=True)
+    ], messages

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
-from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
+from ..files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
 from ..files.tables import write_csv
 from ..images.contact_sheet import contact_sheet, downscaled
 from ..images.pixel_values import to_uint8
@@ -102,8 +101,7 @@ def write_frames(
         tiles += _tiles(picture, mask, score, rank)
     if tiles:
         sheet = contact_sheet(tiles, columns=2, tile_width=TILE_WIDTH)
-        with writing(out / SHEET):
-            write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
+        write_output(out / SHEET, encode_png(to_uint8(sheet)))
     with writing(out / TABLE):
         write_csv(out / TABLE, COLUMNS, _rows(scores.frames, [each.index for each in chosen]))
     return written
@@ -194,8 +192,7 @@ def write_new(path: Path, data: bytes) -> None:
         raise InputError(
             f"{path}: expected no such file, or one with this frame, found another image; rename it, or remove it"
         )
-    with writing(path):
-        write_bytes_atomically(path, data)
+    write_output(path, data)
 
 
 def _picture(video: Path, score: FrameScore) -> np.ndarray:

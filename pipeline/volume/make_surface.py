@@ -8,7 +8,7 @@ import numpy as np
 
 from ..surface.mesh import Ball, TriangleMesh
 from ..surface.structure_colour import OTHER, structure_colour
-from .bone.bone_surface import STEPS, BoneSurface, Finish, Report, bone_surface, removed_ball, widened_mm
+from .bone.bone_surface import STEPS, BoneSurface, Finish, Report, bone_surface, removed_ball, taken_bone, widened_mm
 from .bone.isosurface import RemovedField
 from .bone.structures import structure_meshes
 from .bone.subtraction import removed_by_labels, removed_by_operation, united
@@ -57,6 +57,8 @@ class MadeSurface:
         All that was taken away; ``None`` for nothing.
     removed_by
         The ways in which it was.
+    removed_mm3, removed_share
+        How much bone that is, and of all bone, 0..1.
     finish
         How the surface was smoothed and simplified.
     """
@@ -65,6 +67,8 @@ class MadeSurface:
     structures: Mapping[str, TriangleMesh]
     removed: RemovedField | None
     removed_by: tuple[str, ...]
+    removed_mm3: float
+    removed_share: float
     finish: Finish
 
 
@@ -116,7 +120,9 @@ def make_surface(
         smoothing_steps=settings.smoothing_steps,
     )
     bone = bone_surface(volume, level_hu, solid, removed, finish, report=report)
-    return MadeSurface(bone, structures, removed, tuple(ways), finish)
+    taken = 0 if removed is None else int(taken_bone(solid, removed).sum())
+    share = taken / max(int(solid.sum()), 1)
+    return MadeSurface(bone, structures, removed, tuple(ways), taken * volume.grid.voxel_mm3, share, finish)
 
 
 def finish_of(

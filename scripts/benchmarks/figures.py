@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 from oneframe.errors import InputError
 from oneframe.evaluation.conditions import COMMENT, Conditions, write_table
-from oneframe.files.content import decoded, read_content, write_bytes_atomically
-from oneframe.files.outputs import made_folder, writing
+from oneframe.files.content import decoded, read_content
+from oneframe.files.outputs import made_folder, write_output, writing
 from oneframe.files.tables import parsed_json
 
 Row = TypeVar("Row")
@@ -20,8 +20,7 @@ CONVERT: dict[object, Callable[[str], Any]] = {str: str, int: int, float: float,
 
 def write_figures(path: Path, figures: Mapping[str, object]) -> None:
     """Write figures as JSON; infinite ones are ``Infinity``, as Python's json writes and reads them."""
-    with writing(made_folder(path)):
-        write_bytes_atomically(path, (json.dumps(figures, indent=2) + "\n").encode())
+    write_output(path, (json.dumps(figures, indent=2) + "\n").encode())
 
 
 def read_figures(path: Path) -> dict[str, Any]:

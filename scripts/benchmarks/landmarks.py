@@ -13,9 +13,9 @@ from pathlib import Path
 
 import cv2
 
-from oneframe.blender.case.load_case import load_case
-from oneframe.blender.colour.reference_view import reference_view_of
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
 
 from .alignment.landmark_accuracy import LandmarkFigures, VisibleSurface, measure_landmarks
 from .alignment.landmark_trials import MICROSCOPE, box_trial

@@ -15,13 +15,16 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from oneframe.blender.case.load_case import load_case, load_posed_frame, read_photographs
-from oneframe.blender.evaluation.evaluation_run import evaluation_run, run_evaluation
-from oneframe.blender.evaluation.methods import chosen_methods
+from oneframe.blender.render.engines import RENDERERS
 from oneframe.blender.sample.sample_case import FILM_POSES, write_sample_film
 from oneframe.case.case_file import read_case
+from oneframe.case.frame import load_posed_frame
+from oneframe.case.loaded_case import load_case
 from oneframe.evaluation.conditions import current_conditions
+from oneframe.evaluation.evaluation_run import evaluation_run, run_evaluation
+from oneframe.evaluation.methods import chosen_methods
 from oneframe.files.temporary import temporary_folder
+from oneframe.registration.pose_list import read_photographs
 from oneframe.registration.verdict import ACCEPTED
 from oneframe.sample.temporal_bone import sample_surface
 
@@ -121,7 +124,7 @@ def film_trials(sample: Sequence[Scene], folder: Path, zoom: float) -> sweeps.Tr
 def colour(arguments: argparse.Namespace, folder: Path, report: Callable[[str], None]) -> None:
     """Evaluate bloster's colours, from one frame and from three."""
     if arguments.bloster and not arguments.quick:
-        pairs, methods = colour_cases(arguments.bloster, folder / "colour"), chosen_methods(METHODS)
+        pairs, methods = colour_cases(arguments.bloster, folder / "colour"), chosen_methods(METHODS, RENDERERS)
         prepared, inputs = evaluation_run(pairs, arguments.out / "colour", methods, seed=arguments.seed)
         for line in run_evaluation(prepared, inputs, stream=sys.stderr):
             report(line)

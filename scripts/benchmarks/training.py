@@ -24,8 +24,8 @@ from pathlib import Path
 
 import bpy
 
-from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
 from oneframe.errors import RunError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.progress import Progress

@@ -9,10 +9,10 @@ import pytest
 from mathutils import Matrix
 
 from blender_addon.colour import operators as colour
-from oneframe.blender.case.load_case import load_case
 from oneframe.blender.colour.export import export_coloured_surface
-from oneframe.blender.colour.reference_view import colouring_view_of, colours_of
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
+from oneframe.colour.reference_view import colouring_view_of, colours_of
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
 

@@ -15,10 +15,10 @@ from blender_addon.state.known_case import further_frames
 from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.colour.surface_colour import colour_record
-from oneframe.blender.registration.register_frames import CaseRegistrar
 from oneframe.case import case_queue
 from oneframe.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, checked_alignment_record
 from oneframe.case.case_file import read_case
+from oneframe.registration.register_frames import CaseRegistrar
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
@@ -184,7 +184,7 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
 
 
 def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monkeypatch):
-    monkeypatch.setattr("oneframe.blender.registration.correct_source.MOST_ROUNDS", 2)
+    monkeypatch.setattr("oneframe.registration.correct_source.MOST_ROUNDS", 2)
     opened("rough.toml")
     rough = from_scene.cam_from_model(bpy.context.scene)
     bpy.ops.ed.undo_push(message="before")

@@ -15,8 +15,8 @@ from blender_addon.state import from_scene, scene_files
 from blender_addon.video import shown_frame
 from blender_addon.view.overlay import frame_image_of
 from blender_addon.volume import drill_strokes
-from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.files.content import content_named
 from oneframe.images.png import encode_png

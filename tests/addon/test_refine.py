@@ -16,9 +16,9 @@ from blender_addon.setup.alignment_record import doubts, pose_record
 from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.pose import set_cam_from_model
 from blender_addon.ui import frame_view
+from oneframe.alignment.align_case import align_case
 from oneframe.alignment.proposal import propose, template_search
 from oneframe.blender.alignment import surface_object
-from oneframe.blender.alignment.align_case import align_case
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png

@@ -16,11 +16,11 @@ from blender_addon.state import from_scene, pose_evidence, to_scene
 from blender_addon.state import pose as pose_text
 from blender_addon.state.pose import pivot_of
 from blender_addon.view.overlay_passes import world_from_structure
-from oneframe.blender.case.load_case import load_case
 from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_update import differing_fields
+from oneframe.case.loaded_case import load_case
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 

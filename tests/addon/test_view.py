@@ -16,8 +16,8 @@ from blender_addon.view.operators import toggling
 from blender_addon.view.overlay import Composite, frame_image_of
 from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, Projection, SurfacePicture
 from oneframe.blender.bridge.data_blocks import absolute_path
-from oneframe.blender.bridge.image import read_image
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.images.image_reader import read_image
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
 OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")

@@ -15,8 +15,8 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case, Structure, read_case
 from oneframe.case.case_update import differing_fields, update_case
 from oneframe.case.case_writer import relative_name, write_case
+from oneframe.case.frame import UnreadFrame
 from oneframe.case.landmarks import Landmark
-from oneframe.case.posed_frame import UnreadFrame
 from oneframe.dataset.description import object_name
 from oneframe.errors import InputError
 from oneframe.files.numbers import WrittenFloat, length_text, millimetres

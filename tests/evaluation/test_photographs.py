@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from oneframe.blender.case.load_case import load_frame, load_posed_frame, read_photographs
 from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.frame import load_frame, load_posed_frame
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
+from oneframe.registration.pose_list import read_photographs
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
 
 CAMERA = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)

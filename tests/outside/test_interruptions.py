@@ -57,7 +57,9 @@ def undisturbed(render, tmp_path_factory) -> tuple[dict[str, bytes], int]:
 
 def lose_power(out: Path, rng: np.random.Generator) -> bool:
     """Cut off, empty or zero some of the newest files; whether one of them has kept its size."""
-    files = sorted((path for path in out.rglob("*") if path.is_file()), key=lambda path: path.stat().st_mtime_ns)
+    # whoever loses the description removes it
+    paths = (path for path in out.rglob("*") if path.is_file() and path.name != "dataset.json")
+    files = sorted(paths, key=lambda path: path.stat().st_mtime_ns)
     kept_size = False
     for path in files[-NEWEST:]:
         size = path.stat().st_size

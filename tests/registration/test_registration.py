@@ -13,7 +13,6 @@ import pytest
 from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
-from oneframe.blender.case.load_case import read_photographs
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import read_case
@@ -25,6 +24,7 @@ from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.evidence import frame_evidence
 from oneframe.registration.film_change import FilmAgreement, FilmChange
+from oneframe.registration.pose_list import read_photographs
 from oneframe.registration.register import RegisteredFrame, Registrar, judged_together
 from oneframe.registration.source_correction import SourceCorrection, Track
 from oneframe.registration.source_uncertainty import SURFACE_SHARE, with_case

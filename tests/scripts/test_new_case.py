@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.bridge.image import read_image
-from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import NEW, queued_cases, state_of
+from oneframe.case.loaded_case import load_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
+from oneframe.images.image_reader import read_image
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_obj, write_ply

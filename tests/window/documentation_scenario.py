@@ -125,7 +125,6 @@ def dataset(user: User) -> Action:
     """A dataset run in the background, started from the panel."""
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
-    space.overlay.show_text = True
     with user.context():
         operators.oneframe.show_frame()
         operators.oneframe.mark_unseen()

@@ -6,7 +6,7 @@ import numpy as np
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
-from bl_ext.user_default.oneframe.pipeline.blender.bridge.image import read_image
+from bl_ext.user_default.oneframe.pipeline.images.image_reader import read_image
 from bl_ext.user_default.oneframe.pipeline.images.pixel_values import to_uint8
 from bl_ext.user_default.oneframe.pipeline.images.png import encode_png
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector

@@ -5,10 +5,12 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
+from bl_ext.user_default.oneframe.frames import band
 from bl_ext.user_default.oneframe.landmarks import loupe, tool
 from bl_ext.user_default.oneframe.ui.keymap import LANDMARK_TOOL, MOVE_TOOL
 from bl_ext.user_default.oneframe.ui.strokes import Strokes
 from bl_ext.user_default.oneframe.video import session
+from bl_ext.user_default.oneframe.video.strip_layout import StripLayout
 from bl_ext.user_default.oneframe.view.zoom import free_rectangle, uncovered_rectangle
 
 SCALE = 1.6
@@ -55,6 +57,10 @@ def scenario(user):
     yield from user.redraw()
     yield from user.picture("3_video")
     check(user, "Frame 0")
+    with user.context():
+        strip = StripLayout.of(bpy.context)
+    assert strip.thumbnails[0] == strip.thumbnails[1], "no room for them"
+    assert strip.thumbnails[0] - (band.HEIGHT + 1) * strip.unit >= strip.curve[1], "the band covers the best frames"
 
 
 def watch_texts(user):

@@ -10,7 +10,7 @@ import x11
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.landmarks import loupe
-from bl_ext.user_default.oneframe.pipeline.blender.bridge.image import read_image
+from bl_ext.user_default.oneframe.pipeline.images.image_reader import read_image
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL
 

@@ -8,8 +8,8 @@ from mathutils import Vector
 PACKAGE = "bl_ext.user_default.oneframe"
 bpy.ops.preferences.addon_enable(module=PACKAGE)
 
-from bl_ext.user_default.oneframe.pipeline.blender.bridge.image import read_image
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
+from bl_ext.user_default.oneframe.pipeline.images.image_reader import read_image
 from bl_ext.user_default.oneframe.pipeline.images.pixel_values import to_uint8
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool

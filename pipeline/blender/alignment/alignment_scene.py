@@ -25,7 +25,6 @@ from ..bridge.camera import new_camera, set_clip, set_intrinsics
 from ..bridge.data_blocks import exact, new_mesh_object, set_exact
 from ..bridge.image import new_packed_image
 from ..bridge.versions import new_node_material
-from ..colour.surface_colour import UNSEEN
 from .surface_object import new_surface_object
 
 COLLECTION, CAMERA = "OneFrame", "OneFrame camera"
@@ -139,7 +138,7 @@ def shown_frame(image: np.ndarray, valid: np.ndarray, *, undistorted: bool) -> n
     """``(H, W, 3)`` values of the frame with its mask in blue, ``None`` if they are those of its file."""
     if valid.all():
         return image if undistorted else None
-    return with_mask_tinted(image, valid, UNSEEN)
+    return with_mask_tinted(image, valid)
 
 
 def frame_image(path: Path, changed: np.ndarray | None) -> bpy.types.Image:

@@ -1,4 +1,4 @@
-"""Image files read by Blender, and arrays as Blender images: code values without colour management."""
+"""Image files decoded by Blender, and arrays as Blender images: code values without colour management."""
 
 import os
 import sys
@@ -10,40 +10,23 @@ import bpy
 import numpy as np
 
 from ...errors import InputError
-from ...images.image_check import LARGEST_FRAME, check_image_file, may_have_alpha
 from ...process.own_process import delayed_interrupts
 
 
-def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
-    """Read an image file as code values between 0 and 1.
-
-    Returns
-    -------
-    ``(H, W, 3)`` float32 RGB, 8-bit values divided by 255 and 16-bit ones by 65535 (grey is repeated), top row first;
-    ``(H, W)`` bool, False where the file's alpha is 0: pixels without image, such as outside a circular field of view.
+def decode(data: bytes, where: str) -> np.ndarray:
+    """Code values of a checked image file, ``(H, W, C)`` float32, top row first, for :func:`.read_image`.
 
     Raises
     ------
     InputError
-        The file is missing, cut off, or not an image that Blender can read; or Blender has other colours than its own.
+        Not an image that Blender can read; or Blender has other colours than its own.
     """
-    where = where or str(path)
-    # a distribution's Blender names its own configuration so
-    folder = bpy.utils.system_resource("DATAFILES", path="colormanagement")  # type: ignore[attr-defined]  # not in stubs
-    own = Path(folder, "config.ocio")
-    if "OCIO" in os.environ and Path(os.environ["OCIO"]) != own:
-        raise InputError(
-            f"{where}: expected Blender with its own colours, found OCIO = {os.environ['OCIO']!r}; start Blender "
-            "without this environment variable"
-        )
-    data = check_image_file(path, where, most_pixels=LARGEST_FRAME)
+    _check_own_colours(where)
     image = bpy.data.images.new("image", 1, 1)
     try:
         # the bytes that were checked, whatever the file is called and whatever has become of it
         image.source = "FILE"
         image.pack(data=data, data_len=len(data))
-        has_alpha = may_have_alpha(data)
-        del data
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
@@ -59,10 +42,18 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         image.pixels.foreach_get(values)
     finally:
         bpy.data.images.remove(image)
-    values = values.reshape(height, width, channels)[::-1]
-    colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
-    valid = values[..., 3] > 0 if channels == 4 and has_alpha else np.ones((height, width), dtype=bool)
-    return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
+    return values.reshape(height, width, channels)[::-1]
+
+
+def _check_own_colours(where: str) -> None:
+    # a distribution's Blender names its own configuration so
+    folder = bpy.utils.system_resource("DATAFILES", path="colormanagement")  # type: ignore[attr-defined]  # not in stubs
+    own = Path(folder, "config.ocio")
+    if "OCIO" in os.environ and Path(os.environ["OCIO"]) != own:
+        raise InputError(
+            f"{where}: expected Blender with its own colours, found OCIO = {os.environ['OCIO']!r}; start Blender "
+            "without this environment variable"
+        )
 
 
 @contextmanager
@@ -81,6 +72,7 @@ def _quiet_decoders() -> Iterator[None]:
 
 def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:
     """A Blender image with ``(H, W, 4)`` float values unchanged, top row first, for lookups in shaders."""
+    _check_own_colours(name)
     height, width = rgba.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=True)
     image.colorspace_settings.name = "Non-Color"

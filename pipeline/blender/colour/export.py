@@ -14,11 +14,11 @@ import bpy
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
+from ...colour.reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
-from ...files.content import write_bytes_atomically
-from ...files.outputs import check_outputs, made_folder, writing
+from ...files.outputs import check_outputs, made_folder, write_output, writing
 from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
@@ -28,7 +28,6 @@ from ...surface.mesh_reader import stated_space
 from ...surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
-from .reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
 
 FORMATS = (".glb", ".obj", ".ply")
 
@@ -92,29 +91,27 @@ def export_coloured_surface(
     """
     check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()
-    source = colouring_view_of(loaded)
-    filled = unseen_colours_of(source, unseen)
-    surface_colour, messages = baked_colour_of(source, colour, unseen=filled)
-    given = source.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
+    reference = colouring_view_of(loaded)
+    filled = unseen_colours_of(reference, unseen)
+    surface_colour, messages = baked_colour_of(reference, colour, unseen=filled)
+    given = reference.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
     made_folder(path)
     if suffix == ".glb":
         data = _glb(given.scaled(1e-3), surface_colour)
-        with writing(path):
-            write_bytes_atomically(path, data)
-        return [*source.messages, *messages]
+        write_output(path, data)
+        return [*reference.messages, *messages]
     given = given.scaled(1 / loaded.case.mm_per_unit)
     space = stated_space(loaded.case.mesh) if suffix == ".ply" else None
     if isinstance(surface_colour, TextureAtlas):
         picture = texture_path(path)
-        with writing(picture):
-            write_bytes_atomically(picture, encode_png(to_uint8(surface_colour.image)))
+        write_output(picture, encode_png(to_uint8(surface_colour.image)))
         uv, texture = surface_colour.uv, picture.name
         with writing(path):
             if suffix == ".obj":
                 write_obj(path, given, uv=uv, texture=texture)
             else:
                 # for readers that know no textures in a PLY
-                vertices, _ = baked_colour_of(source, "vertex", unseen=filled)
+                vertices, _ = baked_colour_of(reference, "vertex", unseen=filled)
                 colours = to_uint8(vertices.rgb)  # type: ignore[union-attr]  # vertex colours
                 write_ply(
                     path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture, space=space
@@ -123,7 +120,7 @@ def export_coloured_surface(
         with writing(path):
             colours = to_uint8(surface_colour.rgb)
             write_ply(path, given, colours=colours, normals=given.vertex_normals, space=space)
-    return [*source.messages, *messages]
+    return [*reference.messages, *messages]
 
 
 def _glb(mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> bytes:

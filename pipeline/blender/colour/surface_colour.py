@@ -13,8 +13,10 @@ from collections.abc import Mapping
 import bpy
 import numpy as np
 
-from ...colour.texture_atlas import TextureAtlas
+from ...colour.reference_view import ReferenceView
+from ...colour.texture_atlas import OBSERVED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours, colour_vertices
+from ...images.masked_frame import UNSEEN
 from ...images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
@@ -22,23 +24,20 @@ from ..bridge.data_blocks import set_corner_uv, set_vertex_colors
 from ..bridge.image import new_packed_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
-from ..render.material import COLOUR_ATTRIBUTE, OBSERVED_LEAST, UV_MAP
-from .reference_view import ReferenceView
+from ..render.material import COLOUR_ATTRIBUTE, UV_MAP
 
 OBSERVED_ATTRIBUTE = "frame_observed"
 """Boolean attribute of the vertices: whether the frame saw them."""
 MATERIAL, TEXTURE, MARKED_TEXTURE = "OneFrame colour", "OneFrame texture", "OneFrame texture (unseen marked)"
 RECORD, PLAIN_MATERIAL = "oneframe_colour", "oneframe_plain_material"
 """Custom properties of the object: the record of its colours (JSON), and its material before."""
-UNSEEN = (0.10, 0.25, 1.0)
-"""Code values (0..1) that mark unseen surface: a blue that does not occur in bone, blood or mucosa."""
 COLOUR_NODE = "frame"
 
 
 def put_colour(
     surface: bpy.types.Object,
     mesh: TriangleMesh,
-    source: ReferenceView,
+    reference: ReferenceView,
     colour: VertexColours | TextureAtlas,
     *,
     mark_unseen: bool,
@@ -52,8 +51,8 @@ def put_colour(
     surface
         The object, in Object mode; its mesh has the vertices and faces of ``mesh``, in that order.
     mesh
-        The surface as loaded; the faces of ``source.mesh`` may be flipped relative to it.
-    source, colour
+        The surface as loaded; the faces of ``reference.mesh`` may be flipped relative to it.
+    reference, colour
         The reference view, and the colours made from it.
     mark_unseen
         Show unseen surface in :data:`UNSEEN`, else in neutral grey.
@@ -63,13 +62,13 @@ def put_colour(
         The colours of the vertices if they are known already; a textured surface has them too.
     """
     remove_colour(surface)
-    flipped = source.mesh.faces is not mesh.faces and not np.array_equal(source.mesh.faces, mesh.faces)
+    flipped = reference.mesh.faces is not mesh.faces and not np.array_equal(reference.mesh.faces, mesh.faces)
     textured = isinstance(colour, TextureAtlas)
     # in addition to a texture: for attribute colours in Solid mode and for lookups of a vertex's colour
     if isinstance(colour, VertexColours):
         vertices = colour
     elif vertices is None:
-        vertices = colour_vertices(source.mesh, source.views)
+        vertices = colour_vertices(reference.mesh, reference.views)
     _set_colour_attribute(surface, vertices, mark_unseen)
     if isinstance(colour, TextureAtlas):
         material = _textured(surface, colour, mark_unseen, flipped)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...case.loaded_case import frame_overlay
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
 from ...dataset.dataset_file import read_description
@@ -19,11 +20,10 @@ from ...errors import RunError
 from ...files.content import create_folder, read_file, write_bytes_atomically
 from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
+from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...progress import Progress
-from ..alignment.overlay_picture import frame_overlay
-from ..bridge.image import read_image
 from ..render.video import FRAMES_PER_SECOND, write_video
 from .job import OpenJob
 from .view_renderer import ViewRenderer

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...case.case_file import Case
-from ...case.loaded_case import LoadedCase
+from ...case.loaded_case import LoadedCase, load_case
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.identity import identity_of
@@ -24,8 +24,7 @@ from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ...process.own_process import STDOUT
-from ..case.load_case import load_case
-from ..colour.reference_view import reference_view_of
+from ..render.engines import reference_view_of
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3

@@ -7,6 +7,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
+from ...colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from ...colour.shading import ColouredSurface
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths, view_kinds
@@ -16,7 +17,6 @@ from ...dataset.view import RenderedSample, depth_scale_for, encode_view
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges
-from ..colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from ..render.engines import opened_engine
 from ..render.surface_tree import ViewProbe
 

@@ -10,10 +10,15 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib import import_module
 
+import bpy
+
 from ...camera.pinhole import PinholeCamera
+from ...case.loaded_case import LoadedCase
+from ...colour.reference_view import ReferenceView, view_of_depths
 from ...colour.shading import ColouredSurface
 from ...errors import InputError
-from ...projection.rendered_view import Render
+from ...evaluation.methods import Renderers
+from ...projection.rendered_view import Render, RenderedView
 
 LARGEST_VIEW_PX = 8192**2
 """Pixels of a view: with its passes it takes 7 GB."""
@@ -66,6 +71,22 @@ def opened_engine(
     return engine_named(name).opened(surface, camera, samples, threads)
 
 
+def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceView:
+    """Render each frame's own pose to find the surface that it saw, by the :attr:`.Engine.reference` of an engine.
+
+    Raises
+    ------
+    InputError
+        No pixel of a frame shows the surface, or there is no such engine here.
+    """
+    engine = engine_named(engine).reference or engine
+    seen: list[RenderedView] = []
+    for frame in loaded.frames:
+        with opened_engine(engine, ColouredSurface(loaded.surface.mesh), frame.camera) as render:
+            seen.append(render(frame.cam_from_model))
+    return view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
+
+
 def keep_freed_memory() -> None:
     """Let the C library reuse large buffers from view to view instead of returning them to the system.
 
@@ -81,3 +102,7 @@ def keep_freed_memory() -> None:
         return
     mallopt(m_mmap_threshold, 1 << 30)
     mallopt(m_trim_threshold, 1 << 30)
+
+
+RENDERERS = Renderers(lambda name: engine_named(name).check(), opened_engine, bpy.app.version_string)
+"""For evaluations."""

@@ -59,12 +59,6 @@ def text_mask(text: str, size_px: float) -> np.ndarray:
     return mask
 
 
-def learn_letters(text: str) -> None:
-    """Get letters from Blender now, e.g. because a render that is about to start must not be disturbed."""
-    for letter in text:
-        _glyph(letter)
-
-
 @lru_cache(maxsize=4096)
 def _glyph(letter: str) -> _Glyph:
     measured = _outline(_BEARING + letter + _BEARING)[..., 0].max() - _outline(_BEARING * 2)[..., 0].max()

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
-from ...colour.texture_atlas import COVERED_LEAST, TextureAtlas
+from ...colour.texture_atlas import COVERED_LEAST, OBSERVED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
@@ -32,8 +32,6 @@ COLOUR_ATTRIBUTE = "frame_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
-OBSERVED_LEAST = 0.9999
-"""If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
 NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
 

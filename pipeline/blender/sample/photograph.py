@@ -14,9 +14,9 @@ import numpy as np
 from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
-from ...files.content import write_bytes_atomically
-from ...files.outputs import writing
+from ...files.outputs import write_output
 from ...files.temporary import temporary_folder, unwritable_temporary
+from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...process.own_process import delayed_interrupts
@@ -24,7 +24,6 @@ from ...sample.temporal_bone import SampleSurface
 from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
-from ..bridge.image import read_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import IS_5, new_node_material
 
@@ -129,8 +128,7 @@ def take_photographs(
             with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name)
             data = _png_of_render(scene)
-            with writing(path):
-                write_bytes_atomically(path, data)
+            write_output(path, data)
             yield path
 
 

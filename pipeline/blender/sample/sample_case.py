@@ -11,15 +11,15 @@ from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case, Structure
 from ...case.case_writer import case_text, write_case
 from ...errors import InputError
-from ...files.content import read_content, write_bytes_atomically
-from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
+from ...files.content import read_content
+from ...files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
 from ...files.temporary import temporary_folder
+from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8
 from ...sample.film import disturbance, disturbed, film_poses
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
 from ...surface.structure_colour import structure_colour
-from ..bridge.image import read_image
 from ..render.video import write_video
 from .photograph import take_photographs
 
@@ -93,8 +93,7 @@ def write_sample_case(
     shots = {"frame.png": frame_pose(), **(_held_out_views() if held_out else {})}
     yield from take_photographs(surface, camera, [(pose, made_folder(folder / name)) for name, pose in shots.items()])
     if held_out:
-        with writing(folder / HELD_OUT):
-            write_bytes_atomically(folder / HELD_OUT, _held_out_list())
+        write_output(folder / HELD_OUT, _held_out_list())
         yield folder / HELD_OUT
     case = _case(folder, camera)
     for path, written in ((folder / UNALIGNED, replace(case, posed=False)), (folder / "case.toml", case)):
@@ -133,8 +132,7 @@ def write_sample_film(folder: Path, surface: SampleSurface, *, camera: PinholeCa
         {"frame": number, "cam_from_mesh": pose.tolist(), "disturbance": disturbance(number)}
         for number, pose in enumerate(poses)
     ]
-    with writing(folder / FILM_POSES):
-        write_bytes_atomically(folder / FILM_POSES, (json.dumps(listed, indent=1) + "\n").encode())
+    write_output(folder / FILM_POSES, (json.dumps(listed, indent=1) + "\n").encode())
     yield folder / FILM_POSES
 
 

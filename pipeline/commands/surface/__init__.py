@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 
 from ...errors import InputError
-from ...process.arguments import at_least, explained_imports
+from ...process.arguments import at_least
 from ...process.own_process import own_output
 
 ABOUT = "Make the bone surface of a CT, drilled if you like, and the structures of a label map."
@@ -79,20 +79,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write surface, structures, picture and report, and say what they are."""
-    with explained_imports():
-        from ...volume.reading.volume_reader import list_series
-        from .stages import write_surface
+    from ...volume.reading.volume_reader import list_series
+    from .stages import write_surface
+
     if arguments.out is None and not arguments.list:
         raise InputError("command line: --out: expected a folder to write")
     output = own_output()
     if arguments.list:
-        for series in list_series(arguments.volume):
-            output.write(f"{series}\n")
-        return 0
+        output.writelines(f"{series}\n" for series in list_series(arguments.volume))
+        return
     write_surface(arguments, output)
-    return 0
 
 
 def _threshold(text: str) -> float | str:

@@ -15,15 +15,13 @@ import numpy as np
 
 from ... import __version__
 from ...case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
-from ...files.content import write_bytes_atomically
-from ...files.outputs import check_outputs, check_own_folder, writing
+from ...files.outputs import check_outputs, check_own_folder, write_output, writing
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...images.slice_picture import slice_picture
 from ...progress import ShareProgress
 from ...surface.structure_colour import structure_colour
 from ...volume.bone.bone import bone_voxels
-from ...volume.bone.bone_surface import taken_bone
 from ...volume.bone.isosurface import RemovedField
 from ...volume.bone.structures import structure_names, without_bone
 from ...volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
@@ -132,7 +130,7 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
 
     settings = SurfaceSettings(plan, taken, after, arguments.tolerance, arguments.smooth)
     made = make_surface(volume, level, solid, labels, settings, report=work.report)
-    _report_removed(work, volume, solid, made)
+    _report_removed(work, made)
     if plan is not None and made.removed is not None:
         _report_clearances(work, made, made.removed, volume, plan)
     _write_meshes(work, out, made)
@@ -148,16 +146,13 @@ def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, st
     return level, how
 
 
-def _report_removed(work: _Work, volume: Volume, solid: np.ndarray, made: MadeSurface) -> None:
+def _report_removed(work: _Work, made: MadeSurface) -> None:
     if made.removed is None:
         return
-    taken = taken_bone(solid, made.removed)
-    removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
-    work.record["removed"] = {"by": list(made.removed_by), "volume_mm3": round(removed_mm3, 1)}
-    share = float(taken.sum()) / max(float(solid.sum()), 1.0)
-    work.say(f"removed by {' and '.join(made.removed_by)}: {removed_mm3:.0f} mm³ of bone")
-    if share > MOST_REMOVED:
-        work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
+    work.record["removed"] = {"by": list(made.removed_by), "volume_mm3": round(made.removed_mm3, 1)}
+    work.say(f"removed by {' and '.join(made.removed_by)}: {made.removed_mm3:.0f} mm³ of bone")
+    if made.removed_share > MOST_REMOVED:
+        work.say(f"warning: that is {made.removed_share:.0%} of the bone; check what was given as removed")
 
 
 def _report_clearances(work: _Work, made: MadeSurface, removed: RemovedField, volume: Volume, plan: DrillPlan) -> None:
@@ -221,8 +216,7 @@ def _write_slices(
     focus = made.finish.focus
     centre = made.bone.surface.mesh.vertices.mean(axis=0) if focus is None else focus.centre
     views = slice_views(volume, centre, DrawnBone(level, solid, made.removed, drawn))
-    with writing(out / SLICES):
-        write_bytes_atomically(out / SLICES, encode_png(to_uint8(slice_picture(views))))
+    write_output(out / SLICES, encode_png(to_uint8(slice_picture(views))))
     work.say(f"slices: {out / SLICES}")
 
 
@@ -233,8 +227,7 @@ def _write_record(work: _Work, out: Path) -> None:
         "SimpleITK": version("SimpleITK"),
     }  # fmt: skip
     text = json.dumps(work.record, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    with writing(out / RECORD):
-        write_bytes_atomically(out / RECORD, text.encode())
+    write_output(out / RECORD, text.encode())
     work.say(f"report: {out / RECORD}")
 
 

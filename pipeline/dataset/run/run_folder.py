@@ -5,11 +5,13 @@ that finds another one stops. See :mod:`oneframe.dataset.run.work_folder`.
 """
 
 import json
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
@@ -19,19 +21,15 @@ from .. import layout
 from ..checksums import keep_checksums
 from ..identity import COUNT, description_bytes, identity_of
 from ..layout import (
-    FOLDERS,
     RECORD,
-    SCENE_TABLES,
     SPLIT,
     VIDEO_FILES,
     WORK,
     is_own_file,
     own_folders,
-    scene_count,
     scene_folder,
 )
-from .lock import Busy, wait_for
-from .same_run import check_count, check_description, holds_views_of, is_cut_off
+from .same_run import check_count, check_description, holds_views_of
 from .work_folder import WorkFolder
 
 
@@ -67,8 +65,8 @@ def parse_shard(text: str) -> Shard:
     return Shard(index, count)
 
 
-LAST_SHARDS_SECONDS = 10.0
-"""Shards that start or end together wait at most this long for each other."""
+SHARDS_SECONDS = 10.0
+"""Shards that start together wait at most this long for the one that writes ``dataset.json``."""
 
 
 class RunFolder(WorkFolder):
@@ -77,7 +75,7 @@ class RunFolder(WorkFolder):
     def __init__(
         self,
         path: Path,
-        description: Mapping[str, object],
+        description: Mapping[str, Any],
         shard: Shard,
         *,
         poses: np.ndarray | None = None,
@@ -110,16 +108,19 @@ class RunFolder(WorkFolder):
 
         def lock() -> None:
             is_new = self._holds_nothing()
-            self._common = self._acquire("lock", shared=self._shared)
-            self._is_new = is_new
             if self._shared:
+                self._share()
                 self._acquire(f"lock-{shard.index}-of-{shard.count}")
+            else:
+                self._acquire("lock")
+                self._remove_leftovers()
+            self._is_new = is_new
+            self._describe()
 
         def look() -> None:
             self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
 
-        steps = [look, self._check_description, lock, self._write_description]
-        self._enter(*steps, *(() if self._shared else (self._remove_leftovers,)))
+        self._enter(look, self._check_description, lock)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -132,10 +133,18 @@ class RunFolder(WorkFolder):
     def finish(self) -> None:
         """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
         # other shards of a complete dataset are about to end as well; the last one cleans up
-        with suppress(FileNotFoundError):  # the last one was quicker
-            if wait_for(self._common.try_exclusive, LAST_SHARDS_SECONDS):
-                self._remove_leftovers()
-                self._remove_work()
+        if self._is_alone():
+            self._remove_leftovers()
+            self._remove_work()
+
+    def _is_alone(self) -> bool:
+        """Whether no other process works in the folder; a shard gives its locks back for that."""
+        if self._shared:
+            self._locks.close()
+            with suppress(RunError):
+                self._acquire("lock")
+                return True
+        return not self._shared
 
     def _holds_nothing(self) -> bool:
         """Whether the folder is new: empty, or all that is in it was left by a run that was killed as it started.
@@ -147,21 +156,14 @@ class RunFolder(WorkFolder):
         """
         if not self.path.is_dir():
             return True
-        record = self.path / RECORD
-        content = read_file(record, LARGEST_TEXT) if record.exists() else b""
-        if content and not is_cut_off(content, description_bytes(self._description)):
+        if (self.path / RECORD).exists():
             return False
-        was_run = self._holds_only_work()
         names = [entry.name for entry in self.path.iterdir()]
-        others = [name for name in names if name not in (WORK, RECORD) and partial_name(name) != RECORD]
-        if was_run and not others:
+        if self._holds_only_work() and all(name == WORK or partial_name(name) == RECORD for name in names):
             return True
         # whole views may be left without their description; their records tell whose they are
         if holds_views_of(self.path, self._description, self._poses):
-            count = self._description[COUNT]
-            check_count(self.path, count, count, may_shrink=not self._shared)
-            return False
-        if record.exists() and was_run and all(name in FOLDERS or is_own_file(name) for name in others):
+            check_count(self.path, self._description)
             return False
         raise RunError(
             f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "
@@ -172,48 +174,48 @@ class RunFolder(WorkFolder):
         # other shards may not be there yet
         check_description(self.path, self._description, self._poses, may_shrink=not self._shared)
 
-    def _write_description(self) -> None:
+    def _share(self) -> None:
+        """Take the shared lock; before, one alone writes a new ``dataset.json``: others may work on fewer views."""
+        give_up = time.monotonic() + SHARDS_SECONDS
+        while True:
+            if self._is_described():
+                if self._try("lock", shared=True):
+                    return
+            elif lock := self._try("lock"):
+                try:
+                    self._describe()
+                finally:
+                    lock.release()
+                continue
+            if time.monotonic() > give_up:
+                raise self._busy()
+            time.sleep(0.1)
+
+    def _is_described(self) -> bool:
+        record = self.path / RECORD
+        return record.exists() and read_file(record, LARGEST_TEXT) == description_bytes(self._description)
+
+    def _describe(self) -> None:
         """Write ``dataset.json`` if it is not there, or if the dataset grows or goes back to fewer views."""
-
-        def is_written() -> bool:
-            self._check_description()
-            record, content = self.path / RECORD, description_bytes(self._description)
-            had = wanted = json.loads(content)[COUNT]
-            if record.exists() and not is_cut_off(existing := read_file(record, LARGEST_TEXT), content):
-                had = json.loads(existing)[COUNT]
-                if had == wanted:
-                    if existing != content:
-                        # the same values, but not as a run writes them: its sum is that of these bytes
-                        write_bytes_atomically(record, content)
-                    return True
-                # shards that work on fewer views would write tables of these
-                if self._shared and not self._common.try_exclusive():
-                    return False
+        self._check_description()
+        if self._is_described():
+            return
+        record, wanted = self.path / RECORD, self._description[COUNT]
+        had = json.loads(read_file(record, LARGEST_TEXT)).get(COUNT) if record.exists() else None
+        if had != wanted:
             # the tables are, or may be, those of another number of views
-            whole = range(min(had, wanted) // layout.VIEWS_PER_SCENE)
-            keep_checksums(
-                self.path, identity_of(self._description), VIDEO_FILES, [scene_folder(number) for number in whole]
-            )
-            if had > wanted:
-                self._remove_scenes(scene_count(wanted))
-            write_bytes_atomically(record, content)
-            return True
-
-        if not wait_for(is_written, LAST_SHARDS_SECONDS):
-            raise self._busy()
-        if self._shared and not wait_for(self._is_shared_again, LAST_SHARDS_SECONDS):
-            raise self._busy()
-
-    def _is_shared_again(self) -> bool:
-        try:
-            self._common.share()
-        except Busy:
-            return False
-        return True
+            whole = [scene_folder(number) for number in range(min(had or wanted, wanted) // layout.VIEWS_PER_SCENE)]
+            keep_checksums(self.path, identity_of(self._description), VIDEO_FILES, whole)
+        if not self._shared:
+            # of scenes that never came, which readers of BOP's folders would open
+            for _, folder in reversed([*own_folders(self.path)][1:]):
+                with suppress(OSError):
+                    folder.rmdir()
+        write_bytes_atomically(record, description_bytes(self._description))
 
     def _discard(self) -> None:
         """Remove this run's files if it was refused before its first view was finished."""
-        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._common.try_exclusive():
+        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._is_alone():
             return
         folders = [*own_folders(self.path)]
         for prefix, folder in folders:
@@ -228,14 +230,3 @@ class RunFolder(WorkFolder):
 
     def _remove_leftovers(self) -> None:
         self._remove_partial(own_folders(self.path), is_own_file)
-
-    def _remove_scenes(self, first: int) -> None:
-        """Remove the folders of all scenes from this one on, none of which has a view, and their tables."""
-        self._remove_leftovers()
-        for prefix, folder in reversed([*own_folders(self.path)]):
-            scene = prefix.split("/")[1] if prefix.startswith(f"{SPLIT}/") else ""
-            if scene.isdecimal() and int(scene) >= first:
-                for name in SCENE_TABLES:
-                    (folder / name).unlink(missing_ok=True)
-                with suppress(OSError):  # it holds files of somebody else
-                    folder.rmdir()

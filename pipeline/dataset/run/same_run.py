@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from ..identity import (
     POSES_HASH,
     Difference,
     described,
-    description_bytes,
     differences,
     identity_of,
     poses_hash,
@@ -29,7 +29,7 @@ from .resume_record import read_record
 
 def check_description(
     root: Path,
-    description: Mapping[str, object],
+    description: Mapping[str, Any],
     poses: np.ndarray | None = None,
     *,
     may_shrink: bool = True,
@@ -67,15 +67,12 @@ def check_description(
             f"{record}: expected the description of a dataset, cannot read it ({error.strerror}); "
             "choose another folder (--out)"
         ) from None
-    wanted = description[COUNT]
-    if is_cut_off(content, description_bytes(description)):
-        check_count(root, wanted, wanted, may_shrink=may_shrink)
-        return
     try:
         existing = json.loads(content)
     except (ValueError, RecursionError):
         raise RunError(
-            f"{record}: expected the description of a dataset, found no JSON; choose another folder (--out)"
+            f"{record}: expected a dataset's description, found no JSON; remove it and run the same command again, "
+            "which writes it if the views are of this run, or choose another folder (--out)"
         ) from None
     if not isinstance(existing, dict):
         raise RunError(
@@ -89,38 +86,21 @@ def check_description(
     changes = run_differences(root, existing, description, poses)
     if changes:
         raise RunError(f"{root}: the folder holds the dataset of another run ({_first(described(changes))}); {advice}")
-    check_count(root, existing.get(COUNT), wanted, may_shrink=may_shrink)
+    had = existing.get(COUNT)
+    check_count(root, description, had if isinstance(had, int) and not may_shrink else 0)
 
 
-def check_count(root: Path, had: object, wanted: object, *, may_shrink: bool) -> None:
-    """Check that a run wants no fewer views than exist: see :func:`check_description`.
+def check_count(root: Path, description: Mapping[str, Any], had: int = 0) -> None:
+    """Raise RunError if a run wants fewer views than the ``had`` that a dataset must keep, or than those on disk.
 
-    Raises
-    ------
-    RunError
-        It does.
+    If a run of more views was stopped early, there are fewer than it was started for, and with a shard more.
     """
-    least = fewest_views(root, had, may_shrink=may_shrink) if isinstance(had, int) else None
-    if least is None or not isinstance(wanted, int) or wanted < least == had:
-        raise RunError(
-            f"{root}: the folder holds a dataset of {short(had)} views, and {short(wanted)} are wanted: a dataset may "
-            "grow, but not shrink; set the number of views to that or more, or choose another folder (--out)"
-        )
+    wanted, least = description[COUNT], max(occupied_views(root), had)
     if wanted < least:
         raise RunError(
-            f"{root}: the folder holds views up to number {least - 1} (counted from 0), and {wanted} are wanted: "
-            f"views are never removed; set the number of views to {least} or more, or choose another folder (--out)"
+            f"{root}: the folder holds a dataset of {least} views, and {wanted} are wanted: a dataset may grow, but no "
+            f"view is removed; set the number of views to {least} or more, or choose another folder (--out)"
         )
-
-
-def fewest_views(root: Path, had: int, *, may_shrink: bool = True) -> int:
-    """The fewest views that a run may want of a dataset.
-
-    All that exist must be among them: if a run of more views was stopped early, there are fewer than ``had``, for which
-    the dataset was last started, and with a shard of more views there are more.
-    """
-    occupied = occupied_views(root)
-    return occupied if may_shrink else max(occupied, had)
 
 
 def holds_views_of(root: Path, description: Mapping[str, object], poses: np.ndarray | None) -> bool:
@@ -168,11 +148,6 @@ def _changed_pose(root: Path, poses: np.ndarray) -> Difference:
             if not np.array_equal(known, pose):
                 return Difference(f"{LISTED}.{index}", known.tolist(), pose.tolist())
     return Difference(LISTED, None, None)
-
-
-def is_cut_off(content: bytes, whole: bytes) -> bool:
-    """Whether a file is what a loss of power may leave of another: its beginning, and zeros for the rest."""
-    return len(content) <= len(whole) and content != whole and whole.startswith(content.rstrip(b"\0"))
 
 
 def _first(differences: Iterable[str]) -> str:

@@ -74,20 +74,20 @@ class WorkFolder:
             self.__exit__(type(refusal), refusal, None)
             raise refusal from None
 
-    def _acquire(self, name: str, *, shared: bool = False) -> FileLock:
-        """Take the lock of this name in ``.work``; RunError if another process has it."""
-        for _ in range(_ATTEMPTS):
-            create_folder(self.work)
-            try:
-                lock = FileLock(self.work / name, shared=shared)
-            except FileNotFoundError:
-                # another process has just finished and removed the file
-                continue
-            except Busy:
-                break
+    def _acquire(self, name: str) -> None:
+        """Acquire the exclusive lock of this name in ``.work``; RunError if another process has it."""
+        # another process may just have finished and removed the file
+        if not any(self._try(name) for _ in range(_ATTEMPTS)):
+            raise self._busy()
+
+    def _try(self, name: str, *, shared: bool = False) -> FileLock | None:
+        """Try to take a lock; ``None`` if another process has it, or has removed its file at this moment."""
+        create_folder(self.work)
+        with suppress(Busy, FileNotFoundError):
+            lock = FileLock(self.work / name, shared=shared)
             self._locks.callback(lock.release)
             return lock
-        raise self._busy()
+        return None
 
     def _busy(self) -> RunError:
         return RunError(

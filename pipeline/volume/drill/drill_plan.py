@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from ...files.content import LARGEST_TEXT, read_content, write_bytes_atomically
+from ...files.content import LARGEST_TEXT, read_content
 from ...files.keys import check_keys
 from ...files.numbers import is_number
-from ...files.outputs import check_outputs, writing
+from ...files.outputs import check_outputs, write_output
 from ...files.tables import parsed_toml
 from ..volume import VoxelGrid
 from .filled import index_points
@@ -97,8 +97,7 @@ def write_drill_plan(path: Path, plan: DrillPlan, inputs: Mapping[str, Path]) ->
     check_outputs([path], inputs)
     text = plan_text(plan)
     _parsed(text, path.name)
-    with writing(path):
-        write_bytes_atomically(path, text.encode())
+    write_output(path, text.encode())
 
 
 def plan_text(plan: DrillPlan) -> str:

@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 
 from oneframe.alignment.refinement.verification import mean_distance_px
-from oneframe.blender.registration.register_frames import LONGER_SIDE_PX, CaseRegistrar, FurtherFrame
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.case.posed_frame import PosedFrame
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.registration.register import RegisteredFrame, judged_together
+from oneframe.registration.register_frames import LONGER_SIDE_PX, CaseRegistrar, FurtherFrame
 from oneframe.registration.verdict import ACCEPTED, REFUSED, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE, Verdict
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, rotation_angle_deg, transform_points

@@ -8,11 +8,11 @@ from mathutils import Matrix
 
 from oneframe.blender.bridge.camera import new_camera, place_camera
 from oneframe.blender.bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
-from oneframe.blender.bridge.image import read_image
 from oneframe.blender.bridge.versions import new_node_material
 from oneframe.blender.sample.photograph import add_ambient_light, set_path_tracing
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.files.temporary import temporary_folder
+from oneframe.images.image_reader import read_image
 
 from .refinement_scenes import RefinementScene, visible_points
 from .side_lit_relief import CAMERA, Relief, SideLitShot, relief, side_lit_shots

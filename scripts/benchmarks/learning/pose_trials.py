@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from oneframe.blender.case.load_case import load_posed_frame, read_photographs
-from oneframe.blender.colour.reference_view import colouring_view_of
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.frame import PosedFrame, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.case.posed_frame import PosedFrame
+from oneframe.colour.reference_view import colouring_view_of
 from oneframe.registration.flow_refinement import refined_by_flow
 from oneframe.registration.known_views import KnownViews, grey_codes
+from oneframe.registration.pose_list import read_photographs
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector
 

@@ -15,14 +15,14 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from oneframe.blender.bridge.image import read_image
-from oneframe.blender.colour.reference_view import colours_of, vertex_colours_of
 from oneframe.blender.render.cycles import CyclesScene
+from oneframe.colour.reference_view import colours_of, vertex_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
 from oneframe.evaluation.scores.similarity import Similarity, similarity
 from oneframe.files.machine import available_cores
+from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
 
 from .converged_view import converged_view

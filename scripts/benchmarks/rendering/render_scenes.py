@@ -5,18 +5,18 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.bridge.image import read_image
-from oneframe.blender.case.load_case import load_case, read_photographs
-from oneframe.blender.colour.reference_view import ReferenceView
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
-from oneframe.case.loaded_case import LoadedCase
+from oneframe.case.loaded_case import LoadedCase, load_case
+from oneframe.colour.reference_view import ReferenceView
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.files.outputs import made_folder
+from oneframe.images.image_reader import read_image
+from oneframe.registration.pose_list import read_photographs
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import inverse_rigid
 from oneframe.volume.bone.simplification import simplified

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.colour.reference_view import vertex_colours_of
 from oneframe.blender.dataset.job import Job, OpenJob, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
+from oneframe.colour.reference_view import vertex_colours_of
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard

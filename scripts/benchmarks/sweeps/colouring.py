@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of
 from oneframe.blender.render.cycles import CyclesScene
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
+from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import FARTHEST_MM, LoadedCase, LoadedSurface, check_pose
-from oneframe.case.posed_frame import PosedFrame
 from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
+from oneframe.colour.reference_view import ReferenceView, colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.source_view import MAX_INCIDENCE_DEG, TOLERANCE_PX
 from oneframe.errors import InputError

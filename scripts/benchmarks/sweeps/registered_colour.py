@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.case.load_case import load_case, load_posed_frame, read_photographs
-from oneframe.blender.registration.register_case import register_case
-from oneframe.blender.registration.register_frames import CaseRegistrar, FurtherFrame
 from oneframe.case.case_file import read_case
-from oneframe.case.posed_frame import UnreadFrame
+from oneframe.case.frame import UnreadFrame, load_posed_frame
+from oneframe.case.loaded_case import load_case
 from oneframe.images.pixel_values import to_uint8
+from oneframe.registration.pose_list import read_photographs
+from oneframe.registration.register_case import register_case
+from oneframe.registration.register_frames import CaseRegistrar, FurtherFrame
 from oneframe.transforms import inverse_rigid
 
 from ..alignment.registration_trials import small
@@ -45,7 +46,7 @@ def colour_cases(folder: Path, out: Path, *, judges: int | None = None) -> list[
     for number, each in enumerate(candidates):
         (out / "candidates" / f"{number:02d}{each.image.suffix}").symlink_to(each.image)
     chosen = register_case(
-        loaded, out / "candidates", out / "registered", colour_frames=FRAMES, progress=lambda *_: None
+        loaded, out / "candidates", out / "registered", colour_frames=FRAMES, progress=lambda _: None
     ).sources
     numbers = [int(frame.image.stem[len("frame_") :][:6]) for frame in chosen]
     frames: dict[str, Sequence[UnreadFrame]] = {"": (), "registered": chosen}

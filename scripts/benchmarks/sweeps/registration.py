@@ -14,14 +14,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from oneframe.blender.case.load_case import load_posed_frame
-from oneframe.blender.registration.correct_source import correct_source
 from oneframe.blender.sample.photograph import LAMP_OFFSET_MM, take_photographs
 from oneframe.blender.sample.sample_case import FILM, FILM_POSES
-from oneframe.case.posed_frame import PosedFrame, UnreadFrame
+from oneframe.case.frame import PosedFrame, UnreadFrame, load_posed_frame
 from oneframe.errors import InputError
 from oneframe.files.temporary import temporary_folder
 from oneframe.poses.distributions import ReferencePose
+from oneframe.registration.correct_source import correct_source
 from oneframe.registration.verdict import ACCEPTED, REFUSED
 from oneframe.sample.temporal_bone import sample_surface
 from oneframe.surface.mesh import TriangleMesh
@@ -90,8 +89,8 @@ def film(scene: Scene, folder: Path, zoom: float = 1.0) -> Trials:
 def _film_trials(registration: Registration, folder: Path, zoom: float) -> Trials:
     scene = registration.scene
     listed = json.loads((folder / FILM_POSES).read_text())
-    with registration.registrar.frames(folder / FILM) as (_, frames):
-        for frame, entry in zip(frames, listed, strict=False):
+    with registration.registrar.frames(folder / FILM) as opened:
+        for frame, entry in zip(opened.frames, listed, strict=False):
             pose = np.array(entry["cam_from_mesh"]) @ scene.loaded.surface.mesh_from_model
             image = frame.image.astype(np.float32) / 255
             posed = PosedFrame(image, frame.valid, registration.registrar.camera, pose, Path(f"{frame.number:03d}"))

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from oneframe.blender.colour.reference_view import colours_of
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.blender.dataset.view_renderer import ViewRenderer
 from oneframe.blender.render.cycles import CyclesScene
 from oneframe.blender.render.engines import keep_freed_memory
 from oneframe.case.case_file import read_case
 from oneframe.colour.colour_doubts import MAX_REDUCTION, reduction_doubt
+from oneframe.colour.reference_view import colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard

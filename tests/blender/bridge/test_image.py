@@ -1,4 +1,4 @@
-"""Frames of every format are read as their code values, whatever the file's name."""
+"""Frames of every format are read as their code values, whatever the file's name; a PNG by OpenCV as by Blender."""
 
 import os
 import struct
@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from oneframe.blender.bridge.image import read_image
+from oneframe.blender.bridge.image import decode
 from oneframe.errors import InputError
+from oneframe.images.image_reader import read_image
 
 WIDTH, HEIGHT = 40, 30
 SUFFIXES = {"PNG": ".PNG", "TIFF": ".TIF", "BMP": ".BMP"}
@@ -42,6 +43,8 @@ def assert_read(path: Path, image: np.ndarray, bits: int) -> None:
     assert colours.dtype == np.float32
     np.testing.assert_allclose(colours, wanted, atol=1e-6)
     assert np.array_equal(valid, wanted_valid)
+    by_blender = decode(path.read_bytes(), "")
+    assert np.array_equal(colours, np.broadcast_to(by_blender[..., : min(3, by_blender.shape[2])], colours.shape))
 
 
 @pytest.mark.parametrize("channels", [1, 3, 4])
@@ -61,9 +64,13 @@ def test_grey_with_alpha(tmp_path):
     assert_read(tmp_path / "frame.png", image, 8)
 
 
-def test_a_palette(tmp_path):
+@pytest.mark.parametrize("transparent", [None, 3])
+def test_a_palette(tmp_path, transparent):
     image = codes(3, 8) // 128 * 255
-    Image.fromarray(image).convert("P", palette=Image.Palette.ADAPTIVE, colors=8).save(tmp_path / "frame.png")
+    palette = Image.fromarray(image).convert("P", palette=Image.Palette.ADAPTIVE, colors=8)
+    palette.save(tmp_path / "frame.png", **({} if transparent is None else {"transparency": transparent}))
+    if transparent is not None:
+        image = np.dstack([image, np.where(np.asarray(palette) == transparent, 0, 255).astype(np.uint8)])
     assert_read(tmp_path / "frame.png", image, 8)
 
 
@@ -105,17 +112,20 @@ def test_what_follows_the_end_of_a_jpeg_does_not_count(tmp_path, rng):
 
 
 def test_colours_do_not_depend_on_the_environment(tmp_path):
-    code = "import sys, pathlib; {}from oneframe.blender.bridge.image import read_image; read_image(pathlib.Path('{}'))"
-    cv2.imwrite(str(tmp_path / "frame.png"), codes(3, 8))
+    code = (
+        "import sys, pathlib; {}import oneframe.blender; from oneframe.images.image_reader import read_image; "
+        "read_image(pathlib.Path('{}'))"
+    )
+    cv2.imwrite(str(tmp_path / "frame.bmp"), codes(3, 8))
 
     def run(before: str, configuration: str = "ocio://cg-config-latest") -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", code.format(before, tmp_path / "frame.png")]
+        command = [sys.executable, "-c", code.format(before, tmp_path / "frame.bmp")]
         environment = os.environ | {"OCIO": configuration}
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
     assert run("").returncode == 0
     # as in the program, Blender has its colours already
-    assert "frame.png: expected Blender with its own colours, found OCIO = " in run("import bpy; ").stderr
+    assert "frame.bmp: expected Blender with its own colours, found OCIO = " in run("import bpy; ").stderr
     own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement"), "config.ocio")
     assert own.is_file()
     assert run("import bpy; ", str(own)).returncode == 0

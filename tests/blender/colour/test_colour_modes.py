@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.blender.colour.reference_view import (
-    ReferenceView,
-    colours_of,
-    limited_to_incidence,
-    reference_view_of,
-    unseen_colours_of,
-)
 from oneframe.blender.render.cycles import CyclesScene
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.rendered_view import RenderedView

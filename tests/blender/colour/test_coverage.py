@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from oneframe.blender.case.load_case import load_case
-from oneframe.blender.colour.coverage import coverage_of
-from oneframe.blender.colour.reference_view import baked_colour_of, colouring_view_of
 from oneframe.blender.render.cycles import CyclesScene
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
+from oneframe.colour.coverage import coverage_of
+from oneframe.colour.reference_view import baked_colour_of, colouring_view_of
 from oneframe.colour.shading import ColouredSurface
 
 pytestmark = pytest.mark.render

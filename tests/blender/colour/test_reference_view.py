@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from oneframe.blender.colour.reference_view import colouring_view_of, rasterised_view_of, reference_view_of
+from oneframe.blender.render.engines import reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.reference_view import colouring_view_of, rasterised_view_of
 from oneframe.colour.texture_atlas import classify_faces
 from oneframe.colour.vertex_colours import colour_vertices
 from oneframe.transforms import rigid

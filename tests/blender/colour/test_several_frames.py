@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from oneframe.blender.case.load_case import load_case
-from oneframe.blender.colour.reference_view import baked_colour_of, reference_view_of
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job
 from oneframe.blender.dataset.view_renderer import ViewRenderer
-from oneframe.blender.render.engines import opened_engine
+from oneframe.blender.render.engines import opened_engine, reference_view_of
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
+from oneframe.colour.reference_view import baked_colour_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.options import DatasetOptions

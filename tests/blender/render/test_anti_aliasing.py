@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
-from oneframe.blender.colour.reference_view import ReferenceView, colours_of, reference_view_of, unseen_colours_of
 from oneframe.blender.render.cycles import CyclesScene
-from oneframe.blender.render.engines import opened_engine
+from oneframe.blender.render.engines import opened_engine, reference_view_of
 from oneframe.blender.render.surface_tree import BlenderRays
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.edge_pixels import edge_pixels

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.blender.colour.reference_view import colours_of, reference_view_of, unseen_colours_of
-from oneframe.blender.render.engines import opened_engine
+from oneframe.blender.render.engines import opened_engine, reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.reference_view import colours_of, unseen_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.options import COLOURS, UNSEEN
 from oneframe.projection.rendered_view import RenderedView

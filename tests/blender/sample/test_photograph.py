@@ -8,12 +8,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from oneframe.blender.bridge.image import read_image
 from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.errors import InputError
+from oneframe.images.image_reader import read_image
 from oneframe.sample.film import DISTURBED
 from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses, sample_surface
 from oneframe.surface.mesh import TriangleMesh

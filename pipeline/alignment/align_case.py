@@ -1,0 +1,233 @@
+"""Align a case: by its landmarks, its image, or both in one solve."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..case.alignment_record import PROPOSED
+from ..case.case_file import Case
+from ..case.loaded_case import LoadedCase, check_pose, frame_overlay, load_case
+from ..errors import InputError
+from ..transforms import inverse_rigid, transform_points
+from .landmarks.align_landmarks import (
+    Alignment,
+    check_landmarks_belong,
+    complete_landmarks,
+    landmark_distances,
+    off_surface,
+)
+from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
+from .landmarks.picture import marked
+from .landmarks.report import alignment_record, pose_lines, pose_table, report_lines, report_table
+from .pose_uncertainty import PoseMode
+from .posterior.corners import corners_in_view
+from .posterior.evidence import PoseEvidence
+from .posterior.next_click import next_click, rough_mode, visible_points
+from .posterior.report import image_table, joined_record
+from .posterior.solve import pose_posterior
+from .proposal.propose import propose_poses
+from .refinement.refine import refine_pose
+from .refinement.report import refinement_record, refinement_table
+from .refinement.verdict import Refinement
+
+
+@dataclass(frozen=True)
+class AlignedCase:
+    """An aligned case and how its pose was found.
+
+    Attributes
+    ----------
+    loaded
+        The case in memory, with the new pose; ``loaded.case`` also records how it was found.
+    alignment
+        The pose from the landmarks, with the image's evidence if the refinement was accepted, in the frame ``mesh``;
+        ``None`` without landmarks that determine a pose.
+    refinement
+        The refinement against the image, from the pose of the landmarks; ``None`` if not requested.
+    messages
+        Messages about the files and the landmarks.
+    took_refused
+        Whether the pose is that of a refused refinement.
+    proposals
+        What the frame alone proposes, in lines, if that was asked.
+    """
+
+    loaded: LoadedCase
+    alignment: Alignment | None
+    refinement: Refinement | None
+    messages: tuple[str, ...]
+    took_refused: bool = False
+    proposals: tuple[str, ...] = ()
+
+    @property
+    def by_landmarks(self) -> Alignment | None:
+        """The pose from landmarks, if they have a say in the pose of the case."""
+        found = None if self.took_refused else self.alignment
+        return found if found is not None and found.landmarks else None
+
+    def lines(self) -> list[str]:
+        """The report: the pose with all its digits, what it rests on, and what is doubtful."""
+        lines, refinement, alignment = list(self.proposals), self.refinement, self.alignment
+        if alignment is not None and alignment.landmarks:
+            lines += report_lines(alignment)
+        lines += [f"note: {message}" for message in self.messages]
+        if refinement is not None and self.took_refused:
+            lines.append(f"warning: taken although refused: {refinement.objection}")
+        elif refinement is not None:
+            lines.append(refinement.message if refinement.accepted else f"note: {refinement.message}")
+        return lines if self.by_landmarks else [*lines, *pose_lines(self.loaded.case.cam_from_mesh)]
+
+    def table(self) -> dict[str, object]:
+        """The same for JSON."""
+        alignment, refinement = self.alignment, self.refinement
+        table: dict[str, object] = report_table(alignment) if alignment is not None and alignment.landmarks else {}
+        if self.took_refused:
+            # residuals and uncertainty of the landmarks belong to their own pose
+            table = {"start": table} if table else {}
+        if refinement is not None:
+            mesh_from_model = self.loaded.surface.mesh_from_model
+            table["refinement"] = refinement_table(refinement, mesh_from_model, taken=self.took_refused)
+        return {**table, **pose_table(self.loaded.case.cam_from_mesh)}
+
+    def picture(self) -> np.ndarray:
+        """``(H, W, 3)`` float32 values 0..1: frame and overlay; landmarks and residuals if the pose is theirs."""
+        overlay, found = frame_overlay(self.loaded), self.by_landmarks
+        return overlay if found is None else marked(overlay, found)
+
+
+def align_case(
+    case: Case,
+    *,
+    click_sigma_px: float,
+    refine: bool,
+    take_refused: bool = False,
+    propose: int = 0,
+    tool: str,
+    date: str,
+) -> AlignedCase:
+    """Find the pose of a case.
+
+    Parameters
+    ----------
+    case
+        Its landmarks are used if any is complete. Its pose may be rough: it decides between several poses that fit the
+        landmarks, and is the initial pose of the refinement if these determine none.
+    click_sigma_px
+        Standard deviation of the click noise, along each image axis.
+    refine
+        Also take the image as evidence.
+    take_refused
+        Take the pose that the refinement has found even if it refuses it; the record in the case says so.
+    propose
+        Take this one, counted from 1, of the poses that the frame alone proposes, instead of the case's.
+    tool, date
+        For the record in the case.
+
+    Raises
+    ------
+    UndeterminedPose
+        The evidence does not determine a pose.
+    InputError
+        A file cannot be used, the landmarks belong to another surface, the pose does not show the surface, or, without
+        landmarks, the refinement is refused; or there are landmarks or too few poses where one is to be proposed.
+    """
+    proposals: tuple[str, ...] = ()
+    if propose:
+        proposed, proposals = _proposed(case, propose, tool, date)
+        if not refine:
+            unverified = "note: nothing has verified the proposal; look at --picture, or refine it"
+            return AlignedCase(proposed, None, None, (), proposals=(*proposals, unverified))
+        case = proposed.case
+    loaded = load_case(case, aligned=False)
+    if not (case.posed or complete_landmarks(case.landmarks)):
+        raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
+    alignment, refinement, image, took_refused = None, None, None, False
+    start = case.cam_from_mesh if case.posed else None
+
+    def solved(*evidence: PoseEvidence) -> Alignment:
+        return pose_posterior(case.landmarks, case.camera, evidence, click_sigma_px=click_sigma_px, start=start)
+
+    mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
+    # before the check of the pose, which would report landmarks of another mesh as a wrong pose
+    distances = landmark_distances(case.landmarks, mesh)
+    check_landmarks_belong(distances, mesh, case.mesh.name)
+    messages = off_surface(distances)
+    if complete_landmarks(case.landmarks) or not refine:
+        try:
+            alignment = solved()
+        except UndeterminedPose as refusal:
+            # together with the image they may
+            if not refine or start is None:
+                raise
+            messages = (*messages, f"{refusal}; the refinement starts from the pose of the case")
+        else:
+            # the landmarks are in the frame of the mesh file, and so is the pose
+            loaded = loaded.posed(alignment.estimate.cam_from_model, alignment_record(alignment, tool, date))
+            check_pose(loaded.case, loaded.surface.mesh, loaded.frame.cam_from_model)
+    if refine:
+        frame, model_from_mesh = loaded.frame, inverse_rigid(loaded.surface.mesh_from_model)
+        refinement = refine_pose(frame.image, frame.valid, case.camera, loaded.surface.mesh, frame.cam_from_model)
+        took_refused = take_refused and refinement.can_be_taken
+        if not refinement.accepted and not took_refused:
+            advice = _next_place(loaded, alignment, click_sigma_px) if refinement.objection else ""
+            messages = (*messages, *([advice] if advice else []))
+            if alignment is None:
+                taken = " --take-refused takes what it has found." if refinement.can_be_taken else ""
+                raise InputError(f"{case.path.name}: {refinement.message} {advice}{taken}")
+        record = refinement_record(refinement, loaded.case.alignment or {"method": "manual"}, tool, date)
+        if refinement.evidence is not None:
+            image = refinement.evidence.reframed(model_from_mesh)
+            alignment = solved(image)
+            alone, record = record, joined_record(record, image, alignment, tool, date)
+            if record["method"] == alone["method"]:
+                record["image"] = image_table(image, case.camera, alone)
+            loaded = loaded.posed(alignment.estimate.cam_from_model, record)
+        elif took_refused:
+            loaded = loaded.posed(refinement.found @ model_from_mesh, record)
+    found = alignment.estimate.messages if alignment is not None and not took_refused else ()
+    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused, proposals)
+
+
+def _proposed(case: Case, take: int, tool: str, date: str) -> tuple[LoadedCase, tuple[str, ...]]:
+    """The case with one of the poses that its frame alone proposes, and all of them in lines, the best first."""
+    if complete_landmarks(case.landmarks):
+        raise InputError(f"{case.path.name}: --propose: expected no landmarks, found some; they say where it is")
+    loaded = load_case(case, aligned=False)
+    frame = loaded.frame
+    found = propose_poses(frame.image, frame.valid, case.camera, loaded.surface.mesh)
+    if not 1 <= take <= len(found):
+        raise InputError(
+            f"{case.path.name}: --propose {take}: expected a number from 1 to {len(found)}, the poses found"
+            if found
+            else f"{case.path.name}: --propose: no pose was found, the frame shows no detail; align by landmarks"
+        )
+    pose = found[take - 1].cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
+    record = {"method": PROPOSED, "tool": tool, "date": date, "explained": found[take - 1].explained}
+    posed = replace(loaded, case=replace(loaded.case, posed=True)).posed(pose, record)
+    return posed, tuple(
+        f"proposal {number}: explains {each.explained:.0%} of the image, score {each.score:.0f}"
+        f"{', taken' if number == take else ''}"
+        for number, each in enumerate(found, 1)
+    )
+
+
+def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:
+    """The corner at which the next landmark gains most, in a sentence; empty where the frame shows no surface."""
+    case, mesh_from_model = loaded.case, loaded.surface.mesh_from_model
+    seen = loaded.surface.mesh, case.camera, loaded.frame.cam_from_model
+    points = corners_in_view(*seen)
+    if not len(points):
+        # a surface without corners still has a place that gains most
+        points = visible_points(*seen)
+    if not len(points):
+        return ""
+    points = transform_points(mesh_from_model, points)
+    mode = rough_mode(case.cam_from_mesh, case.landmarks, points, case.camera, click_sigma_px)
+    if alignment is not None:
+        found = alignment.estimate
+        mode = PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers)
+    point = points[next_click(points, case.camera, [mode], click_sigma_px)]
+    u, v = case.camera.project(transform_points(case.cam_from_mesh, point[None]))[0]
+    count = len(complete_landmarks(case.landmarks))
+    few = f"Fewer than 4 landmarks ({count}) determine no pose: a" if count < FEWEST_CORRESPONDENCES else "A"
+    return f"{few} landmark near pixel ({u:.0f}, {v:.0f}) gains most."

@@ -1,1 +1,0 @@
-"""Registration of a case's further frames: reads the case and the frames, writes poses and pictures."""

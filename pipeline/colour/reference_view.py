@@ -1,0 +1,241 @@
+"""The reference view: the frames of a case as sources of colour, and the surface that each saw.
+
+Coloured surfaces take that surface from a z-buffer in double precision, or from rays where it reaches behind a camera;
+datasets take it from a render. The depths agree to the rounding of single precision, except at the few pixels whose
+centre lies on the outline of a surface to that rounding. A colour depends on the depth only through the question
+whether the frame saw its point, so the colours are the same.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..projection.visible_surface import most_central
+from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, inverse_rigid, transform_points
+from .exposure import matched_exposures
+from .fill import filled_colours
+from .ray_tracer import RayTracer
+from .shading import ColouredSurface, SurfaceColour
+from .source_view import SourceView
+from .texture_atlas import TextureAtlas, bake_atlas, classify_faces
+from .vertex_colours import VertexColours, colour_vertices
+
+CLASSIFIED = 0.45
+"""Fraction of the time for a texture after which the faces are classified."""
+STEP = 0.05
+
+
+@dataclass(frozen=True)
+class ReferenceView:
+    """The frames' views of the surface.
+
+    Attributes
+    ----------
+    mesh
+        The surface, model frame, with front sides that face the frame.
+    views
+        Image, camera, pose and inverse depth of each frame, the case's own first.
+    pivot_model
+        ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
+    messages
+        Messages for the user.
+    raster
+        The z-buffer of the first view, if it comes from one.
+    """
+
+    mesh: TriangleMesh
+    views: tuple[SourceView, ...]
+    pivot_model: np.ndarray
+    messages: tuple[str, ...]
+    raster: DepthRaster | None = None
+
+    @property
+    def view(self) -> SourceView:
+        """Of the case's own frame."""
+        return self.views[0]
+
+    def observed(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` surface points and their unit face normals -> ``(N,)`` bool: a frame saw them."""
+        return np.any([view.observed(points_model, normals_model) for view in self.views], axis=0)
+
+
+def limited_to_incidence(reference: ReferenceView, max_incidence_deg: float) -> ReferenceView:
+    """The same views, which count surface as seen up to this angle between ray and normal."""
+    views = tuple(replace(view, max_incidence_deg=max_incidence_deg) for view in reference.views)
+    return replace(reference, views=views)
+
+
+def can_rasterise(loaded: LoadedCase) -> bool:
+    """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind a frame's camera."""
+    mesh = loaded.surface.mesh
+    return all(is_within_limits(mesh, frame.camera, frame.cam_from_model) for frame in loaded.frames)
+
+
+def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
+    """The same from a z-buffer, if :func:`can_rasterise`; runs without Blender, so it may run in a thread.
+
+    Raises
+    ------
+    InputError
+        No pixel of a frame shows the surface.
+    """
+    mesh, depths_mm = loaded.surface.mesh, []
+    rasters = [rasterise_depth(mesh, frame.camera, frame.cam_from_model) for frame in loaded.frames]
+    for raster in rasters:
+        inverse = raster.inverse_depth
+        depth_mm = np.zeros(inverse.shape, np.float32)
+        depths_mm.append(np.divide(1.0, inverse, out=depth_mm, where=raster.face >= 0, casting="same_kind"))
+    raster, shown = rasters[0], rasters[0].face >= 0
+    front = np.zeros(shown.shape, dtype=bool)
+    front[shown] = mesh.front_facing(camera_centre(loaded.frame.cam_from_model), raster.face[shown])
+    return view_of_depths(loaded, depths_mm, front, raster)
+
+
+def traced_view_of(loaded: LoadedCase) -> ReferenceView:
+    """The same from rays, as the views of ``raster`` are; without Blender too.
+
+    Raises
+    ------
+    InputError
+        No pixel of a frame shows the surface, or there is no Embree.
+    """
+    surface = ColouredSurface(loaded.surface.mesh)
+    seen = [RayTracer(surface, frame.camera).render(frame.cam_from_model) for frame in loaded.frames]
+    return view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
+
+
+def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
+    """The reference view of coloured surfaces: from a z-buffer where possible, otherwise from rays.
+
+    Raises
+    ------
+    InputError
+        No pixel of the frame shows the surface.
+    """
+    return rasterised_view_of(loaded) if can_rasterise(loaded) else traced_view_of(loaded)
+
+
+def view_of_depths(
+    loaded: LoadedCase, depths_mm: Sequence[np.ndarray], front: np.ndarray, raster: DepthRaster | None = None
+) -> ReferenceView:
+    """The views of a surface with these depths (0 without surface); the first shows its front side where ``front``."""
+    camera, cam_from_model, mesh, messages = loaded.frame.camera, loaded.frame.cam_from_model, loaded.surface.mesh, []
+    name = loaded.case.path.name
+    views = []
+    for frame, depth_mm in zip(loaded.frames, depths_mm, strict=True):
+        views.append(SourceView(**vars(frame), inverse_depth=inverse_depth_map(depth_mm, frame.valid)))
+        if not views[-1].inverse_depth.any():
+            which = "" if frame is loaded.frame else f" {frame.path.name}"
+            raise InputError(
+                f"{name}: expected the surface in the frame{which}, no pixel shows it; align the pose first"
+            )
+    depth_mm = depths_mm[0]
+    shown = depth_mm > 0
+    part = front[shown].mean()
+    if part < 0.5:
+        mesh = mesh.flipped()
+        messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
+    v, u = np.nonzero(shown & loaded.frame.valid)
+    central = most_central(np.stack([u, v], axis=1))
+    pixel = np.array([[u[central], v[central]]], float)
+    pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
+    pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
+    return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(messages), raster)
+
+
+def colours_of(reference: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
+    """The surface's colour from each frame in a mode (``projective``, ``texture``, ``vertex``), and messages.
+
+    In all modes the frame's view tells which points it saw.
+    """
+    if mode == "projective":
+        return list(reference.views), []
+    colours: list[SurfaceColour] = []
+    said: list[str] = []
+    for view in reference.views:
+        colour, messages = baked_colour_of(replace(reference, views=(view,)), mode)
+        colours.append(replace(colour, source=view))
+        said += messages
+    return colours, said
+
+
+def baked_colour_of(
+    reference: ReferenceView,
+    mode: str,
+    progress: Callable[[float], None] | None = None,
+    *,
+    unseen: np.ndarray | None = None,
+) -> tuple[TextureAtlas | VertexColours, list[str]]:
+    """The same for the modes that other programs know, ``texture`` and ``vertex``, from all frames.
+
+    Runs without Blender, so it may run in a thread. ``progress`` is called often with a fraction 0..1; an exception
+    that it raises ends the work. ``unseen`` are colours ``(V, 3)`` of the vertices for what the frame did not see.
+    """
+    report = progress or _unreported
+    if mode != "texture":
+        report(0.0)
+        colours, messages = vertex_colours_of(reference)
+        if unseen is not None:
+            colours = replace(colours, rgb=np.where(colours.covered[:, None], colours.rgb, unseen))
+        return colours, messages
+    stage = _Stage(report, CLASSIFIED)
+
+    def classified(view: SourceView) -> np.ndarray:
+        def observed(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+            stage.step()
+            return view.observed(points, normals)
+
+        return classify_faces(reference.mesh, view.camera, view.cam_from_model, observed)
+
+    faces_seen = list(map(classified, reference.views))
+    baking = _Stage(report, 1.0, CLASSIFIED)
+    atlas = bake_atlas(reference.mesh, reference.views, faces_seen, unseen=unseen, step=baking.step)
+    return atlas, atlas.messages()
+
+
+class _Stage:
+    """Reports a stage of unknown length: each step goes a part of the way that is left."""
+
+    def __init__(self, report: Callable[[float], None], end: float, start: float = 0.0) -> None:
+        self._report, self._end, self._fraction = report, end, start
+
+    def step(self) -> None:
+        self._report(self._fraction)
+        self._fraction += STEP * (self._end - self._fraction)
+
+
+def _unreported(_fraction: float) -> None:
+    pass
+
+
+def unseen_colours_of(reference: ReferenceView, unseen: str) -> np.ndarray | None:
+    """``(V, 3)`` colours of the vertices for what the frame did not see; ``None``, neutral grey, unless ``"fill"``."""
+    if unseen != "fill":
+        return None
+    vertices = colour_vertices(reference.mesh, reference.views)
+    if vertices.covered.any():
+        return filled_colours(reference.mesh.vertices, reference.mesh.faces, vertices.rgb, vertices.covered)
+    # no vertex of large triangles is in the frame
+    mean = reference.view.image[reference.view.inverse_depth > 0].mean(axis=0)
+    return np.broadcast_to(mean, reference.mesh.vertices.shape)
+
+
+def vertex_colours_of(reference: ReferenceView) -> tuple[VertexColours, list[str]]:
+    """The colours of the vertices, and a message with their spacing."""
+    view, mesh = reference.view, reference.mesh
+    colours = colour_vertices(mesh, reference.views)
+    spacing_px = (
+        mesh.median_edge
+        * view.camera.fx
+        / np.linalg.norm(transform_points(view.cam_from_model, reference.pivot_model[None]))
+    )
+    message = (
+        f"vertex colours: {colours.observed.sum()} of {len(colours.observed)} vertices seen by the frame, "
+        f"{spacing_px:.1f} px apart (median): detail finer than that is lost"
+    )
+    return colours, [message]

@@ -1,0 +1,180 @@
+"""Correct the pose of a case by further frames of its surface."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..alignment.pose_uncertainty import PoseUncertainty
+from ..case.alignment_record import FURTHER_FRAMES
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..files.numbers import format_two_digits
+from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
+from .blocks import SPREAD
+from .flow_refinement import FlowFit
+from .register_frames import CaseRegistrar
+from .source_correction import SourceCorrection, SourceFit, Track
+from .verdict import ACCEPTED
+
+MOST_FRAMES, LEAST_FRAMES = 24, 3
+MOST_PIXELS = 600
+"""Of a frame: more say nothing new."""
+MOST_ROUNDS, SETTLED_PX = 6, 0.1
+"""Rounds of flow and fit, and mean movement, at the size of registration, below which no further one follows."""
+LEAST_AGREEMENT = 0.6
+"""Of the pixels at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
+LARGEST_DEG = 1.0
+"""Standard deviation of the rotation above which the frames leave the pose open."""
+FOCAL_SPREAD = 1.5
+"""As :data:`.SPREAD`, of the focal length: three were off by 0.9, 1.2 and 2.5 times what is stated without."""
+LARGEST_FOCAL = 0.025
+"""Relative standard deviation of the focal length above which they leave it open."""
+
+
+@dataclass(frozen=True)
+class CorrectedSource:
+    """A case whose pose was corrected.
+
+    Attributes
+    ----------
+    loaded
+        With the new pose and its record.
+    text
+        What has moved, and how sure it is, in one sentence.
+    """
+
+    loaded: LoadedCase
+    text: str
+
+
+def correct_source(
+    loaded: LoadedCase,
+    folder_or_video: Path,
+    *,
+    focal: bool = False,
+    tool: str,
+    date: str,
+    progress: Callable[[float], None],
+) -> CorrectedSource:
+    """Correct the pose of a case by frames of a folder or a video, spread evenly over it.
+
+    Parameters
+    ----------
+    loaded
+        The case at its pose, which may be some degrees off.
+    folder_or_video
+        Folder of images, or a video.
+    focal
+        Find the focal length too, the same in all frames; principal point and fy / fx stay.
+    tool, date
+        For the record in the case.
+    progress
+        Called with the finished share, 0..1.
+
+    Raises
+    ------
+    InputError
+        The frames cannot be used, too few of them are accepted, or they leave the pose or the focal length open.
+    """
+    if focal and loaded.case.distortion is not None:
+        raise InputError(
+            f"{loaded.case.path.name}: expected no distortion where the focal length is to be found, found "
+            f"coefficients: they belong to the focal length of their calibration; correct the pose alone"
+        )
+    registrar, name = CaseRegistrar(loaded), folder_or_video.name
+    with registrar.frames(folder_or_video) as opened:
+        every = -(-opened.count // MOST_FRAMES)
+    with registrar.frames(folder_or_video, every) as opened:
+        frames = [each for each in opened.frames if not each.problem]
+    first, pivot = loaded, registrar.pivot_model
+    start = (loaded.case.alignment or {}).get("method")
+    poses = dict[int, np.ndarray]()
+    for number in range(MOST_ROUNDS):
+        if poses:
+            registrar = CaseRegistrar(loaded)
+        fits, accepted = dict[int, FlowFit](), 0
+        for done, frame in enumerate(frames):
+            found = registrar.registered_alone(frame, poses.get(done))
+            if found.fit is not None:
+                fits[done] = found.fit
+                accepted += found.verdict.state == ACCEPTED
+            progress((number + (done + 1) / len(frames)) / MOST_ROUNDS)
+        if len(fits) < LEAST_FRAMES:
+            break
+        before = loaded
+        correction = SourceCorrection(registrar.mesh, registrar.camera, pivot, focal=focal)
+        fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
+        loaded = loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), {})
+        loaded = loaded.zoomed(fit.camera.fx / registrar.camera.fx)
+        poses = dict(zip(fits, fit.frames, strict=True))
+        points = np.concatenate([each.points_model for each in fits.values()])
+        if _moved_px(points, before, loaded) * registrar.camera.width / loaded.case.camera.width < SETTLED_PX:
+            break
+    progress(1.0)
+    # of the last round: at a wrong pose of the case's frame, few of the frames agree
+    if accepted < LEAST_FRAMES:
+        raise InputError(
+            f"{name}: expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from "
+            f"other sides, found {accepted} of {len(frames)}; the pose is not corrected"
+        )
+    if fit.agreement < LEAST_AGREEMENT:
+        raise InputError(
+            f"{name}: expected one pose of the case's frame with which the frames agree, found "
+            f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: "
+            f"align the frame again; the pose is not corrected"
+        )
+    camera, pose = loaded.case.camera, fit.cam_from_model
+    uncertainty, relative = _uncertainty(fit, pivot, points)
+    if uncertainty.largest_rotation_deg > LARGEST_DEG:
+        raise InputError(
+            f"{name}: expected frames that determine the pose of the case's frame, found ±"
+            f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
+        )
+    if relative > LARGEST_FOCAL:
+        raise InputError(
+            f"{name}: expected frames that determine the focal length, found {camera.fx:.0f} px ± "
+            f"{relative:.0%}; take K from a calibration, as microscopes need, and correct the pose alone"
+        )
+    moved_px = _moved_px(points, first, loaded)
+    moved_deg = rotation_angle_deg(pose[:3, :3] @ first.frame.cam_from_model[:3, :3].T)
+    error_px = uncertainty.spread_px(camera, pose)
+    record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
+    record |= {"start_method": start} if start else {}
+    record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
+    record |= uncertainty.entry(loaded.surface.mesh_from_model)
+    text = (
+        f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
+        f"{len(fits)} further frames; if the surface is right, it is off by about {format_two_digits(error_px)} px, "
+        f"least certain: {uncertainty.weakest}"
+    )
+    if focal:
+        text += f", and the focal length is {camera.fx:.0f} px ± {relative:.1%} (it was {first.case.camera.fx:.0f} px)"
+    return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
+
+
+def _uncertainty(fit: SourceFit, pivot_model: np.ndarray, points_model: np.ndarray) -> tuple[PoseUncertainty, float]:
+    """Of a pose, and the relative standard deviation of a focal length that was found with it, else 0."""
+    relative = FOCAL_SPREAD * float(np.sqrt(np.diag(fit.covariance)[6:].sum()))
+    depth_mm = float(transform_points(fit.cam_from_model, pivot_model)[2])
+    # how far the pose is off beside its K: a longer lens and a greater distance cancel
+    beside = np.eye(6, len(fit.covariance))
+    beside[2, 6:] = -depth_mm
+    covariance = SPREAD**2 * beside @ fit.covariance @ beside.T
+    known = PoseUncertainty.about_points(pivot_model, covariance, points_model, fit.cam_from_model)
+    return known.with_focal_depth(depth_mm * relative), relative
+
+
+def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -> float:
+    """How far points ``(N, 3)`` move in the case's frame, in the mean, px."""
+    seen = (
+        each.case.camera.project(transform_points(each.frame.cam_from_model, points_model)) for each in (before, after)
+    )
+    return float(np.linalg.norm(np.subtract(*seen), axis=1).mean())
+
+
+def _track(registrar: CaseRegistrar, fit: FlowFit) -> Track:
+    chosen = fit.returning(MOST_PIXELS)
+    source_px = registrar.camera.project(transform_points(registrar.cam_from_model, fit.points_model[chosen]))
+    return Track(source_px, fit.moved[chosen], fit.cam_from_model)

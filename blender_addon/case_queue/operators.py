@@ -18,7 +18,7 @@ from ..setup.save_case import REPLACE, replaced_pose
 from ..setup.undone_saves import undoable
 from ..state import camera_view, from_scene, pose_evidence
 from ..ui.keymap import Key, keys
-from ..ui.operator import Messages, OperatorResult, Reporting, available, call
+from ..ui.operator import Messages, OperatorResult, Reporting, call
 from ..ui.question import ask_first
 from . import queued
 
@@ -26,9 +26,7 @@ from . import queued
 class _InQueue(Reporting):
     """Mixin: available in a queue."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, bool(queued.queue_of(context.scene)), "Add frames to a queue first")
+    needs = (lambda context: queued.queue_of(context.scene), "Add frames to a queue first")
 
 
 class ONEFRAME_OT_queue_step(_InQueue):

@@ -16,7 +16,7 @@ from ..state import from_scene
 from ..state.camera_view import light_shape, spaces_of
 from ..state.known_case import further_frames
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, available
+from ..ui.operator import Available, Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile
 from . import colouring
 
 MODES = [
@@ -52,14 +52,14 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, InBackground):
         return messages
 
 
-class _NeedsColour(bpy.types.Operator):
+def _is_coloured(surface: bpy.types.Object | None) -> bool:
+    return surface is not None and colour_record(surface) is not None
+
+
+class _NeedsColour(Available):
     """Mixin: available once the surface has colours."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        surface = context.scene.oneframe.surface
-        has_colour = surface is not None and colour_record(surface) is not None
-        return available(cls, has_colour, "Project colour on the surface first")
+    needs = (lambda context: _is_coloured(context.scene.oneframe.surface), "Project colour on the surface first")
 
 
 class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting):

@@ -175,6 +175,11 @@ def current() -> BackgroundJob | None:
     return _current
 
 
+def is_running() -> bool:
+    """Whether a job was running when it was last looked at."""
+    return _current is not None and _current.running
+
+
 def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
     """Start a job, and follow it with a timer.
 

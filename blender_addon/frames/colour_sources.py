@@ -15,7 +15,7 @@ from ..pipeline.registration.register_frames import FRAME, FRAME_NAMES, CaseRegi
 from ..state import from_scene
 from ..state.known_case import further_frames, keep_known, known_case
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
-from ..ui.operator import Messages, Reporting, available
+from ..ui.operator import Messages, Reporting
 from ..video import session
 from . import found
 from .operators import NeedsFound
@@ -72,10 +72,7 @@ class ONEFRAME_OT_clear_colour_sources(Reporting):
 
     bl_label = "Clear Colour Sources"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        there = bool(further_frames(context.scene))
-        return available(cls, there, "The case's own frame alone colours the surface")
+    needs = (lambda context: further_frames(context.scene), "The case's own frame alone colours the surface")
 
     def run(self, context: bpy.types.Context) -> None:
         _set_further_frames(context.scene, ())

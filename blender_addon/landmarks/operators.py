@@ -25,7 +25,6 @@ from ..ui.operator import (
     OperatorResult,
     Reporting,
     SavesFile,
-    available,
     report_error,
 )
 from ..ui.question import Asking
@@ -40,9 +39,7 @@ INDEX = "Index in the list, counted from 0; -1 for the active landmark"
 class _HasLandmarks(NeedsAlignment):
     """Mixin: available once there are landmarks."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and available(cls, bool(context.scene.oneframe.landmarks), "Pick a landmark first")
+    needs = (lambda context: len(context.scene.oneframe.landmarks), "Pick a landmark first")
 
 
 class _PointAndPixel(bpy.types.Operator):

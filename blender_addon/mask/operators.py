@@ -14,7 +14,7 @@ from ..pipeline.images.pixel_values import to_uint8
 from ..state import from_scene, to_scene
 from ..state.scene_files import session_folder
 from ..ui.keymap import MASK_TOOL
-from ..ui.operator import Messages, OpensFile, Reporting, available
+from ..ui.operator import Messages, OpensFile, Reporting
 from ..ui.step_panel import PartPanel
 
 FILES = "*.png;*.tif;*.tiff;*.bmp"
@@ -53,9 +53,7 @@ def set_mask(scene: bpy.types.Scene, frame: Frame) -> Messages:
 class _OfTheFrame(Reporting):
     """Mixin: available once there is a frame."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, bool(context.scene.oneframe.frame_path), "Load the frame first")
+    needs = (lambda context: context.scene.oneframe.frame_path, "Load the frame first")
 
 
 class ONEFRAME_OT_load_mask(_OfTheFrame, OpensFile):

@@ -37,7 +37,6 @@ from ..ui.operator import (
     OperatorResult,
     Reporting,
     SavesFile,
-    available,
     call,
 )
 
@@ -66,9 +65,7 @@ class ONEFRAME_OT_load_frame(OpensFile):
 class _OfAnotherFrame(Reporting):
     """Mixin: available while pose and image points are those of another frame."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, bool(context.scene.oneframe.aligned_path), "The pose is of this frame")
+    needs = (lambda context: context.scene.oneframe.aligned_path, "The pose is of this frame")
 
 
 class ONEFRAME_OT_keep_pose(_OfAnotherFrame):
@@ -127,9 +124,7 @@ class ONEFRAME_OT_estimate_focal_length(Reporting):
 
     bl_label = "Focal Length from Landmarks"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, len(context.scene.oneframe.landmarks) > 0, "Set landmarks first")
+    needs = (lambda context: len(context.scene.oneframe.landmarks), "Set landmarks first")
 
     def run(self, context: bpy.types.Context) -> Messages:
         # OpenCV comes with the extension
@@ -212,9 +207,7 @@ class ONEFRAME_OT_change_units(Reporting):
 
     units: str = prop(EnumProperty, "Units", "Unit of the numbers in the file", items=UNITS)
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.present_surface(context.scene) is not None
+    needs = (lambda context: from_scene.present_surface(context.scene), "Load the surface first")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         doubt = doubt_of_size(context.scene, surface_extents(context.scene))
@@ -251,10 +244,10 @@ class ONEFRAME_OT_add_structure(ChosenFiles, OpensFile):
 
     filter_glob: str = prop(StringProperty, default=MESHES, options={"HIDDEN"})
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        missing = "Load the surface first: structures are given in the frame and units of its file"
-        return available(cls, from_scene.present_surface(context.scene) is not None, missing)
+    needs = (
+        lambda context: from_scene.present_surface(context.scene),
+        "Load the surface first: structures are given in the frame and units of its file",
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)

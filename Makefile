@@ -72,7 +72,7 @@ lint: $(VENV)/.ready-to-test
 	$(VENV)/bin/lint-imports --no-logo
 	$(RUN) -m mypy
 
-# speed against PyVista, with scaling, memory and start, in demo/bench
+# speed against PyVista, with anti-aliasing, memory and start, in demo/bench
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py speed --out demo/bench/render_speed.json $(BENCH_FLAGS)
@@ -86,7 +86,7 @@ chart: setup
 bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	@test -f demo/case/case.toml || $(RUN) scripts/oneframe.py sample --out demo/case
-	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
+	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.csv
 	$(RUN) scripts/benchmark.py refinement demo/case/case.toml --out demo/bench/refinement.csv --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
 # errors of the surface from CT beside scikit-image's, and what a 512³ CT takes, in demo/bench

@@ -94,6 +94,10 @@ def checked_matrix(values: object, size: int, where: str) -> np.ndarray:
         Wrong shape, not numbers, not finite.
     """
     try:
+        if not isinstance(values, np.ndarray) and any(
+            isinstance(each, str | bool) for each in np.array(values, object).flat
+        ):
+            raise TypeError("texts or truth values")
         matrix = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{where}: expected {size} rows of {size} numbers, found something else ({error})") from None

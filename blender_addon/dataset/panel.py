@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..pipeline.dataset.options import SAMPLERS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.scene_files import known_stamp
@@ -9,17 +10,6 @@ from ..ui.panel import draw_text
 from ..ui.step_panel import PartPanel, StepPanel
 from . import background_job, operators, pose_preview
 from .wording import in_window_words
-
-SAMPLER_OPTIONS = {
-    "cone": ("cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm"),
-    "gaussian": ("sigma_deg", "sigma_mm"),
-    "shell": ("polar_deg", "roll_deg", "distance_min", "distance_max"),
-    "trajectory": ("cone_deg", "roll_deg", "distance_min", "distance_max"),
-}
-"""The options that each sampler uses."""
-
-CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
-RENDERING = ("colour", "unseen", "max_incidence_deg", "engine", "samples", "scale", "float_depth", "video")
 
 
 class ONEFRAME_PT_dataset(StepPanel):
@@ -43,7 +33,7 @@ class ONEFRAME_PT_dataset(StepPanel):
         column.prop(options, "seed")
         column = layout.column(align=True)
         column.prop(options, "sampler")
-        for name in SAMPLER_OPTIONS[options.sampler]:  # type: ignore[attr-defined]  # from DatasetOptions
+        for name in SAMPLERS[options.sampler].options:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, name)
         try:
             pose_preview.dataset_options(context.scene)
@@ -93,10 +83,13 @@ class ONEFRAME_PT_dataset_options(PartPanel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, context.scene.oneframe.dataset
         layout.use_property_split, layout.use_property_decorate = True, False
-        for names in (CONSTRAINTS, RENDERING):
+        groups = option_groups()
+        for title in ("constraints on poses", "views"):
             column = layout.column(align=True)
-            for name in names:
-                column.prop(options, name)
+            for option in groups[title]:
+                if option.key != "count":
+                    column.prop(options, option.key)
+        column.prop(options, "video")
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames")
 

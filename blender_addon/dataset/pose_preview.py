@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 import gpu
@@ -16,13 +17,12 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, drawing
-from ..pipeline.blender.dataset.view_renderer import ViewRenderer
+from ..pipeline.blender.dataset.view_planner import ViewPlanner
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.reference_view import ReferenceView
-from ..pipeline.dataset.description import view_camera
-from ..pipeline.dataset.options import DatasetOptions, merged_options
+from ..pipeline.dataset.options import OPTIONS, DatasetOptions, merged_options
 from ..pipeline.errors import InputError
 from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
@@ -113,9 +113,9 @@ def content_key(
 
 def pose_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
     """A key like :func:`content_key` for the poses only: options of rendering do not change it."""
-    default = DatasetOptions()
-    irrelevant = ("colour", "unseen", "engine", "samples", "float_depth", "video", "video_frames")
-    options = replace(dataset_options(scene), **{name: getattr(default, name) for name in irrelevant})
+    # of what no pose depends on, the defaults
+    fixed: dict[str, Any] = {name: option.default for name, option in OPTIONS.items() if not option.moves}
+    options = replace(dataset_options(scene), **fixed)
     return content_key(scene, options, stamp=stamp)
 
 
@@ -136,15 +136,14 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
         The scene is not a complete case, or no pose meets the constraints.
     """
     global _planned
-    # the poses do not depend on the colours: use the quickest settings
-    options = replace(dataset_options(scene), colour="projective", unseen="neutral", engine="cycles", samples=1)
+    options = dataset_options(scene)
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)
     listed = listed_poses(loaded, options)
     count = options.count if listed is None else len(listed)
     reference = reference_view_of(loaded)
-    with ViewRenderer(loaded, reference, options, listed) as renderer:
-        planned = [renderer.plan(index) for index in range(min(number, count))]
-    lines = frusta(planned, view_camera(loaded, options), reference)
+    planner = ViewPlanner(loaded, reference, options, listed)
+    planned = [planner.plan(index) for index in range(min(number, count))]
+    lines = frusta(planned, planner.camera, reference)
     statistics = [view.statistics for view in planned]
     _planned = PlannedPoses(
         key,

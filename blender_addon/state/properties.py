@@ -1,6 +1,6 @@
 """What a scene stores besides the objects: paths of files, K as typed, landmarks, display settings."""
 
-import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,7 +19,7 @@ from bpy.props import (
 
 from ..class_registration import attached, prop
 from ..pipeline.camera.pinhole import PixelOrigin
-from ..pipeline.dataset.options import DatasetOptions
+from ..pipeline.dataset.options import OPTIONS
 from . import events
 
 UNITS = [("mm", "Millimetres", "The mesh's numbers are millimetres"), ("m", "Metres", "The mesh's numbers are metres")]
@@ -27,35 +27,6 @@ ORIGINS = [
     ("center", "Centre", "Pixel (0, 0) is the centre of the top-left pixel (OpenCV)"),
     ("corner", "Corner", "Pixel (0, 0) is the corner of the top-left pixel (COLMAP, OpenGL)"),
 ]
-
-LABELS = {
-    "count": "Views",
-    "cone_deg": "Max Tilt (°)",
-    "roll_deg": "Max Roll (°)",
-    "distance_min": "Nearest (×)",
-    "distance_max": "Farthest (×)",
-    "shift_mm": "Max Shift (mm)",
-    "sigma_deg": "Rotation σ (°)",
-    "sigma_mm": "Translation σ (mm)",
-    "polar_deg": "Max Angle (°)",
-    "min_observed": "Min Observed",
-    "min_surface": "Min Surface",
-    "min_clearance_mm": "Clearance (mm)",
-    "sampler": "Poses",
-    "samples": "Rays at Edges",
-    "unseen": "Unseen Surface",
-    "max_incidence_deg": "Incidence (°)",
-    "scale": "Image Size (×)",
-    "float_depth": "Float Depth",
-    "video": "Video",
-    "video_frames": "Video Frames",
-}
-"""What the window calls the options of a dataset, where that is not the option's own name."""
-
-
-def label(option: str) -> str:
-    """The label of an option in the window."""
-    return LABELS.get(option) or option.replace("_", " ").title()
 
 
 def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Context) -> None:
@@ -115,27 +86,30 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
 
 def _dataset_annotations() -> dict:
     """One property for every option of a dataset, with the same name, limits and description."""
-    annotations = {}
-    for field in dataclasses.fields(DatasetOptions):
-        if field.name == "poses":
+    annotations: dict[str, Any] = {}
+    for option in OPTIONS.values():
+        if option.key == "poses":
             continue
-        default: Any = field.default
-        limits, text = field.metadata, field.metadata["help"]
-        given = {"name": label(field.name), "description": text[:1].upper() + text[1:]}
-        if "choices" in limits:
-            items = [(choice, choice.capitalize(), "") for choice in limits["choices"]]
-            annotations[field.name] = EnumProperty(items=items, default=default, **given)
-        elif field.type is bool:
-            annotations[field.name] = BoolProperty(default=default, **given)
+        given: dict[str, Any] = {
+            "name": option.label,
+            "description": option.text[:1].upper() + option.text[1:],
+            "default": option.default,
+        }
+        if option.choices:
+            items = [(choice, choice.capitalize(), about) for choice, about in option.choices.items()]
+            annotations[option.key] = EnumProperty(items=items, **given)
+        elif option.kind is bool:
+            annotations[option.key] = BoolProperty(**given)
         else:
-            kind = IntProperty if field.type is int else FloatProperty
-            ends = {end: limits[key] for end, key in (("min", "least"), ("max", "most")) if key in limits}
-            annotations[field.name] = kind(default=default, **ends, **given)
+            kind: Any = IntProperty if option.kind is int else FloatProperty
+            limits = {"min": option.least, "max": option.most}
+            ends = {end: option.kind(limit) for end, limit in limits.items() if math.isfinite(limit)}
+            annotations[option.key] = kind(**ends, **given)
     return annotations
 
 
 class ONEFRAME_PG_dataset(bpy.types.PropertyGroup):
-    """The options of a dataset, see :class:`DatasetOptions`."""
+    """The options of a dataset, see :data:`OPTIONS`."""
 
     __annotations__ = _dataset_annotations()
 

@@ -52,9 +52,10 @@ def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Dis
         Not five finite numbers (or four, with k3 = 0), or a model that folds the image inside the frame.
     """
     try:
-        if isinstance(values, str):
+        given: list[object] = [] if isinstance(values, str) else list(values)  # type: ignore[call-overload]
+        if any(isinstance(value, str | bool) for value in given):
             raise TypeError
-        numbers = [float(value) for value in values]  # type: ignore[attr-defined]
+        numbers = [float(value) for value in given]  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: expected [k1, k2, p1, p2, k3], found {values!r}") from None
     if len(numbers) == 4:

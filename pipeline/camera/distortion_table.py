@@ -35,6 +35,8 @@ _MATRIX_LENGTHS = {"k": 9, "camk": 9, "p1": 12, "p2": 12}
 _LENS = re.compile(rf"{_BENDING.pattern}|fish|omni|equirect|lens|^({_MODELS})$")
 _KIND = ("type", "kind", "name", "model")
 """In a table about a lens, keys that name its model."""
+_OF_A_MATRIX = ("rows", "cols", "dt", "data")
+"""Keys of OpenCV's matrices."""
 _NO_PINHOLE = re.compile(r"(opencv)?fisheye|omni(directional)?|equidistant|equirectangular|kannalabrandt\d?|mei|ftheta")
 """What is no pinhole camera, whatever key says it."""
 _ABOUT_NO_RAY = re.compile(
@@ -116,6 +118,9 @@ def _lens_entries(table: object, path: str, *, within: str = "") -> Iterator[tup
         is_container = isinstance(value, Mapping | list) and numbers_of(value) is None
         plain, place = plain_key(key), f"{path}{str(key)[:LONGEST_NAME]}"
         about_lens = bool(_LENS.search(plain)) and not _ABOUT_NO_RAY.search(plain)
+        if isinstance(value, Mapping) and not is_container:
+            further = {key: part for key, part in value.items() if key not in _OF_A_MATRIX}
+            yield from _lens_entries(further, f"{place}.", within=plain if about_lens else within)
         if is_container:
             inside = list(_lens_entries(value, f"{place}.", within=plain if about_lens else within))
             yield from inside
@@ -123,7 +128,7 @@ def _lens_entries(table: object, path: str, *, within: str = "") -> Iterator[tup
                 yield place, value
         elif about_lens or (
             (within and plain in _KIND)
-            or (bending and isinstance(value, list | Mapping | float | int))
+            or (bending and (isinstance(value, list | Mapping) or number_of(value) is not None))
             or (isinstance(value, str) and _NO_PINHOLE.fullmatch(plain_key(value)))
         ):
             yield place, value

@@ -17,6 +17,8 @@ MATRICES = ("k", "cameramatrix", "intrinsics", "intrinsic", "intrinsicmatrix", "
 PARTS = {"fx": ("fx", "flx"), "fy": ("fy", "fly"), "cx": ("cx", "ppx"), "cy": ("cy", "ppy")}
 SIDES = (("width", "height"), ("imagewidth", "imageheight"), ("canvaswidth", "canvasheight"), ("w", "h"))
 SIZES = ("size", "resolution", "imagesize", "imgsize")
+MATLAB = ("RadialDistortion", "TangentialDistortion")
+"""Keys beside K that tell MATLAB's cameraParameters: pixels count from 1, and sizes are (rows, columns)."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,12 @@ def _calibrations(
         place, tables = ".".join(path), (table, *outer)
         distortion = distortion_of(tables, f"{where}: {place}" if place else where)
         scopes = tuple(map(_plain, tables))
-        yield Calibration(place, matrix, _size(scopes), distortion, _pixel_origin(scopes), messages)
+        size = _size(scopes)
+        if all(key in table for key in MATLAB):
+            matrix = matrix - [[0, 0, 1], [0, 0, 1], [0, 0, 0]]
+            size = size and size[::-1]
+            messages = (*messages, "MATLAB counts pixels from 1; the principal point was moved to count from 0")
+        yield Calibration(place, matrix, size, distortion, _pixel_origin(scopes), messages)
         return
     around = ({key: value for key, value in table.items() if not _holds_camera(value)}, *outer)
     for key, value in table.items():

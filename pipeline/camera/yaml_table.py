@@ -16,7 +16,18 @@ MOST_VALUES = 1_000_000
 
 
 class _Loader(yaml.CSafeLoader):
-    """Reads tables, lists and scalars; what a tag such as ``!!opencv-matrix`` says, the keys say too."""
+    """Reads tables, lists and scalars; what a tag such as ``!!opencv-matrix`` says, the keys say too.
+
+    Scalars stay texts: YAML 1.1 takes 0120 for 80, and 20:00 for 1200.
+    """
+
+    yaml_implicit_resolvers = {"<": yaml.CSafeLoader.yaml_implicit_resolvers["<"]}  # noqa: RUF012  # as PyYAML has it
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, object]:
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(keys)) < len(keys):
+            raise ValueError(f"it holds {max(keys, key=keys.count)[:60]!r} twice in one table")
+        return super().construct_mapping(node, deep)
 
 
 def _untagged(loader: Any, tag: str, node: yaml.Node) -> object:

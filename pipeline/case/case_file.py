@@ -23,7 +23,7 @@ from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
 from .frame import UnreadFrame
-from .landmarks import Landmark, landmarks_from_tables
+from .landmarks import Landmark, checked_name, landmarks_from_tables
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ("video", "video_frame")),
@@ -252,15 +252,14 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     for index, entry in enumerate(_tables(entries, "structures", name)):
         where = f"{name}: [[structures]] number {index + 1}: "
         check_keys(entry, *_TABLES["structures"], where)
-        if not isinstance(entry["name"], str) or not entry["name"]:
-            raise InputError(f"{where}expected a name, found {entry['name']!r}")
+        label = checked_name(entry["name"], where)
         colour = entry.get("color")
-        red, green, blue = structure_colour(entry["name"])
+        red, green, blue = structure_colour(label)
         if colour is not None:
             if not isinstance(colour, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", colour):
                 raise InputError(f'{where}expected color = "#rrggbb", found {colour!r}')
             red, green, blue = (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
-        structures.append(Structure(entry["name"], _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
+        structures.append(Structure(label, _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
     names = [structure.name for structure in structures]
     if len(set(names)) != len(names):
         raise InputError(f"{name}: expected a different name for each of the [[structures]], found {names}")

@@ -1,7 +1,7 @@
 """Landmark files: CSV for spreadsheets, JSON for programs.
 
-The CSV has a header ``name,x,y,z,u,v,enabled`` (any order; commas or semicolons; other columns are ignored), the JSON
-is a list of ``{"name", "surface": [x, y, z], "pixel": [u, v], "enabled"}``, as in a case file. Points are in the frame
+The CSV has a header ``name,x,y,z,u,v,enabled`` (any order; commas, semicolons or tabs; others are ignored), the JSON is
+a list of ``{"name", "surface": [x, y, z], "pixel": [u, v], "enabled"}``, as in a case file. Points are in the frame
 and units of the mesh file, pixels in the undistorted frame with (0, 0) at the centre of the top-left pixel. Without a
 point or without a pixel, a landmark is incomplete.
 """
@@ -113,7 +113,8 @@ def _json_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:
 
 def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
     header = next((line for line in text.splitlines() if line.strip()), "")
-    rows = csv.reader(io.StringIO(text), delimiter=";" if header.count(";") > header.count(",") else ",", strict=True)
+    # a line may end with a carriage return alone
+    rows = csv.reader(io.StringIO(text, newline=None), delimiter=max(",;\t", key=header.count), strict=True)
     names: list[str] = []
     found: dict[str, tuple[int, Landmark]] = {}
     try:

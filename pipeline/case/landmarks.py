@@ -97,9 +97,7 @@ def landmark_from_table(
         As :func:`landmarks_from_tables`.
     """
     check_keys(entry, ("name",), ("surface", "pixel", "enabled"), place)
-    name, point, pixel = entry["name"], None, None
-    if not isinstance(name, str) or not name.strip() or _NOT_IN_NAMES.search(name):
-        raise InputError(f"{place}expected a name, found {name!r}")
+    name, point, pixel = checked_name(entry["name"], place), None, None
     if "surface" in entry:
         x, y, z = _numbers(entry["surface"], 3, f"{place}expected surface = [x, y, z]")
         point = (millimetres(x, mm_per_unit), millimetres(y, mm_per_unit), millimetres(z, mm_per_unit))
@@ -113,6 +111,13 @@ def landmark_from_table(
     if not isinstance(enabled, bool):
         raise InputError(f"{place}expected enabled = true or false, found {enabled!r}")
     return Landmark(name.strip(), point, pixel, enabled)
+
+
+def checked_name(name: object, place: str) -> str:
+    """Check the name of a landmark or a structure: not blank, on one line; ``place`` begins the message."""
+    if not isinstance(name, str) or not name.strip() or _NOT_IN_NAMES.search(name):
+        raise InputError(f"{place}expected a name, found {name!r}")
+    return name
 
 
 def _numbers(values: Any, count: int, expected: str) -> list[float]:

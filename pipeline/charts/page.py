@@ -1,4 +1,4 @@
-"""What all charts share: their colours on light and on dark pages, and their files.
+"""What all charts share: their colours, their style, and their file.
 
 The same data give the same bytes with the same matplotlib. Matplotlib is optional, hence imported on use, and its
 figures and axes are typed as ``Any``.
@@ -7,7 +7,6 @@ figures and axes are typed as ``Any``.
 import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,32 +14,33 @@ from ..errors import RunError
 from ..files.outputs import write_output
 
 DPI = 160
-
-
-@dataclass(frozen=True)
-class Theme:
-    """Colours for a light or a dark page; ``series`` suits colour-blind readers too (after Okabe and Ito 2008)."""
-
-    suffix: str
-    background: str
-    text: str
-    muted: str
-    grid: str
-    series: tuple[str, str, str]
-    ramp: tuple[str, str]
-
-
-THEMES = (
-    Theme("", "#ffffff", "#1f2328", "#59636e", "#d8dee4", ("#0072b2", "#d55e00", "#007d5a"), ("#f3f6f9", "#0072b2")),
-    Theme(
-        "-dark", "#0d1117", "#e6edf3", "#9198a1", "#30363d", ("#56b4e9", "#e69f00", "#2bc49a"), ("#1c2430", "#56b4e9")
-    ),
-)
-OURS, WARNING, PEER = 0, 1, 2
-"""Positions in :attr:`Theme.series`."""
-
-Draw = Callable[[Any, Theme], None]
-"""Draws a chart into an empty matplotlib ``Figure``."""
+PAPER, TEXT, MUTED, GRID = "#ffffff", "#1f2328", "#59636e", "#d8dee4"
+OURS, WARNING, PEER = "#0072b2", "#d55e00", "#007d5a"
+"""Colours of series, which suit colour-blind readers too (after Okabe and Ito 2008)."""
+DASHED = (0, (4, 3))
+STYLE: dict[Any, Any] = {
+    "savefig.dpi": DPI,
+    "font.size": 11,
+    "figure.facecolor": PAPER,
+    "axes.facecolor": PAPER,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": TEXT,
+    "axes.titlecolor": TEXT,
+    "axes.titlesize": 11,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.8,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "text.color": TEXT,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": TEXT,
+    "ytick.labelcolor": TEXT,
+}
 
 
 def require_matplotlib() -> None:
@@ -59,89 +59,57 @@ def require_matplotlib() -> None:
         ) from None
 
 
-def chart_outputs(data: Path) -> list[Path]:
-    """The files of :func:`write_chart`."""
-    return [chart_path(data, theme, kind) for theme in THEMES for kind in ("svg", "png")]
+def chart_path(data: Path) -> Path:
+    """The file of the chart of a data file: ``NAME.png`` beside it."""
+    return data.with_suffix(".png")
 
 
-def chart_path(data: Path, theme: Theme, kind: str) -> Path:
-    """The file of a chart; ``kind`` is svg or png."""
-    return data.with_name(f"{data.stem}{theme.suffix}.{kind}")
-
-
-def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, title: str) -> list[Path]:
-    """Write a chart next to its data file: ``NAME.svg``, ``NAME.png``, ``NAME-dark.svg`` and ``NAME-dark.png``.
+def write_chart(data: Path, draw: Callable[[Any], None], size_inches: tuple[float, float], *, title: str) -> Path:
+    """Write a chart, and return its file, see :func:`chart_path`.
 
     Parameters
     ----------
     data
         The file with the chart's data: determines folder and name.
     draw
-        Called with an empty figure and the theme.
+        Called with an empty matplotlib ``Figure``.
     title
-        The chart's title, also in the files' metadata.
+        The chart's title, also in the file's metadata.
 
     Raises
     ------
     RunError
-        matplotlib is not installed, or a file cannot be written.
+        matplotlib is not installed, or the file cannot be written.
     """
     require_matplotlib()
-    written = []
-    for theme in THEMES:
-        with _style(theme):
-            from matplotlib.figure import Figure
-            from matplotlib.layout_engine import ConstrainedLayoutEngine
+    with _style():
+        from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-            figure = Figure(figsize=size_inches, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.1))
-            figure.suptitle(title, x=0.012, ha="left", fontsize=13, fontweight="bold")
-            draw(figure, theme)
-            for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
-                content = io.BytesIO()
-                figure.savefig(content, format=kind, metadata={"Title": title, **metadata})
-                path = chart_path(data, theme, kind)
-                write_output(path, content.getvalue())
-                written.append(path)
-    return written
+        figure = Figure(figsize=size_inches, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.1))
+        figure.suptitle(title, x=0.012, ha="left", fontsize=13, fontweight="bold")
+        draw(figure)
+        content = io.BytesIO()
+        figure.savefig(content, format="png", metadata={"Title": title, "Software": None})
+    path = chart_path(data)
+    write_output(path, content.getvalue())
+    return path
 
 
 @contextmanager
-def _style(theme: Theme) -> Iterator[None]:
-    """Use matplotlib's defaults instead of the user's settings, with the colours of a theme."""
+def _style() -> Iterator[None]:
+    """Use matplotlib's defaults instead of the user's settings, with the style of all charts."""
     import matplotlib
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(
-            {
-                "svg.hashsalt": "oneframe",
-                "svg.fonttype": "path",
-                "savefig.dpi": DPI,
-                "font.size": 11,
-                "figure.facecolor": theme.background,
-                "axes.facecolor": theme.background,
-                "axes.edgecolor": theme.muted,
-                "axes.labelcolor": theme.text,
-                "axes.titlecolor": theme.text,
-                "axes.titlesize": 11,
-                "axes.titlelocation": "left",
-                "axes.spines.top": False,
-                "axes.spines.right": False,
-                "axes.axisbelow": True,
-                "grid.color": theme.grid,
-                "text.color": theme.text,
-                "xtick.color": theme.muted,
-                "ytick.color": theme.muted,
-                "xtick.labelcolor": theme.text,
-                "ytick.labelcolor": theme.text,
-            }
-        )
+        matplotlib.rcParams.update(STYLE)
         yield
 
 
-def note(figure: Any, theme: Theme, text: str) -> None:
-    """Write one line in small print below the chart."""
-    figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=theme.muted)
+def note(figure: Any, text: str) -> None:
+    """Write small print below the chart."""
+    figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=MUTED)
 
 
 def round_ticks_inside(axes: Any, *, margin: float) -> None:

@@ -177,7 +177,9 @@ def baked_colour_of(
     that it raises ends the work. ``unseen`` are colours ``(V, 3)`` of the vertices for what the frame did not see.
     """
     report = progress or _unreported
-    if mode != "texture":
+    if mode not in ("texture", "vertex"):
+        raise ValueError(f"expected the colour mode texture or vertex, found {mode!r}")
+    if mode == "vertex":
         report(0.0)
         colours, messages = vertex_colours_of(reference)
         if unseen is not None:
@@ -215,8 +217,10 @@ def _unreported(_fraction: float) -> None:
 
 def unseen_colours_of(reference: ReferenceView, unseen: str) -> np.ndarray | None:
     """``(V, 3)`` colours of the vertices for what the frame did not see; ``None``, neutral grey, unless ``"fill"``."""
-    if unseen != "fill":
+    if unseen == "neutral":
         return None
+    if unseen != "fill":
+        raise ValueError(f"expected neutral or fill, found {unseen!r}")
     vertices = colour_vertices(reference.mesh, reference.views)
     if vertices.covered.any():
         return filled_colours(reference.mesh.vertices, reference.mesh.faces, vertices.rgb, vertices.covered)

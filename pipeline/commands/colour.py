@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="an image mapped on the surface, or one colour per vertex (default %(default)s)",
     )  # fmt: skip
     output.add_argument(
-        "--unseen", choices=UNSEEN, default=UNSEEN[0],
+        "--unseen", choices=UNSEEN, default="neutral",
         help="surface that the frame did not see: grey, or the observed colours, continued smoothly over the surface "
         "(default %(default)s)",
     )  # fmt: skip

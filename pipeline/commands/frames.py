@@ -56,15 +56,15 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(
             f"command line: --to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}"
         )
-    from ..charts.page import chart_outputs, require_matplotlib
-    from ..charts.score_chart import score_charts
+    from ..charts.page import chart_path, require_matplotlib
+    from ..charts.score_chart import score_chart
     from ..progress import ShareProgress
     from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
     from ..video.frame_scores import best_frames, score_frames
 
     output = own_output()
     video, out = arguments.video, arguments.out
-    charts = chart_outputs(out / TABLE)
+    charts = [chart_path(out / TABLE)]
     try:
         require_matplotlib()
     except RunError:
@@ -83,8 +83,8 @@ def run(arguments: argparse.Namespace) -> None:
         output.write(f"frames beside what is masked in them: {out / SHEET}\n")
     output.write(f"scores of all frames: {out / TABLE}\n")
     if charts:
-        score_charts(scores.frames, [frame.score for frame in written], out / TABLE)
-        output.write(f"scores over time: {(out / TABLE).with_suffix('.png')}\n")
+        drawn = score_chart(scores.frames, [frame.score for frame in written], out / TABLE)
+        output.write(f"scores over time: {drawn}\n")
     else:
         output.write("note: no chart of the scores, which needs matplotlib; run pip install matplotlib\n")
     if not written:

@@ -28,16 +28,14 @@ and files that it names and pack again.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    from ..packing.layout import VIEWS_PER_SHARD
-
     parser.add_argument("dataset", metavar="DIR", type=Path, nargs="?", help="folder of the complete dataset")
     parser.add_argument(
         "--out", metavar="PACKED", type=Path, required=True, help="folder of the pack; an unfinished one is resumed"
     )
     content = parser.add_argument_group("content")
     content.add_argument(
-        "--views-per-shard", metavar="N", type=int, default=VIEWS_PER_SHARD,
-        help="views in each tar file (default %(default)s)",
+        "--views-per-shard", metavar="N", type=int, default=1000,
+        help="views in each tar file (default %(default)s, as in BOP's own packs)",
     )  # fmt: skip
     content.add_argument(
         "--jpeg", metavar="QUALITY", type=int,

@@ -29,17 +29,6 @@ if TYPE_CHECKING:
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
 """This command as a script, which a checkout and the extension have."""
 
-GROUPS = {
-    "views": ("count", "scale", "engine", "samples", "colour", "unseen", "max_incidence_deg", "float_depth"),
-    "poses": (
-        "seed", "poses", "sampler", "cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm", "sigma_deg",
-        "sigma_mm", "polar_deg",
-    ),
-    "constraints on poses": ("min_observed", "min_surface", "min_clearance_mm"),
-    "video": ("video", "video_frames"),
-}  # fmt: skip
-"""Headings of ``--help`` -> the dataset options under each."""
-
 ABOUT = "Render a dataset of posed views from one aligned frame, or from each of a queue."
 EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 1000
@@ -63,8 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
     )
-    for title, names in GROUPS.items():
-        add_option_arguments(parser.add_argument_group(title), names)
+    add_option_arguments(parser)
     machines = parser.add_argument_group("processes and machines")
     machines.add_argument(
         "--workers", metavar="N", type=at_least(0), default=0, help="number of processes (default: one per core)"

@@ -13,7 +13,8 @@ from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
 from ..transforms import checked_matrix
 from .identity import COUNT, POSES_HASH, identity_of
-from .layout import FORMAT, MOST_VIEWS, view_kinds
+from .layout import FORMAT, MOST_VIEWS
+from .truths import written_truths
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,6 @@ class Description:
         Intrinsics of the views.
     mesh_from_model
         4x4, mm.
-    float_depth
-        Whether the views have float depth.
     frames
         Number of frames that colour the surface.
     """
@@ -46,13 +45,12 @@ class Description:
     name: str
     camera: PinholeCamera
     mesh_from_model: np.ndarray
-    float_depth: bool
     frames: int = 1
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of a view's files, without its record."""
-        return view_kinds(float_depth=self.float_depth, several_frames=self.frames > 1)
+        return written_truths(self.content["options"], self.frames)
 
     @property
     def poses_hash(self) -> str | None:
@@ -85,10 +83,7 @@ def read_description(path: Path) -> Description:
     except KeyError as missing:
         raise InputError(f"{path}: camera: expected a key {missing}, it is missing; copy the dataset again") from None
     mesh_from_model = checked_matrix(content.get("mesh_from_model"), 4, f"{path}: mesh_from_model")
-    float_depth = options.get("float_depth") is True
     further = content.get("frames", [])
     if not isinstance(further, list):
         raise InputError(f"{path}: expected a list of frames, found another value; copy the dataset again")
-    return Description(
-        content, identity_of(content), count, name, intrinsics, mesh_from_model, float_depth, 1 + len(further)
-    )
+    return Description(content, identity_of(content), count, name, intrinsics, mesh_from_model, 1 + len(further))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +14,14 @@ from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
+from ..poses.distributions import PoseDistribution, ReferencePose, Trajectory, farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
-from .options import DatasetOptions
-from .view import depth_scale_for
+from .options import SAMPLERS, DatasetOptions
+from .truths import depth_scale_for
 
 POSES = "poses"
 """Name of the list of poses among the input files."""
-NO_CONTENT = ("count", "poses", "video", "video_frames")
-"""Options that affect no view (a video may be added later), or that the description holds elsewhere."""
 
 
 def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
@@ -76,8 +76,8 @@ def describe(
     """
     case, camera = loaded.case, view_camera(loaded, options)
     count = options.count if poses is None else len(poses)
-    content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
-    if options.sampler == "trajectory" and poses is None:
+    content = options.content()
+    if poses is None and not SAMPLERS[options.sampler].grows:
         content["views"] = count  # each pose depends on it
     frames = [described_frame(frame, loaded.surface.mesh_from_model) for frame in case.every_frame]
     listed: dict[str, object] = {}
@@ -138,6 +138,20 @@ def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
     return camera.resized(width, height)
 
 
-def farthest_listed_mm(poses: np.ndarray, radius_mm: float) -> float:
-    """A depth that a surface of this radius does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm."""
-    return float(poses[:, 2, 3].max()) + radius_mm
+def distribution_of(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution:
+    """The distribution that options name, around a reference, for views with these intrinsics."""
+    sampler = SAMPLERS[options.sampler]
+    module, name = sampler.place.split(":")
+    kind = getattr(import_module(f"..poses.{module}", __package__), name)
+    distribution: PoseDistribution = kind.of(reference, _middle_ray(camera), sampler.values(options))
+    return distribution
+
+
+def trajectory_of(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> Trajectory:
+    """The path of the video, within the limits of the options."""
+    return Trajectory.of(reference, _middle_ray(camera), SAMPLERS["trajectory"].values(options))
+
+
+def _middle_ray(camera: PinholeCamera) -> np.ndarray:
+    middle: np.ndarray = camera.rays_cam(np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]]))[0]
+    return middle

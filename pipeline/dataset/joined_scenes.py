@@ -25,9 +25,9 @@ from .layout import (
     SPLIT,
     TARGETS,
     scene_folder,
-    view_kinds,
 )
 from .run.lock import Busy, FileLock
+from .truths import TRUTHS
 
 
 def join_scenes(datasets: Mapping[str, Path], out: Path) -> None:
@@ -108,7 +108,7 @@ def _link_scene(scene: Path, to: Path, number: int) -> None:
         else:
             write_json(to / name, _renumbered(json.loads((scene / name).read_bytes()), number), indent=None)
     # the records of views are OneFrame's own, and stay with their dataset
-    for kind in view_kinds(float_depth=True, several_frames=True):
+    for kind in TRUTHS:
         if (scene / kind).is_dir():
             create_folder(to / kind)
             for file in sorted((scene / kind).iterdir()):

@@ -10,7 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ..files.content import LARGEST_INPUT, LARGEST_TEXT
+from .truths import TRUTHS
 
 FORMAT = "oneframe dataset 2"
 """Name and version of the layout, in ``dataset.json``."""
@@ -39,8 +42,8 @@ SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "sce
 VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
 FOLDERS = (*MODEL_FOLDERS, "video", SPLIT)
 """The folders beside ``dataset.json`` that a run writes into, apart from :data:`WORK`."""
-KINDS = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "source_frame", "depth_mm", "frame")
-"""Kinds of a view's files, each in a folder of its own."""
+KINDS = (*TRUTHS, "frame")
+"""Kinds of a view's files, each in a folder of its own: its arrays and its record."""
 
 
 @dataclass(frozen=True)
@@ -66,31 +69,24 @@ class ViewPaths:
         return self.root / scene_folder(self.scene_id)
 
     def file(self, kind: str) -> Path:
-        """Path of one of the view's files, by its kind (a key of :func:`.view_files`, or ``"frame"``)."""
+        """Path of one of the view's files, by its kind, one of :data:`KINDS`."""
         return self.root / self.relative(kind)
 
     def relative(self, kind: str) -> str:
         """Path of one of the view's files relative to the dataset's folder, with forward slashes."""
         # called for every file of every view of a survey
         scene, image = divmod(self.index, VIEWS_PER_SCENE)
-        return f"{scene_folder(scene)}/{kind}/{image:06d}{_ENDINGS.get(kind, '.png')}"
+        return f"{scene_folder(scene)}/{kind}/{image:06d}{_ENDINGS[kind]}"
 
 
-_ENDINGS = {"frame": ".json", "depth_mm": ".npy"} | dict.fromkeys(
-    ("mask", "mask_visib", "mask_observed"), "_000000.png"
-)
-"""Ends of the names of files that hold more than a picture of the view, or something else."""
-
-
-def view_kinds(*, float_depth: bool, several_frames: bool) -> tuple[str, ...]:
-    """Kinds of the files that a view has beside its record."""
-    written = {"frame": False, "depth_mm": float_depth, "source_frame": several_frames}
-    return tuple(kind for kind in KINDS if written.get(kind, True))
+_ENDINGS = {name: truth.form.ending for name, truth in TRUTHS.items()} | {"frame": ".json"}
+"""Ends of the names of files, by kind."""
 
 
 def largest_view_file(width: int, height: int) -> int:
-    """No file of a view of this size has more bytes: at worst four a pixel, and a header."""
-    return min(4 * width * height, LARGEST_INPUT) + LARGEST_TEXT
+    """No file of a view of this size has more bytes: at worst all of its pixels', and a header."""
+    pixel = max(np.dtype(truth.form.dtype).itemsize * truth.form.channels for truth in TRUTHS.values())
+    return min(pixel * width * height, LARGEST_INPUT) + LARGEST_TEXT
 
 
 def scene_count(count: int) -> int:

@@ -3,78 +3,224 @@
 import argparse
 import dataclasses
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
 from ..files.keys import nearest_name
 
-ENGINES = ("cycles", "raster", "eevee")
-COLOURS = ("projective", "texture", "vertex")
-UNSEEN = ("neutral", "fill")
-SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
+ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
+"""Each is a file of :mod:`oneframe.blender.render`."""
+COLOURS = {"projective": "exact at every shaded point", "texture": "baked", "vertex": "the paper's method"}
+UNSEEN = {
+    "neutral": "grey",
+    "fill": "the observed colours, continued smoothly over the surface; the mask of the observed surface is the same",
+}
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """A distribution of poses.
+
+    Attributes
+    ----------
+    place
+        Module of :mod:`oneframe.poses` and class, which has the reach, joined by a colon.
+    about
+        How the poses lie.
+    options
+        Names of the options that the class takes.
+    grows
+        Whether a view's pose stays the same when views are added.
+    """
+
+    place: str
+    about: str
+    options: tuple[str, ...]
+    grows: bool = True
+
+    def values(self, options: "DatasetOptions") -> dict[str, float]:
+        """What options say about its own."""
+        return {name: getattr(options, name) for name in self.options}
+
+
+SAMPLERS = {
+    "cone": Sampler(
+        "distributions:Cone",
+        "tilt within a cone about the frame's viewing direction, roll, distance, lateral shift",
+        ("cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm"),
+    ),
+    "gaussian": Sampler(
+        "distributions:Gaussian", "normally distributed in se(3) around the frame's pose", ("sigma_deg", "sigma_mm")
+    ),
+    "shell": Sampler(
+        "distributions:Shell",
+        "uniform in the volume of a part of a spherical shell",
+        ("polar_deg", "roll_deg", "distance_min", "distance_max"),
+    ),
+    "trajectory": Sampler(
+        "distributions:Trajectory",
+        "along a smooth closed curve",
+        ("cone_deg", "roll_deg", "distance_min", "distance_max"),
+        grows=False,
+    ),
+}
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
 
 
-def _option(default: Any, text: str, **limits: Any) -> Any:
-    return field(default=default, metadata={"help": text, **limits})
+@dataclass(frozen=True)
+class Option:
+    """The declaration of an option.
+
+    Attributes
+    ----------
+    about
+        What it is.
+    group
+        Heading of ``--help``.
+    name
+        What the window calls it, without unit; the option's own name if left out.
+    unit
+        Of a number.
+    least, most
+        Limits of a number.
+    choices
+        The values of a text, and what each is.
+    moves
+        Whether poses depend on it.
+    is_content
+        Whether it belongs to the identity of a dataset, so that no view may be made with another value.
+    since
+        The version that brought it: at its default it is left out of a description, as from older versions.
+    key, kind, default
+        Name, type and default of its field in :class:`DatasetOptions`.
+    """
+
+    about: str
+    group: str = "views"
+    name: str = ""
+    unit: str = ""
+    least: float = -math.inf
+    most: float = math.inf
+    choices: Mapping[str, str] = field(default_factory=dict)
+    moves: bool = False
+    is_content: bool = True
+    since: str = ""
+    key: str = ""
+    kind: Any = None
+    default: Any = None
+
+    @property
+    def flag(self) -> str:
+        """On the command line."""
+        return "--" + self.key.replace("_", "-")
+
+    @property
+    def label(self) -> str:
+        """In the window."""
+        unit = f" ({self.unit})" if self.unit else ""
+        return (self.name or self.key.replace("_", " ").title()) + unit
+
+    @property
+    def text(self) -> str:
+        """What it is, with its choices, or the samplers that have it, for ``--help`` and the window."""
+        used_by = [name for name, sampler in SAMPLERS.items() if self.key in sampler.options]
+        choices = "; ".join(f"{choice} ({about})" for choice, about in self.choices.items())
+        return ": ".join(filter(None, (", ".join(used_by), self.about, choices)))
+
+
+def _option(default: Any, about: str, **declared: Any) -> Any:
+    return field(default=default, metadata={"option": Option(about, **declared)})
+
+
+_pose = partial(_option, group="poses", moves=True)
+_constraint = partial(_option, group="constraints on poses", moves=True)
+_video = partial(_option, group="video", is_content=False)
 
 
 @dataclass(frozen=True)
 class DatasetOptions:
     """Everything that determines the content of a dataset in addition to the case."""
 
-    count: int = _option(100, "number of views", least=1, most=10_000_000)
-    seed: int = _option(0, "seed of the poses; view i depends only on the seed and i", least=0)
-    poses: str | None = _option(
+    # count and poses are in a description under keys of their own, as they may grow
+    count: int = _option(100, "number of views", name="Views", least=1, most=10_000_000, moves=True, is_content=False)
+    seed: int = _pose(0, "seed of the poses; view i depends only on the seed and i", least=0)
+    poses: str | None = _pose(
         None, "explicit poses cam_from_mesh, in the frame of the mesh file: .npy (N x 4 x 4) or a JSON list; they "
-        "replace the sampler and --count"
+        "replace the sampler and --count", is_content=False,
     )  # fmt: skip
-    scale: float = _option(1.0, "size of the views relative to the frame's", least=1 / 64, most=8)
-    engine: str = _option(
-        "cycles", "renderer; cycles is exact; raster is as exact and faster; eevee needs OpenGL", choices=ENGINES
+    scale: float = _option(
+        1.0, "size of the views relative to the frame's", name="Image Size", unit="×", least=1 / 64, most=8, moves=True
     )
+    engine: str = _option("cycles", "renderer", choices=ENGINES)
     samples: int = _option(
         1, "1: one exact ray through each pixel centre; more: anti-aliased, with this many rays in each pixel that an "
-        "edge crosses. Depth and masks are exact either way", least=1, most=256,
+        "edge crosses. Depth and masks are exact either way", name="Rays at Edges", least=1, most=256,
     )  # fmt: skip
-    colour: str = _option(
-        "projective", "how the frame colours the surface: projective (exact at every shaded point), texture (baked), "
-        "vertex (the paper's method)", choices=COLOURS,
-    )  # fmt: skip
-    unseen: str = _option(
-        "neutral", "surface that the frame did not see: neutral (grey), or fill (the observed colours, continued "
-        "smoothly over the surface). The mask of the observed surface is the same", choices=UNSEEN,
-    )  # fmt: skip
+    colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
+    unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
-        "seen; what the frame sees at a grazing angle is stretched to streaks in other views", least=0, most=90,
+        "seen; what the frame sees at a grazing angle is stretched to streaks in other views",
+        name="Incidence", unit="°", least=0, most=90, moves=True,
     )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
-    video: bool = _option(False, "also render a smooth trajectory as MP4 with its poses")
-    video_frames: int = _option(120, "length of the video in frames (24 per second)", least=2)
-    sampler: str = _option(
-        "cone", "distribution of poses around the frame's pose: cone of viewing directions; gaussian in se(3); shell: "
-        "uniform in the volume of a spherical shell; trajectory: a smooth closed curve", choices=SAMPLERS,
+    normals: bool = _option(False, "also write the surface's normals in the camera's axes (16-bit .png)", since="0.2.0")
+    video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
+    video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
+    sampler: str = _pose(
+        "cone", "distribution of poses around the frame's pose", name="Poses",
+        choices={name: sampler.about for name, sampler in SAMPLERS.items()},
     )  # fmt: skip
-    cone_deg: float = _option(20.0, "cone, trajectory: largest tilt of the viewing direction", least=0, most=180)
-    roll_deg: float = _option(15.0, "cone, shell, trajectory: largest in-plane roll, either way", least=0, most=180)
-    distance_min: float = _option(
-        0.9, "cone, shell, trajectory: smallest distance, relative to the frame's", least=0.01
+    cone_deg: float = _pose(20.0, "largest tilt of the viewing direction", name="Max Tilt", unit="°", least=0, most=180)
+    roll_deg: float = _pose(15.0, "largest in-plane roll, either way", name="Max Roll", unit="°", least=0, most=180)
+    distance_min: float = _pose(0.9, "smallest distance, relative to the frame's", name="Nearest", unit="×", least=0.01)
+    distance_max: float = _pose(1.1, "largest distance, relative to the frame's", name="Farthest", unit="×", least=0.01)
+    shift_mm: float = _pose(2.0, "largest lateral shift in the image plane", name="Max Shift", unit="mm", least=0)
+    sigma_deg: float = _pose(
+        5.0, "standard deviation of the rotation about each axis", name="Rotation σ", unit="°", least=0, most=60
     )
-    distance_max: float = _option(1.1, "cone, shell, trajectory: largest distance, relative to the frame's", least=0.01)
-    shift_mm: float = _option(2.0, "cone: largest lateral shift in the image plane", least=0)
-    sigma_deg: float = _option(5.0, "gaussian: standard deviation of the rotation about each axis", least=0, most=60)
-    sigma_mm: float = _option(3.0, "gaussian: standard deviation of the translation along each axis", least=0)
-    polar_deg: float = _option(60.0, "shell: largest angle from the frame's viewing direction", least=0, most=180)
-    min_observed: float = _option(0.5, "least observed fraction of the surface in a view", least=0, most=1)
-    min_surface: float = _option(
+    sigma_mm: float = _pose(
+        3.0, "standard deviation of the translation along each axis", name="Translation σ", unit="mm", least=0
+    )
+    polar_deg: float = _pose(
+        60.0, "largest angle from the frame's viewing direction", name="Max Angle", unit="°", least=0, most=180
+    )
+    min_observed: float = _constraint(0.5, "least observed fraction of the surface in a view", least=0, most=1)
+    min_surface: float = _constraint(
         0.3, "least fraction of a view that the surface covers, relative to the frame's", least=0, most=1
-    )  # fmt: skip
-    min_clearance_mm: float = _option(5.0, "least distance from camera to surface", least=0)
+    )
+    min_clearance_mm: float = _constraint(
+        5.0, "least distance from camera to surface", name="Clearance", unit="mm", least=0
+    )
+
+    def content(self) -> dict[str, object]:
+        """The values that belong to the identity of a dataset, by name."""
+        values = ((option, getattr(self, name)) for name, option in OPTIONS.items())
+        return {
+            option.key: value
+            for option, value in values
+            if option.is_content and not (option.since and value == option.default)
+        }
+
+
+OPTIONS: dict[str, Option] = {
+    entry.name: dataclasses.replace(entry.metadata["option"], key=entry.name, kind=entry.type, default=entry.default)
+    for entry in dataclasses.fields(DatasetOptions)
+}
+"""Every option, by its name, in their order."""
+
+
+def option_groups() -> dict[str, list[Option]]:
+    """The options by their heading."""
+    groups: dict[str, list[Option]] = {}
+    for option in OPTIONS.values():
+        groups.setdefault(option.group, []).append(option)
+    return groups
 
 
 def checked_options(values: Mapping[str, object], where: str) -> DatasetOptions:
@@ -89,13 +235,10 @@ def checked_options(values: Mapping[str, object], where: str) -> DatasetOptions:
 
 
 def _checked_values(values: Mapping[str, object], where: str) -> dict[str, object]:
-    fields = {entry.name: entry for entry in dataclasses.fields(DatasetOptions)}
-    checked: dict[str, object] = {}
-    for name, value in values.items():
-        if name not in fields:
-            raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, tuple(fields))}")
-        checked[name] = _checked_value(name, value, fields[name], where)
-    return checked
+    for name in values:
+        if name not in OPTIONS:
+            raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, tuple(OPTIONS))}")
+    return {name: _checked_value(OPTIONS[name], value, where) for name, value in values.items()}
 
 
 def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptions:
@@ -108,68 +251,59 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
     return options
 
 
-def _checked_value(name: str, value: Any, entry: dataclasses.Field, where: str) -> object:
-    kind: Any = entry.type
+def _checked_value(option: Option, value: Any, where: str) -> object:
+    kind, where = option.kind, f"{where}: {option.key}"
     if kind is bool:
         if not isinstance(value, bool):
-            raise InputError(f"{where}: {name}: expected true or false, found {value!r}")
+            raise InputError(f"{where}: expected true or false, found {value!r}")
         return value
-    if kind is str or kind == str | None:
-        choices = entry.metadata.get("choices")
+    if kind not in (int, float):
+        choices = tuple(option.choices)
         if not isinstance(value, str) or (choices and value not in choices):
             hint = f"; {nearest_name(value, choices)}" if choices and isinstance(value, str) else ""
-            raise InputError(
-                f"{where}: {name}: expected {' or '.join(choices or ['a file name'])}, found {value!r}{hint}"
-            )
+            raise InputError(f"{where}: expected {' or '.join(choices or ('a file name',))}, found {value!r}{hint}")
         return value
     is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
     if not is_number or (kind is int and value != int(value)):
-        raise InputError(f"{where}: {name}: expected a {'whole ' if kind is int else ''}number, found {value!r}")
-    least, most = entry.metadata.get("least", -math.inf), entry.metadata.get("most", math.inf)
+        raise InputError(f"{where}: expected a {'whole ' if kind is int else ''}number, found {value!r}")
+    least, most = option.least, option.most
     if not least <= value <= most:
         limits = f"at least {least:g}" if most == math.inf else f"{least:g} to {most:g}"
-        raise InputError(f"{where}: {name}: expected {limits}, found {value!r}")
+        raise InputError(f"{where}: expected {limits}, found {value!r}")
     return kind(value)
 
 
-def option_names() -> tuple[str, ...]:
-    """The names of all options, in their order."""
-    return tuple(entry.name for entry in dataclasses.fields(DatasetOptions))
-
-
-def add_option_arguments(parser: argparse._ActionsContainer, names: Collection[str] | None = None) -> None:
-    """Add one command line option per field, or per name; the namespace holds only those that the user sets."""
-    for entry in dataclasses.fields(DatasetOptions):
-        if names is not None and entry.name not in names:
-            continue
-        flag = "--" + entry.name.replace("_", "-")
-        if entry.type is bool:
-            parser.add_argument(
-                flag, action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS, help=entry.metadata["help"]
+def add_option_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add a command line option for each, under their headings; the namespace holds only those that the user sets."""
+    for title, options in option_groups().items():
+        group = parser.add_argument_group(title)
+        for option in options:
+            if option.kind is bool:
+                group.add_argument(
+                    option.flag, action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS, help=option.text
+                )
+                continue
+            default = "" if option.default is None else f" (default {option.default})"
+            choices, numeric = option.choices, option.kind in (int, float)
+            metavar = "|".join(choices) if choices else ("X" if option.kind is float else "N") if numeric else "FILE"
+            group.add_argument(
+                option.flag,
+                type=_number if numeric else str,
+                default=argparse.SUPPRESS,
+                metavar=metavar,
+                help=option.text + default,
             )
-            continue
-        default = "" if entry.default is None else f" (default {entry.default})"
-        numeric = entry.type in (int, float)
-        choices = entry.metadata.get("choices")
-        metavar = "|".join(choices) if choices else ("X" if entry.type is float else "N") if numeric else "FILE"
-        parser.add_argument(
-            flag,
-            type=_number if numeric else str,
-            default=argparse.SUPPRESS,
-            metavar=metavar,
-            help=entry.metadata["help"] + default,
-        )
 
 
 def option_arguments(options: DatasetOptions) -> list[str]:
     """The command line that gives exactly these options, whatever a case file says."""
     arguments = []
-    for entry in dataclasses.fields(DatasetOptions):
-        flag, value = entry.name.replace("_", "-"), getattr(options, entry.name)
-        if entry.type is bool:
-            arguments.append(f"--{flag}" if value else f"--no-{flag}")
+    for option in OPTIONS.values():
+        value = getattr(options, option.key)
+        if option.kind is bool:
+            arguments.append(option.flag if value else option.flag.replace("--", "--no-", 1))
         elif value is not None:
-            arguments.append(f"--{flag}={value}")
+            arguments.append(f"{option.flag}={value}")
     return arguments
 
 
@@ -191,10 +325,9 @@ def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, c
     InputError
         As :func:`checked_options`.
     """
-    names = option_names()
     from_table = _checked_values(table, f"{case_path.name}: [dataset]")
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
-    given = {name: getattr(arguments, name) for name in names if hasattr(arguments, name)}
+    given = {name: getattr(arguments, name) for name in OPTIONS if hasattr(arguments, name)}
     # combinations only now: the command line may resolve a conflict in the table
     return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

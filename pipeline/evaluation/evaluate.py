@@ -16,8 +16,9 @@ from ..case.loaded_case import LoadedCase
 from ..colour.ray_tracer import RayTracer
 from ..colour.reference_view import ReferenceView, traced_view_of
 from ..colour.shading import ColouredSurface
+from ..dataset.description import distribution_of
 from ..dataset.options import DatasetOptions
-from ..poses.distributions import Cone, ReferencePose
+from ..poses.distributions import ReferencePose
 from ..projection.rendered_view import Render
 from .finished_scores import BOUND, FinishedScores
 from .methods import ChosenMethods, Method, opened
@@ -241,20 +242,13 @@ def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int])
 
 def _novel_poses(case: EvaluationCase, reference: ReferenceView, seed: int) -> list[np.ndarray]:
     """Poses from the default distribution of datasets."""
-    options = DatasetOptions()
-    cone = Cone(
-        reference=ReferencePose(case.loaded.frame.cam_from_model, reference.pivot_model),
-        cone_deg=options.cone_deg,
-        roll_deg=options.roll_deg,
-        distance_min=options.distance_min,
-        distance_max=options.distance_max,
-        shift_mm=options.shift_mm,
-    )
-    return [cone.draw(np.random.default_rng([seed, number])) for number in range(NOVEL_POSES)]
+    pose = ReferencePose(case.loaded.frame.cam_from_model, reference.pivot_model)
+    poses = distribution_of(DatasetOptions(), pose, case.loaded.frame.camera)
+    return [poses.draw(np.random.default_rng([seed, number])) for number in range(NOVEL_POSES)]
 
 
 def _features(inception: Inception, image: np.ndarray, shown: ShownSurface) -> np.ndarray:
-    """Of the whole image, black outside the surface."""
+    """Features of the whole image, black outside the surface."""
     return inception(np.where(shown.surface[..., None], image, np.float32(0)))
 
 

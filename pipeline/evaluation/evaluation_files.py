@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..charts.page import chart_outputs
+from ..charts.page import chart_path
 from ..errors import InputError
 from ..files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
 from ..images.contact_sheet import downscaled
@@ -50,7 +50,7 @@ from .record.evaluation_tables import (
 )
 
 TABLE, MARKDOWN_FILE, LATEX_FILE = "frames.csv", "summary.md", "summary.tex"
-FIGURE, PAIRS, PICTURES, CHART = "figure.png", "pairs.png", "pictures", "scores.svg"
+FIGURE, PAIRS, PICTURES, CHART = "figure.png", "pairs.png", "pictures", "scores.png"
 _FILES = (EVALUATION, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
 _NAMES = "|".join([*map(re.escape, _FILES), PICTURES, r"scores(_cases)?(-dark)?\.(svg|png)"])
 NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
@@ -101,8 +101,7 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
     kinds += [f"{method.key}{suffix}" for method in run.settings.methods.running for suffix in ("", " difference")]
     outputs = [out / name for name in _FILES]
     outputs += [out / f"{stem} {kind}.png" for stem in _stems(run).values() for kind in kinds]
-    for data in _chart_files(out, len(run.cases)):
-        outputs += chart_outputs(data)
+    outputs += map(chart_path, _chart_files(out, len(run.cases)))
     check_outputs(outputs, read)
 
 

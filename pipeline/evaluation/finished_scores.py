@@ -8,6 +8,7 @@ those of the views to the last bit, so the results of a resumed evaluation are, 
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -47,12 +48,13 @@ class FinishedScores:
         """
         self._path, first = folder / FINISHED, json.dumps(identity)
         self._known: dict[Key, dict] = {}
-        lines = self._path.read_text().split("\n") if self._path.exists() else []
+        lines = self._path.read_text(errors="replace").split("\n") if self._path.exists() else []
         if lines[:1] == [first]:
-            # what follows the last newline is torn, or nothing
+            # what follows the last newline is torn, or nothing; the view of a damaged line is scored again
             for line in lines[1:-1]:
-                entry = json.loads(line)
-                self._known[tuple(entry["view"])] = entry
+                with suppress(ValueError, KeyError, TypeError):
+                    entry = json.loads(line)
+                    self._known[tuple(entry["view"])] = entry
         whole = [first, *(json.dumps(entry) for entry in self._known.values())]
         write_output(self._path, "".join(f"{line}\n" for line in whole).encode())
 

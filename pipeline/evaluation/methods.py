@@ -148,8 +148,8 @@ def _failure(renderer: str, renderers: Renderers) -> str:
         return "" if ended.returncode == 0 else "PyVista gets no OpenGL context on this machine"
     try:
         renderers.check(renderer)
-    except InputError:
-        return "embreex is not installed" if renderer == "raster" else "Blender gets no OpenGL context on this machine"
+    except InputError as error:
+        return str(error).partition("; ")[0]
     return ""
 
 

@@ -44,7 +44,7 @@ def parsed_json(
     """
     try:
         text = _text(content)
-        table = json.loads(text, parse_float=parse_float, parse_int=parse_int)
+        table = json.loads(text, parse_float=parse_float, parse_int=parse_int, object_pairs_hook=_table)
         # fewer brackets than levels are never too deep
         if text.count("{") + text.count("[") > MOST_LEVELS:
             check_levels(table)
@@ -109,6 +109,16 @@ def check_levels(value: object) -> None:
 
 def _text(content: str | bytes) -> str:
     return content if isinstance(content, str) else content.decode("utf-8-sig")
+
+
+def _table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A table of an object, whose keys differ: JSON's parsers take the first or the last of two."""
+    table: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in table:
+            raise ValueError(f"the key {key[:60]!r} twice")
+        table[key] = value
+    return table
 
 
 def _check_integers(value: object) -> None:

@@ -8,7 +8,6 @@ import re
 import struct
 import zlib
 from pathlib import Path
-from typing import Literal
 
 from ..errors import InputError
 from ..files.content import read_content
@@ -25,9 +24,12 @@ million."""
 
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers that begin a frame: SOF0 to SOF15, without those of tables."""
-_TIFF_TYPES = {1: 1, 3: 2, 4: 4}
-"""Type of a whole number in a TIFF -> its bytes."""
-_WIDTH, _HEIGHT, _ORIENTATION = 256, 257, 0x0112
+_TIFF_TYPES = {1: "B", 3: "H", 4: "I"}
+"""Type of a whole number in a TIFF -> letter of struct."""
+_WIDTH, _HEIGHT, _COLOURS, _ORIENTATION = 256, 257, 262, 274
+_PARTS = ((273, 279), (324, 325))
+"""Tags of where the strips or tiles of a TIFF begin, and of their bytes."""
+_LAB = (8, 9, 10)
 _EXR_WINDOW = re.compile(rb"(?:data|display)Window\0box2i\0\x10\0\0\0(.{16})", re.DOTALL)
 _EXR_HEADER_BYTES = 64 * 1024
 
@@ -66,8 +68,8 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
     Raises
     ------
     InputError
-        Missing, no regular file, empty, not PNG, JPEG, TIFF, BMP or EXR, too large, (PNG, JPEG) damaged or cut off, or
-        with an EXIF orientation other than upright.
+        Missing, no regular file, empty, not PNG, JPEG, TIFF, BMP or EXR, too large, damaged or cut off (PNG, JPEG,
+        TIFF), in L*a*b*, or with an EXIF orientation other than upright.
     """
     data = read_content(path, "an image file", where)
     check_image(data, where, most_pixels=most_pixels)
@@ -90,6 +92,8 @@ def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) ->
         # what follows the end, such as the film of a phone's moving picture, is not the image's
         if data.startswith(JPEG_SIGNATURE) and data.find(b"\xff\xd9", _jpeg(data)[3]) < 0:
             raise ValueError("the file is cut off")
+        if data.startswith(_TIFF_SIGNATURES):
+            _check_tiff(data)
         exif = _checked_png(data) if data.startswith(PNG_SIGNATURE) else b""
         width, height, orientation = _size_and_orientation(data)
         reoriented = _REORIENTED.get(_exif_orientation(exif) if exif else orientation)
@@ -141,7 +145,7 @@ def _size_and_orientation(data: bytes) -> tuple[int, int, int]:
         return _jpeg(data)[:3]
     if data.startswith(_TIFF_SIGNATURES):
         tags = _tiff_tags(data)
-        return tags[_WIDTH], tags[_HEIGHT], tags.get(_ORIENTATION, 1)
+        return tags[_WIDTH][0], tags[_HEIGHT][0], tags.get(_ORIENTATION, (1,))[0]
     if data.startswith(_EXR_SIGNATURE):
         windows = [struct.unpack("<4i", found) for found in _EXR_WINDOW.findall(data, 0, _EXR_HEADER_BYTES)]
         if not windows:
@@ -196,22 +200,32 @@ def _jpeg(data: bytes) -> tuple[int, int, int, int]:
 
 def _exif_orientation(exif: bytes) -> int:
     try:
-        return _tiff_tags(exif).get(_ORIENTATION, 1)
+        return _tiff_tags(exif).get(_ORIENTATION, (1,))[0]
     except struct.error:
         return 1
 
 
-def _tiff_tags(data: bytes) -> dict[int, int]:
-    """The first value of each tag of whole numbers in a TIFF's first directory, by its number; so too in EXIF."""
-    order: Literal["<", ">"] = "<" if data[:2] == b"II" else ">"
+def _check_tiff(data: bytes) -> None:
+    tags = _tiff_tags(data)
+    for begins, sizes in _PARTS:
+        for begin, size in zip(tags.get(begins, ()), tags.get(sizes, ()), strict=False):
+            if begin + size > len(data):
+                raise ValueError("the file is cut off")
+    if tags.get(_COLOURS, (0,))[0] in _LAB:
+        raise ValueError("its colours are L*a*b*, which programs convert in different ways")
+
+
+def _tiff_tags(data: bytes) -> dict[int, tuple[int, ...]]:
+    """The values of each tag of whole numbers in a TIFF's first directory, by its number; so too in EXIF."""
+    order = "<" if data[:2] == b"II" else ">"
     (first,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, first)
-    tags: dict[int, int] = {}
+    tags: dict[int, tuple[int, ...]] = {}
     for entry in range(first + 2, first + 2 + 12 * count, 12):
         tag, kind, values, offset = struct.unpack_from(order + "HHII", data, entry)
-        size = _TIFF_TYPES.get(kind)
-        if size and values:
-            at = entry + 8 if size * values <= 4 else offset
-            if at + size <= len(data):
-                tags.setdefault(tag, int.from_bytes(data[at : at + size], "little" if order == "<" else "big"))
+        if kind in _TIFF_TYPES and 0 < values <= len(data):
+            form = f"{order}{values}{_TIFF_TYPES[kind]}"
+            at = entry + 8 if struct.calcsize(form) <= 4 else offset
+            if at + struct.calcsize(form) <= len(data):
+                tags.setdefault(tag, struct.unpack_from(form, data, at))
     return tags

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import InputError
 from .image_check import LARGEST_FRAME, PNG_SIGNATURE, check_image_file, may_have_alpha
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ Decoder = Callable[[bytes, str], "np.ndarray"]
 
 _NOT_PLAIN = b"tRNS", b"acTL"
 """Chunks of PNG, of a transparent colour and of an animation, that programs read differently."""
+
+_BEYOND = 1e-3
+"""By which floats may exceed 0 to 1: interpolation and rounding do."""
 
 _registered: list[Decoder] = []
 
@@ -39,7 +43,7 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
     Raises
     ------
     InputError
-        The file is missing, cut off, or not an image that can be decoded.
+        The file is missing, cut off, not an image that can be decoded, or has floats beyond 0 to 1.
     """
     import numpy as np
 
@@ -50,6 +54,12 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
     if values is None:
         (decoder,) = _registered
         values = decoder(data, where)
+        # of floats; NaN is not within it
+        if not (values.min() >= -_BEYOND and values.max() <= 1 + _BEYOND):
+            raise InputError(
+                f"{where}: expected an image of values from 0 to 1, found {values.min():g} to {values.max():g}; save "
+                "it as PNG of 8 or 16 bits"
+            )
     channels = values.shape[2]
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
     valid = values[..., 3] > 0 if channels == 4 and has_alpha else np.ones(values.shape[:2], dtype=bool)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..dataset.layout import MODEL_FILES, RECORD, TARGETS, ViewPaths
 from ..dataset.tables.coco import run_lengths
+from ..dataset.truths import MASK, TRUTHS
 from ..errors import InputError
 from ..files.content import partial_name
 
@@ -29,11 +30,13 @@ TABLES = (*COPIED, TARGETS, INFO, KEY_TO_SHARD)
 
 DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
-MASKS = ("mask", "mask_visib", "mask_observed")
-FILES = {"source_frame": "source_frame.png", "depth": "depth.png", "depth_mm": "depth_mm.npy"}
+MASKS = tuple(name for name, truth in TRUTHS.items() if truth.form is MASK)
+FILES = {
+    name: name + truth.form.ending
+    for name, truth in sorted(TRUTHS.items(), key=lambda item: not item[1].of_several)
+    if name != "rgb" and truth.form is not MASK
+}
 """Kinds of a view's files that a pack holds as they are, if the dataset has them, and the members' names."""
-VIEWS_PER_SHARD = 1000
-"""As in BOP's own packs."""
 
 
 def shard_name(number: int) -> str:

@@ -26,7 +26,6 @@ from .layout import (
     MANIFEST,
     TABLES,
     TARGETS,
-    VIEWS_PER_SHARD,
     shard_name,
     view_key,
 )
@@ -51,7 +50,7 @@ class PackOptions:
         A paragraph for ``dataset_info.md``, such as which part of a split the views are.
     """
 
-    views_per_shard: int = VIEWS_PER_SHARD
+    views_per_shard: int = 1000
     jpeg_quality: int | None = None
     about: str = ""
 

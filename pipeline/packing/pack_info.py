@@ -3,19 +3,16 @@
 from ..dataset.dataset_file import Description
 from ..dataset.layout import OBJECT_ID
 from ..dataset.run.survey import view_ranges
-from .layout import member_suffixes
+from ..dataset.truths import TRUTHS
+from .layout import FILES, MASKS, member_suffixes
 from .manifest import Plan
 
 _MEANING = {
     "camera.json": "`cam_K`, `depth_scale`, world-to-camera pose",
     "gt.json": "`cam_R_m2c` (row by row), `cam_t_m2c` in mm, `obj_id`",
     "gt_info.json": "boxes (x, y, width, height), pixel counts, visible fraction",
-    "mask.json": "the surface, as uncompressed run lengths (RLE)",
-    "mask_visib.json": "the same: nothing stands in front of it",
-    "mask_observed.json": "surface that the source frame saw",
-    "source_frame.png": "number of the frame that colours the surface, from 1; 0 = none saw it",
-    "depth.png": "16 bit; value x `depth_scale` = mm along the optical axis; 0 = no surface",
-    "depth_mm.npy": "the same as float32, mm",
+    **{f"{kind}.json": f"{TRUTHS[kind].about}, as uncompressed run lengths (RLE)" for kind in MASKS},
+    **{name: f"{TRUTHS[kind].form.about}; {TRUTHS[kind].about}" for kind, name in FILES.items()},
     "rgb.png": "8 bit, as rendered",
     "rgb.jpg": "8 bit, compressed",
 }

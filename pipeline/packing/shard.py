@@ -16,10 +16,11 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..dataset.checksums import FileSum, sum_of
-from ..dataset.decoding import Shape, decoded_grey, decoded_rgb
+from ..dataset.decoding import Shape, decoded
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.run.resume_record import ViewRecord, read_record
 from ..dataset.tables.bop import scene_entries
+from ..dataset.truths import COLOUR, MASK
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
 from .layout import FILES, MASKS, mask_json, shard_name, view_key
@@ -120,7 +121,7 @@ def view_members(order: ShardOrder, paths: ViewPaths) -> list[tuple[str, bytes]]
     rgb = checked_file(paths, record, "rgb", most)
     if order.jpeg_quality is None:
         return [*members, ("rgb.png", rgb)]
-    bgr = np.ascontiguousarray(decoded_rgb(rgb, shape, str(paths.file("rgb")))[..., ::-1])
+    bgr = np.ascontiguousarray(decoded(rgb, COLOUR, shape, str(paths.file("rgb")))[..., ::-1])
     jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, order.jpeg_quality])[1]
     return [*members, ("rgb.jpg", jpeg.tobytes())]
 
@@ -157,7 +158,7 @@ def _masks(paths: ViewPaths, record: ViewRecord, most: int, shape: Shape) -> Ite
     for kind in MASKS:
         data = checked_file(paths, record, kind, most)
         if data not in known:
-            known[data] = mask_json(decoded_grey(data, np.uint8, shape, str(paths.file(kind))) != 0)
+            known[data] = mask_json(decoded(data, MASK, shape, str(paths.file(kind))) != 0)
         yield kind, known[data]
 
 

@@ -6,12 +6,12 @@ own choice, so they are never rejected; those that break constraints are counted
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from ..errors import InputError
-from .distributions import PoseDistribution
 
 MAX_ATTEMPTS = 5000
 """Poses tried for one view."""
@@ -38,6 +38,14 @@ class ViewStatistics:
     surface_fraction: float
     observed_fraction: float
     clearance_mm: float
+
+
+class Drawn(Protocol):
+    """A distribution of camera poses."""
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one ``(4, 4)`` rigid ``cam_from_model``, mm."""
+        ...
 
 
 Probe = Callable[[np.ndarray], ViewStatistics]
@@ -115,9 +123,7 @@ class PlannedPose:
     rejections: Rejections
 
 
-def plan_pose(
-    distribution: PoseDistribution, constraints: Constraints, probe: Probe, *, seed: int, index: int
-) -> PlannedPose:
+def plan_pose(distribution: Drawn, constraints: Constraints, probe: Probe, *, seed: int, index: int) -> PlannedPose:
     """Draw poses of view ``index`` until one meets the constraints; the random numbers depend on (seed, index) only.
 
     Raises
@@ -157,54 +163,37 @@ def sampling_doubt(attempts: Sequence[int]) -> str:
     )
 
 
-def plan_given_poses(
-    cams_from_model: np.ndarray, constraints: Constraints, probe: Probe
-) -> tuple[list[PlannedPose], list[str]]:
-    """Plan ``(N, 4, 4)`` poses without rejecting any; also return messages that count those that break constraints."""
-    planned = []
-    for cam_from_model in cams_from_model:
-        statistics = probe(cam_from_model)
-        planned.append(PlannedPose(cam_from_model, statistics, 1, constraints.broken_by(statistics)))
-    messages = []
-    for field in fields(Rejections):
-        breaking = [index for index, plan in enumerate(planned) if getattr(plan.rejections, field.name)]
-        if breaking:
-            option, what, _ = _reason(field.name, constraints, [planned[breaking[0]].statistics])
-            messages.append(
-                f"pose list: {len(breaking)} of {len(planned)} poses {what} ({option}); "
-                f"all are kept, the first is pose {breaking[0]} (counted from 0)"
-            )
-    return planned, messages
+def plan_given_pose(cam_from_model: np.ndarray, constraints: Constraints, probe: Probe) -> PlannedPose:
+    """Plan a pose (4x4, mm) that is not rejected, whatever it shows."""
+    statistics = probe(cam_from_model)
+    return PlannedPose(cam_from_model, statistics, 1, constraints.broken_by(statistics))
 
 
 def _found_none(constraints: Constraints, rejections: Rejections, rejected: list[ViewStatistics], index: int) -> str:
-    counts = {field.name: getattr(rejections, field.name) for field in fields(rejections)}
-    reasons = []
-    for name in sorted(counts, key=counts.__getitem__, reverse=True):
-        option, what, best = _reason(name, constraints, rejected)
-        if counts[name]:
-            reasons.append((option.split(" ")[0], f"{counts[name]} {what} (the best: {best})"))
+    def best(statistic: str) -> float:
+        return float(np.nanmax([0.0, *(getattr(view, statistic) for view in rejected)]))
+
+    surface, observed, clearance = constraints.min_surface, constraints.min_observed, constraints.min_clearance_mm
+    # with a reference of 0 no view breaks it
+    shown = best("surface_fraction") / (constraints.reference_surface or 1.0)
+    reasons = [
+        (
+            rejections.surface, "min_surface",
+            f"showed less than {100 * surface:g} % of the surface that the frame shows (the best: {100 * shown:.3g} %)",
+        ),
+        (
+            rejections.observed, "min_observed",
+            f"showed a surface of which less than {100 * observed:g} % was observed by the source frame "
+            f"(the best: {100 * best('observed_fraction'):.3g} %)",
+        ),
+        (
+            rejections.clearance, "min_clearance_mm",
+            f"came nearer than {clearance:g} mm to the surface (the best: {best('clearance_mm'):.3g} mm)",
+        ),
+    ]  # fmt: skip
+    broken = sorted((reason for reason in reasons if reason[0]), key=lambda reason: -reason[0])
+    clauses = ", ".join(f"{count} {what}" for count, _, what in broken)
     return (
-        f"view {index}: found no pose that meets the constraints: of {len(rejected)} poses tried, "
-        f"{', '.join(clause for _, clause in reasons)}; "
-        f"lower {reasons[0][0]}, which was broken most often, or draw poses nearer to the reference pose"
+        f"view {index}: found no pose that meets the constraints: of {len(rejected)} poses tried, {clauses}; "
+        f"lower {broken[0][1]}, which was broken most often, or draw poses nearer to the reference pose"
     )
-
-
-def _reason(name: str, constraints: Constraints, views: list[ViewStatistics]) -> tuple[str, str, str]:
-    """Option and its value, a clause that says how a view breaks it, and the best value among the views."""
-    if name == "surface":
-        best = np.nanmax([0.0, *(view.surface_fraction for view in views)])
-        wanted = constraints.min_surface
-        what = f"showed less than {100 * wanted:g} % of the surface that the frame shows"
-        # with a reference of 0 no view breaks it
-        share = best / (constraints.reference_surface or 1.0)
-        return f"min_surface = {wanted:g}", what, f"{100 * share:.3g} %"
-    if name == "observed":
-        best = np.nanmax([0.0, *(view.observed_fraction for view in views)])
-        wanted = constraints.min_observed
-        what = f"showed a surface of which less than {100 * wanted:g} % was observed by the source frame"
-        return f"min_observed = {wanted:g}", what, f"{100 * best:.3g} %"
-    best = np.nanmax([0.0, *(view.clearance_mm for view in views)])
-    wanted = constraints.min_clearance_mm
-    return f"min_clearance_mm = {wanted:g}", f"came nearer than {wanted:g} mm to the surface", f"{best:.3g} mm"

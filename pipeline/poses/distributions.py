@@ -1,9 +1,9 @@
 """Distributions of novel camera poses around the reference pose of the aligned frame.
 
-Every distribution is a frozen dataclass with ``draw(rng) -> cam_from_model`` (4x4, mm, exactly rigid); its numbers have
-been checked as :class:`.DatasetOptions`. View ``i`` of a dataset is drawn with ``np.random.default_rng([seed, i])``
-alone, so views can be rendered in any order, by any number of processes. A draw takes its random numbers in a fixed
-order, whatever the parameters: another ``shift_mm`` does not change the tilts of a dataset.
+Every distribution is a frozen dataclass of options, whose numbers have been checked as :class:`.DatasetOptions`. View
+``i`` of a dataset is drawn with ``np.random.default_rng([seed, i])`` alone, so views can be rendered in any order, by
+any number of processes. A draw takes its random numbers in a fixed order, whatever the parameters: another
+``shift_mm`` does not change the tilts of a dataset.
 
 Cone, shell and trajectory move the camera on an orbit around the pivot p, a point on the surface. With the reference
 R0 (rotation of ``cam_from_model``) and the unit vector u from the camera to the pivot in the reference camera's axes,
@@ -14,22 +14,15 @@ T(a) is the translation by a. Tilt rotates by |w| about an axis perpendicular to
 about that ray, and Roll rotates by rho about the ray. So the pivot stays on its ray, and on its pixel.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Self
 
 import numpy as np
 
 from ..errors import InputError
 from ..transforms import inverse_rigid, rigid, rotation_between, rotation_from_vector, se3_exp, transform_points
-
-
-class PoseDistribution(Protocol):
-    """A distribution of camera poses."""
-
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw one ``(4, 4)`` rigid ``cam_from_model``, mm."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -95,13 +88,60 @@ class ReferencePose:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cone:
-    """Views from a spherical cap around the reference view; the camera keeps the pivot on the reference's pixel.
+class PoseDistribution:
+    """A distribution of camera poses around a reference.
 
     Attributes
     ----------
     reference
-        Where the cap is centred.
+        The frame's pose.
+    """
+
+    reference: ReferencePose
+
+    @classmethod
+    def of(cls, reference: ReferencePose, middle_ray_cam: np.ndarray, options: Mapping[str, float]) -> Self:
+        """The distribution with the values of its options; ``(3,)`` is the ray of the image's middle."""
+        return cls(reference=reference, **options)
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one ``(4, 4)`` rigid ``cam_from_model``, mm."""
+        raise NotImplementedError
+
+    def fixed_pose(self, index: int, count: int) -> np.ndarray | None:
+        """The pose of view ``index`` of ``count``, if it is not drawn."""
+        return None
+
+    @property
+    def distances(self) -> tuple[float, float]:
+        """Least and greatest distance from the pivot, relative to the reference's, of most poses."""
+        return 1.0, 1.0
+
+    def farthest_mm(self, radius_mm: float) -> float:
+        """A depth that a surface of this radius hardly ever exceeds."""
+        pivot_mm = float(np.linalg.norm(self.reference.pivot_model))
+        return self.reference.distance_mm * max(self.distances[1], 1.0) + (radius_mm + pivot_mm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Orbit(PoseDistribution):
+    """Distances between two multiples of the reference's."""
+
+    distance_min: float = 1.0
+    distance_max: float = 1.0
+
+    @property
+    def distances(self) -> tuple[float, float]:
+        """As the options say."""
+        return self.distance_min, self.distance_max
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cone(Orbit):
+    """Views from a spherical cap around the reference view; the camera keeps the pivot on the reference's pixel.
+
+    Attributes
+    ----------
     cone_deg
         Half-angle of the cap, 0..180; directions from the pivot to the camera are uniform by solid angle.
     roll_deg
@@ -112,11 +152,8 @@ class Cone:
         Afterwards the camera moves along its own x and y by a vector that is uniform in a disc of this radius.
     """
 
-    reference: ReferencePose
     cone_deg: float
     roll_deg: float = 0.0
-    distance_min: float = 1.0
-    distance_max: float = 1.0
     shift_mm: float = 0.0
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
@@ -132,7 +169,7 @@ class Cone:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gaussian:
+class Gaussian(PoseDistribution):
     """A Gaussian on se(3) around the reference, with its tangent space at the pivot.
 
     ``cam_from_model = reference @ T(pivot) @ Exp(xi) @ T(-pivot)`` with xi = (upsilon, omega),
@@ -142,15 +179,16 @@ class Gaussian:
 
     Attributes
     ----------
-    reference
-        The mean.
     sigma_deg, sigma_mm
         Standard deviations per axis. Rotations wrap around at 180 degrees, so ``sigma_deg`` up to about 50 makes sense.
     """
 
-    reference: ReferencePose
     sigma_deg: float
     sigma_mm: float
+
+    def farthest_mm(self, radius_mm: float) -> float:
+        """At four standard deviations."""
+        return super().farthest_mm(radius_mm) + 4 * self.sigma_mm
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Draw one ``(4, 4)`` ``cam_from_model``."""
@@ -160,19 +198,17 @@ class Gaussian:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shell:
+class Shell(Orbit):
     """Cameras that look at the pivot, their centres uniform *in volume* in a spherical shell or its part in a cone.
 
     The radius has p(r) ~ r^2, drawn by inverting its distribution function: r^3 is uniform. With
-    ``max_polar_deg = roll_deg = 180`` the rotation is uniform on SO(3).
+    ``polar_deg = roll_deg = 180`` the rotation is uniform on SO(3).
 
     Attributes
     ----------
-    reference
-        Gives the centre (the pivot), the unit of the radii, and the axis of the cone.
     distance_min, distance_max
         Radii of the shell as multiples of the reference's distance.
-    max_polar_deg
+    polar_deg
         Half-angle of the cone around the direction from the pivot to the reference camera; 180: the whole sphere.
     roll_deg
         In-plane roll, uniform in -roll_deg..roll_deg.
@@ -181,10 +217,7 @@ class Shell:
         far from the middle of the image (a cropped frame) needs the ray of the middle pixel.
     """
 
-    reference: ReferencePose
-    distance_min: float
-    distance_max: float
-    max_polar_deg: float = 180.0
+    polar_deg: float = 180.0
     roll_deg: float = 180.0
     look_ray_cam: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
@@ -192,13 +225,18 @@ class Shell:
         if not self.look_ray_cam[2] > 0:
             raise InputError(f"shell: expected look_ray_cam in front of the camera, found {tuple(self.look_ray_cam)}")
 
+    @classmethod
+    def of(cls, reference: ReferencePose, middle_ray_cam: np.ndarray, options: Mapping[str, float]) -> Self:
+        """The shell whose cameras have the pivot in the middle of the image."""
+        return cls(reference=reference, look_ray_cam=tuple(middle_ray_cam), **options)
+
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Draw one ``(4, 4)`` ``cam_from_model``."""
         polar, azimuth, roll, volume = rng.random(4)
         inner, outer = self.distance_min**3, self.distance_max**3
         factor = np.cbrt(inner + volume * (outer - inner))
         return self.reference.orbit(
-            _tilt_in_cap(self.max_polar_deg, polar, azimuth),
+            _tilt_in_cap(self.polar_deg, polar, azimuth),
             _roll(self.roll_deg, roll),
             factor * self.reference.distance_mm,
             look=np.array(self.look_ray_cam),
@@ -206,8 +244,8 @@ class Shell:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trajectory:
-    """A smooth closed path for videos: starts at the reference and stays within the limits of a :class:`Cone`.
+class Trajectory(Orbit):
+    """A smooth closed path that starts at the reference and stays within the limits of a :class:`Cone`.
 
     The tilt runs through a rose curve, w(t) = cone sin(6 pi t) (cos 4 pi t, sin 4 pi t): six petals that reach the rim
     of the cap, at a speed that varies by a factor of only 1.5. Distance and roll are sinusoidal. All terms are
@@ -215,17 +253,12 @@ class Trajectory:
 
     Attributes
     ----------
-    reference
-        The pose at phase 0.
     cone_deg, roll_deg, distance_min, distance_max
         Limits as for :class:`Cone`; the path reaches all of them. The interval of distances must contain 1.
     """
 
-    reference: ReferencePose
     cone_deg: float
     roll_deg: float = 0.0
-    distance_min: float = 1.0
-    distance_max: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.distance_min <= 1 <= self.distance_max:
@@ -233,6 +266,16 @@ class Trajectory:
                 "trajectory: expected distance_min <= 1 <= distance_max, as the path starts at the reference, "
                 f"found {self.distance_min:g} and {self.distance_max:g}"
             )
+
+    @classmethod
+    def of(cls, reference: ReferencePose, middle_ray_cam: np.ndarray, options: Mapping[str, float]) -> Self:
+        """The path whose distances include 1, where it starts."""
+        nearest, farthest = min(options["distance_min"], 1.0), max(options["distance_max"], 1.0)
+        return cls(reference=reference, **{**options, "distance_min": nearest, "distance_max": farthest})
+
+    def fixed_pose(self, index: int, count: int) -> np.ndarray:
+        """The pose at this part of the path."""
+        return self.pose_at(index / count)
 
     def pose_at(self, phase: float) -> np.ndarray:
         """``(4, 4)`` ``cam_from_model`` at a phase; the path has period 1."""
@@ -249,11 +292,38 @@ class Trajectory:
 
     def poses(self, count: int) -> np.ndarray:
         """``(count, 4, 4)`` poses at equal steps of the phase: one loop of a video."""
-        return np.stack([self.pose_at(index / count) for index in range(count)])
+        return np.stack([self.fixed_pose(index, count) for index in range(count)])
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Draw the pose at a uniformly random phase: a still from the path."""
         return self.pose_at(rng.random())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listed(PoseDistribution):
+    """The user's own poses.
+
+    Attributes
+    ----------
+    poses
+        ``(N, 4, 4)`` ``cam_from_model``, mm.
+    """
+
+    poses: np.ndarray
+
+    def fixed_pose(self, index: int, count: int) -> np.ndarray:
+        """As listed."""
+        pose: np.ndarray = self.poses[index]
+        return pose
+
+    def farthest_mm(self, radius_mm: float) -> float:
+        """As of :func:`farthest_listed_mm`."""
+        return farthest_listed_mm(self.poses, radius_mm)
+
+
+def farthest_listed_mm(poses: np.ndarray, radius_mm: float) -> float:
+    """A depth that a surface of this radius does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm."""
+    return float(poses[:, 2, 3].max()) + radius_mm
 
 
 def _tilt_in_cap(half_angle_deg: float, polar: float, azimuth: float) -> tuple[float, float]:

@@ -34,6 +34,11 @@ class RenderedView:
         return self.depth_mm > 0
 
     @property
+    def visible(self) -> np.ndarray:
+        """``(H, W)`` bool: the surface at the pixel's centre that nothing hides; nothing stands in front of it yet."""
+        return self.mask
+
+    @property
     def observed(self) -> np.ndarray:
         """``(H, W)`` bool: a frame saw the surface at the pixel's centre."""
         return self.source > 0

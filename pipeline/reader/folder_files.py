@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from ..dataset.dataset_file import Description
-from ..dataset.decoding import decoded_grey
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.run.resume_record import read_record
 from ..errors import InputError, RunError
 from ..files.content import read_file
-from .view import Boxes, Truth, ViewFiles
+from .view import Boxes, Numbers, ViewFiles
 
 
 @dataclass(frozen=True)
@@ -27,25 +24,20 @@ class FolderFiles(ViewFiles):
     root: Path
     description: Description
 
-    def truth(self, index: int) -> Truth:
+    def numbers(self, index: int) -> Numbers:
         """The numbers of a view, from its record."""
         try:
             record = read_record(ViewPaths(self.root, index), with_mask=False)
         except RunError as error:
             raise InputError(str(error)) from None
         info = record.gt_info
-        return Truth(
+        return Numbers(
             k=self.description.camera.k,
             cam_from_model=record.cam_from_model,
             depth_scale=record.depth_scale,
             boxes=Boxes(info.bbox_obj, info.bbox_visib),
             visib_fract=info.visib_fract,
         )
-
-    def mask(self, index: int, kind: str) -> np.ndarray:
-        """``(H, W)`` bool."""
-        data, where = self.read(index, kind)
-        return decoded_grey(data, np.uint8, self.description.camera.shape_hw, where) != 0
 
     def read(self, index: int, kind: str) -> tuple[bytes, str]:
         """The content of a file of a view, and its path."""

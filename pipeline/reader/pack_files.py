@@ -14,10 +14,10 @@ from ..dataset.layout import ViewPaths, largest_view_file
 from ..errors import InputError
 from ..files.content import regular_file
 from ..files.tables import parsed_json
-from ..packing.layout import FILES, mask_columns, shard_name, view_key
+from ..packing.layout import FILES, MASKS, mask_columns, shard_name, view_key
 from ..packing.manifest import Plan
 from ..transforms import rigid
-from .view import Boxes, Truth, ViewFiles
+from .view import Boxes, Numbers, ViewFiles
 
 MOST_OPEN = 8
 """Shards whose files are open at a time."""
@@ -40,14 +40,14 @@ class PackFiles(ViewFiles):
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_open": {}}
 
-    def truth(self, index: int) -> Truth:
+    def numbers(self, index: int) -> Numbers:
         """The numbers of a view."""
         (camera, where), (truths, _), (infos, _) = (
             self._table(index, suffix) for suffix in ("camera.json", "gt.json", "gt_info.json")
         )
         try:
             (truth,), (info,) = truths, infos
-            return Truth(
+            return Numbers(
                 k=np.reshape(np.array(camera["cam_K"], float), (3, 3)),
                 cam_from_model=rigid(np.reshape(truth["cam_R_m2c"], (3, 3)), np.array(truth["cam_t_m2c"], float)),
                 depth_scale=float(camera["depth_scale"]),
@@ -60,11 +60,13 @@ class PackFiles(ViewFiles):
                 "--verify)"
             ) from None
 
-    def mask(self, index: int, kind: str) -> np.ndarray:
-        """``(H, W)`` bool."""
+    def array(self, index: int, kind: str) -> np.ndarray:
+        """As of :class:`.ViewFiles`; a pack holds masks as run lengths."""
+        if kind not in MASKS:
+            return super().array(index, kind)
         data, where = self.read(index, kind)
         # OpenCV transposes in blocks
-        return cv2.transpose(mask_columns(data, self._shape, where)).view(bool)
+        return cv2.transpose(mask_columns(data, self._shape, where))
 
     def close(self) -> None:
         """Give back all handles of files."""

@@ -6,8 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from ..dataset.dataset_file import Description
-from ..dataset.decoding import decoded_array, decoded_depth, decoded_grey, decoded_rgb
+from ..dataset.decoding import decoded, depth_mm
 from ..dataset.run.resume_record import Box
+from ..dataset.truths import NORMAL_UNIT, TRUTHS
+from ..errors import InputError
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Boxes:
 
 
 @dataclass(frozen=True)
-class Truth:
+class Numbers:
     """The numbers of a view.
 
     Attributes
@@ -57,38 +59,30 @@ class ViewFiles:
     description: Description
 
     def read(self, index: int, kind: str) -> tuple[bytes, str]:
-        """The content of a file of a view (``"rgb"``, ``"depth"``, ``"depth_mm"``, a mask); its name for messages."""
+        """The content of a file of a view, by the name of its array; its name for messages."""
         raise NotImplementedError
 
-    def truth(self, index: int) -> Truth:
+    def numbers(self, index: int) -> Numbers:
         """The numbers of a view."""
         raise NotImplementedError
 
-    def mask(self, index: int, kind: str) -> np.ndarray:
-        """``(H, W)`` bool: ``"mask_visib"`` or ``"mask_observed"``."""
-        raise NotImplementedError
+    def array(self, index: int, kind: str) -> np.ndarray:
+        """An array of a view, as its file holds it: see :data:`~oneframe.dataset.truths.TRUTHS`.
+
+        Raises
+        ------
+        InputError
+            The dataset has none, or it is damaged.
+        """
+        if kind not in self.description.kinds:
+            raise InputError(
+                f"view {index}: expected an array of the dataset, {', '.join(self.description.kinds)}; found {kind}"
+            )
+        data, where = self.read(index, kind)
+        return decoded(data, TRUTHS[kind].form, self.description.camera.shape_hw, where)
 
     def close(self) -> None:
         """Give back all handles of files."""
-
-    def rgb(self, index: int) -> np.ndarray:
-        """``(H, W, 3)`` uint8."""
-        data, where = self.read(index, "rgb")
-        return decoded_rgb(data, self.description.camera.shape_hw, where)
-
-    def source_frame(self, index: int) -> np.ndarray:
-        """``(H, W)`` uint8, of a dataset of several frames."""
-        data, where = self.read(index, "source_frame")
-        return decoded_grey(data, np.uint8, self.description.camera.shape_hw, where)
-
-    def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
-        """``(H, W)`` float32, mm."""
-        shape = self.description.camera.shape_hw
-        if self.description.float_depth:
-            data, where = self.read(index, "depth_mm")
-            return decoded_array(data, shape, where)
-        data, where = self.read(index, "depth")
-        return decoded_depth(data, depth_scale, shape, where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +103,7 @@ class View:
     @cached_property
     def rgb(self) -> np.ndarray:
         """``(H, W, 3)`` uint8 RGB; black where there is no surface."""
-        return self.files.rgb(self.index)
+        return self.files.array(self.index, "rgb")
 
     @cached_property
     def depth_mm(self) -> np.ndarray:
@@ -117,44 +111,58 @@ class View:
 
         The float depth if the dataset has it, else the 16-bit image times its scale.
         """
-        return self.files.depth_mm(self.index, self._truth.depth_scale)
+        if "depth_mm" in self.files.description.kinds:
+            return self.files.array(self.index, "depth_mm")
+        return depth_mm(self.files.array(self.index, "depth"), self._numbers.depth_scale)
 
     @cached_property
     def mask(self) -> np.ndarray:
         """``(H, W)`` bool: the surface is at the pixel's centre, and nothing stands in front of it."""
-        return self.files.mask(self.index, "mask_visib")
+        return self.files.array(self.index, "mask_visib") > 0
 
     @cached_property
     def observed(self) -> np.ndarray:
         """``(H, W)`` bool: surface that a source frame saw."""
-        return self.files.mask(self.index, "mask_observed")
+        return self.files.array(self.index, "mask_observed") > 0
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface.
+
+        Raises
+        ------
+        InputError
+            The dataset was rendered without ``--normals``.
+        """
+        codes = self.files.array(self.index, "normals")
+        return np.where(codes.any(axis=2)[..., None], codes / np.float32(NORMAL_UNIT) - 1, 0).astype(np.float32)
 
     @cached_property
     def source_frame(self) -> np.ndarray:
         """``(H, W)`` uint8: which frame of the case colours the surface, from 1; 0 where none saw it."""
         several = self.files.description.frames > 1
-        return self.files.source_frame(self.index) if several else self.observed.astype(np.uint8)
+        return self.files.array(self.index, "source_frame") if several else self.observed.astype(np.uint8)
 
     @property
     def k(self) -> np.ndarray:
         """``(3, 3)`` intrinsics px_from_cam; pixel (0, 0) is the centre of the top-left pixel."""
-        return self._truth.k
+        return self._numbers.k
 
     @property
     def cam_from_model(self) -> np.ndarray:
         """``(4, 4)`` pose of the mesh in ``models/``, mm, OpenCV camera axes."""
-        return self._truth.cam_from_model
+        return self._numbers.cam_from_model
 
     @property
     def boxes(self) -> Boxes:
         """Boxes of the surface."""
-        return self._truth.boxes
+        return self._numbers.boxes
 
     @property
     def visib_fract(self) -> float:
         """Visible fraction of the silhouette, 0..1."""
-        return self._truth.visib_fract
+        return self._numbers.visib_fract
 
     @cached_property
-    def _truth(self) -> Truth:
-        return self.files.truth(self.index)
+    def _numbers(self) -> Numbers:
+        return self.files.numbers(self.index)

@@ -1,5 +1,5 @@
 """Pages to look at a dataset or an evaluation.
 
-In: the folder of one. Out: one HTML file that needs no network and no other file. ``assets`` holds its style, its
-scripts and a bundled three.js (MIT).
+In: the folder of one. Out: one HTML file that needs no network and no other file. ``assets`` holds its style and
+its scripts.
 """

@@ -13,7 +13,8 @@ from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..dataset.check.check_dataset import CheckReport
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import RECORD, ViewPaths
+from ..dataset.layout import MODEL_FILES, RECORD, ViewPaths
+from ..dataset.model_file import read_model
 from ..errors import InputError
 from ..files.content import read_content
 from ..images.image_check import check_image
@@ -22,15 +23,15 @@ from ..surface.mesh import TriangleMesh
 from ..transforms import checked_rigid
 from .check_section import badge, check_section
 from .dataset_views import ShownView, shown_message, shown_view
-from .page import THREE, asset, html_page, page_footer, page_header, poses_section, spaced
+from .page import asset, html_page, page_footer, page_header, poses_section, spaced
 from .provenance import part_of, provenance_section
-from .surface_model import packed_surface, read_surface
+from .surface_sides import surface_sides
 from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitted, limited_picture
-from .view_geometry import SourceFrame, camera_data, pose_data
+from .view_geometry import SourceFrame, pose_data
 
 OVERLAY = "overlay.png"
 FRAME_BYTES = 600_000
-"""Of the source frame and of its overlay, as text."""
+"""Room for the source frame, and for its overlay, as text."""
 SCRIPTS = ("elements.js", "slider.js", "histogram.js", "layers.js", "poses.js", "dataset.js")
 
 QUANTITIES = (
@@ -133,20 +134,21 @@ def dataset_page(
         "quantities": QUANTITIES,
         "noun": "view",
         "coloured": "observed",
-        "camera": camera_data(camera),
+        "size": camera.size_wh,
         "views": [_view_data(view, page) for view in shown],
         "source": page.source.data(),
-        "surface": None if page.surface is None else packed_surface(*page.surface),
+        "sides": surface_sides(page.surface, page.source),
         "frames": frames,
     }
     title = f"{resolved.name} · OneFrame dataset"
-    return html_page(title=title, body=body, data=data, scripts=SCRIPTS, libraries=(THREE,))
+    return html_page(title=title, body=body, data=data, scripts=SCRIPTS)
 
 
 def _read(root: Path) -> _Page:
     description, problems, surface = read_description(root / RECORD), [], None
     try:
-        surface = read_surface(root)
+        mesh, colours = read_model(root, MODEL_FILES[0])
+        surface = mesh, np.full((len(mesh.vertices), 3), 200, np.uint8) if colours is None else colours
     except InputError as error:
         problems.append(shown_message(error, root))
     given, where = part_of(description.content, "frame"), f"{root / RECORD}: frame"

@@ -1,7 +1,6 @@
 """The page that shows an evaluation: pictures side by side, scores with confidence intervals, and charts."""
 
 import json
-import re
 import string
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +22,6 @@ from .page import asset, escaped, html_page, page_footer, page_header, property_
 from .thumbnails import (
     PAGE_BYTES,
     Quality,
-    data_uri,
     fitted,
     limited_picture,
     shrunk,
@@ -36,12 +34,9 @@ FIGURES = (("figure.png", "Real frames and what the methods make of them"), ("pa
 PARTS = ("real", "segmented", "rendered", "difference")
 SCRIPTS = ("elements.js", "slider.js", "table.js", "intervals.js", "evaluation.js")
 FIGURE_SHARE = 0.3
-"""Of the page's pictures, the most that figures and charts may take before they are reduced."""
+"""Largest part of the page's pictures that figures and charts may take before they are reduced."""
 FIGURES_AT_ONCE = 6
 """Each may take this part of that."""
-_VIEW_BOX = re.compile(rb'viewBox="[-\d.]+ [-\d.]+ (\d+(?:\.\d+)?) (\d+(?:\.\d+)?)"')
-DARK = "-dark"
-"""Ends the name of a chart for dark pages."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +75,7 @@ def evaluation_page(root: Path) -> bytes:
     content = json.loads(evaluation_bytes(evaluation))
     figures = _figures(folder, evaluation.charts, round(FIGURE_SHARE * PAGE_BYTES))
     names = sorted({entry[part] for entry in content["pictures"] for part in PARTS})
-    used = sum(len(figure[theme]["uri"]) for figure in figures for theme in ("light", "dark") if figure[theme])
+    used = sum(len(figure["uri"]) for figure in figures)
     files = _encoded(folder, names, PAGE_BYTES - used)
     resolved = root.resolve()
     facts = [
@@ -100,7 +95,7 @@ def evaluation_page(root: Path) -> bytes:
         missing=f"<p class='muted'>{escaped(evaluation.missing)}</p>" if evaluation.missing else "",
         conditions=_conditions(evaluation.conditions),
         problems=problem_list("Not shown on this page", sorted({*folder.problems})),
-        footer=page_footer(three=False),
+        footer=page_footer(),
     )
     return html_page(title=f"{resolved.name} · OneFrame evaluation", body=body, data=data, scripts=SCRIPTS)
 
@@ -143,42 +138,15 @@ def _decoded(folder: _Folder, name: str) -> np.ndarray | None:
 
 
 def _figures(folder: _Folder, charts: Sequence[str], most_bytes: int) -> list[dict[str, Any]]:
-    """Figures and charts, each for light and for dark pages where both are there."""
-    fixed = [(name, title) for name, title in FIGURES if (folder.root / name).is_file()]
-    by_stem: dict[str, dict[str, Any]] = {}
-    for name, title in [*fixed, *((chart, "") for chart in charts)]:
-        stem, _, kind = name.rpartition(".")
-        theme = "dark" if stem.endswith(DARK) else "light"
-        entry = by_stem.setdefault(stem.removesuffix(DARK), {"light": None, "dark": None, "title": title})
-        # an SVG is smaller and sharper than the PNG of the same chart
-        if entry[theme] is None or kind.lower() == "svg":
-            entry[theme] = name
-    figures = []
-    for stem, entry in by_stem.items():
-        title = entry["title"] or stem.rpartition("/")[2].replace("_", " ").replace("-", " ").capitalize()
-        shown = {theme: _figure(folder, entry[theme], most_bytes) for theme in ("light", "dark")}
-        if shown["light"] or shown["dark"]:
-            figures.append({"title": title, **shown})
-    return figures
-
-
-def _figure(folder: _Folder, name: str | None, most_bytes: int) -> dict[str, Any] | None:
-    if name is None:
-        return None
-    if name.lower().endswith(".svg"):
-        data = folder.file(name)
-        # as an image, an SVG runs no scripts and loads nothing
-        return None if data is None else {"uri": data_uri(data, "image/svg+xml"), **_svg_size(data)}
-    image = _decoded(folder, name)
-    if image is None:
-        return None
-    return limited_picture(image, most_bytes // FIGURES_AT_ONCE)
-
-
-def _svg_size(data: bytes) -> dict[str, float]:
-    """Width and height of an SVG by its ``viewBox``; nothing if it has none."""
-    found = _VIEW_BOX.search(data[:4096])
-    return {} if found is None else {"width": float(found[1]), "height": float(found[2])}
+    """Figures and charts; earlier versions wrote the latter as SVG and for dark pages too."""
+    shown = [(name, title) for name, title in FIGURES if (folder.root / name).is_file()]
+    for chart in charts:
+        stem, _, kind = chart.rpartition(".")
+        if kind.lower() == "png" and not stem.endswith("-dark"):
+            shown.append((chart, stem.rpartition("/")[2].replace("_", " ").capitalize()))
+    images = [(title, _decoded(folder, name)) for name, title in shown]
+    most_bytes //= FIGURES_AT_ONCE
+    return [{"title": title, **limited_picture(image, most_bytes)} for title, image in images if image is not None]
 
 
 def _conditions(conditions: Conditions) -> str:

@@ -13,10 +13,8 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 
 from .. import __version__
-from ..charts.page import THEMES, Theme
 
 MARK = "<!DOCTYPE html>\n<!-- OneFrame report -->\n"
-THREE = "three.min.js"
 
 
 def asset(name: str) -> str:
@@ -34,9 +32,7 @@ def spaced(number: int) -> str:
     return f"{number:,}".replace(",", "\u202f")
 
 
-def html_page(
-    *, title: str, body: str, data: Mapping[str, object], scripts: Sequence[str], libraries: Sequence[str] = ()
-) -> bytes:
+def html_page(*, title: str, body: str, data: Mapping[str, object], scripts: Sequence[str]) -> bytes:
     """The content of the file.
 
     Parameters
@@ -49,18 +45,13 @@ def html_page(
         What the scripts show: JSON types, finite numbers only.
     scripts
         Names of assets that share one scope, in their order.
-    libraries
-        Names of assets with a scope of their own, before the others.
     """
-    style = theme_rules() + asset("report.css")
+    style = asset("report.css")
     code = "(() => {\n'use strict';\n" + "\n".join(asset(name) for name in scripts) + "\n})();\n"
-    blocks = [*(asset(name) for name in libraries), code]
-    hashes = " ".join(_source_hash(block) for block in blocks)
     policy = (
-        f"default-src 'none'; script-src {hashes}; style-src {_source_hash(style)}; img-src data: blob:; "
+        f"default-src 'none'; script-src {_source_hash(code)}; style-src {_source_hash(style)}; img-src data: blob:; "
         "base-uri 'none'; form-action 'none'"
     )
-    inline = "".join(f"<script>{block}</script>\n" for block in blocks)
     text = (
         f'{MARK}<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{escaped(policy)}">\n'
@@ -69,7 +60,8 @@ def html_page(
         '<meta name="referrer" content="no-referrer">\n'
         f'<meta name="generator" content="OneFrame {escaped(__version__)}">\n'
         f"<title>{escaped(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}\n"
-        f'<script type="application/json" id="data">{embedded_json(data)}</script>\n{inline}</body>\n</html>\n'
+        f'<script type="application/json" id="data">{embedded_json(data)}</script>\n'
+        f"<script>{code}</script>\n</body>\n</html>\n"
     )
     return text.encode("utf-8", "replace")
 
@@ -78,35 +70,6 @@ def embedded_json(data: object) -> str:
     """JSON that cannot end the element that it stands in."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def theme_rules() -> str:
-    """The colours of the project's charts as CSS variables: the system's theme, or the one that the user chose."""
-    light, dark = map(_variables, THEMES)
-    return (
-        f":root{{{light}}}\n@media (prefers-color-scheme: dark){{:root:not([data-theme=light]){{{dark}}}}}\n"
-        f":root[data-theme=dark]{{{dark}}}\n"
-    )
-
-
-def _variables(theme: Theme) -> str:
-    dark = theme.suffix != ""
-    values = {
-        "background": theme.background,
-        "text": theme.text,
-        "muted": theme.muted,
-        "grid": theme.grid,
-        "ours": theme.series[0],
-        "warning": theme.series[1],
-        "peer": theme.series[2],
-        # the series' orange is too light for small text on a light page
-        "alert": theme.series[1] if dark else "#b04a00",
-        "raised": "#151b23" if dark else "#f6f8fa",
-        "sunken": "#0a0e14" if dark else "#eaeef2",
-    }
-    return f"color-scheme:{'dark' if dark else 'light'};" + "".join(
-        f"--{key}:{value};" for key, value in values.items()
-    )
 
 
 def _source_hash(block: str) -> str:
@@ -128,7 +91,7 @@ def page_header(*, kind: str, name: str, facts: Sequence[str], status: str = "")
 
 
 def poses_section(noun: str) -> str:
-    """The section with poses in 3D; each is that of a ``noun``."""
+    """The section with the poses; each is that of a ``noun``."""
     return string.Template(asset("poses.html")).substitute(noun=noun).rstrip()
 
 
@@ -138,10 +101,7 @@ def property_table(rows: Sequence[tuple[str, str]], *, caption: str) -> str:
     return f'<div class="scroll"><table class="properties"><caption>{escaped(caption)}</caption>{body}</table></div>'
 
 
-def page_footer(*, three: bool = True) -> str:
-    """Where the page comes from; ``three`` names the bundled library and its licence."""
-    bundled = " 3D view: three.js, © three.js authors, MIT licence (in this file)." if three else ""
-    return (
-        f"<footer><p>Made by OneFrame {escaped(__version__)}. This file needs no network and sends nothing.{bundled}"
-        "</p></footer>"
-    )
+def page_footer() -> str:
+    """Where the page comes from."""
+    made = f"Made by OneFrame {escaped(__version__)}."
+    return f"<footer><p>{made} This file needs no network and sends nothing.</p></footer>"

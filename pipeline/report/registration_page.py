@@ -1,4 +1,4 @@
-"""The page of a registration: states over time, frames with their overlays, poses in 3D, and where it may be wrong."""
+"""The page of a registration: states over time, frames with their overlays, poses, and where it may be wrong."""
 
 import math
 import string
@@ -11,10 +11,10 @@ from ..files.numbers import format_two_digits
 from ..registration.colour_sources import ColourChoice
 from ..registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence
 from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
-from .page import THREE, asset, escaped, html_page, page_footer, page_header, poses_section, spaced
-from .surface_model import packed_surface
+from .page import asset, escaped, html_page, page_footer, page_header, poses_section, spaced
+from .surface_sides import surface_sides
 from .thumbnails import base64_text
-from .view_geometry import SourceFrame, camera_data, pose_data
+from .view_geometry import SourceFrame, pose_data
 
 SCRIPTS = ("elements.js", "layers.js", "table.js", "poses.js", "registration.js")
 QUANTITIES = (
@@ -60,6 +60,7 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         colour=_colour(evidence.colour),
         footer=page_footer(),
     )
+    source = SourceFrame(camera, evidence.source.cam_from_model, evidence.pivot_model)
     colours = np.rint(255 * colour_vertices(evidence.mesh, [evidence.source]).rgb).astype(np.uint8)
     data = {
         "noun": "frame",
@@ -68,14 +69,14 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         "coloured": "state",
         "colours": COLOURS,
         "counts": counts,
-        "camera": camera_data(camera),
+        "size": camera.size_wh,
         "views": [_frame_data(frame) for frame in frames],
-        "source": SourceFrame(camera, evidence.source.cam_from_model, evidence.pivot_model).data(),
-        "surface": packed_surface(evidence.mesh, colours),
+        "source": source.data(),
+        "sides": surface_sides((evidence.mesh, colours), source),
         "lost": evidence.lost,
     }
     title = f"{name} · OneFrame registration"
-    return html_page(title=title, body=body, data=data, scripts=SCRIPTS, libraries=(THREE,))
+    return html_page(title=title, body=body, data=data, scripts=SCRIPTS)
 
 
 def _frame_data(frame: FrameEvidence) -> dict[str, object]:

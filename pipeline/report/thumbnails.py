@@ -16,9 +16,9 @@ import numpy as np
 from ..progress import Progress
 
 PAGE_BYTES = 16_500_000
-"""Of all pictures of views in a page, as text: leaves room below 20 MB for script, surface, frame and tables."""
+"""Room for all pictures of views in a page, as text: leaves room below 20 MB for script, surface, frame and tables."""
 TEXT_PER_BYTE = 4 / 3
-"""Of base64."""
+"""Growth of what is written as base64."""
 PILOTS = 8
 MARGIN = 0.92
 """Share of the size that the pilots may fill: others may be larger."""
@@ -112,14 +112,13 @@ def webp(image: np.ndarray, quality: int) -> bytes:
     return data.tobytes()
 
 
-def data_uri(data: bytes, kind: str = "image/webp") -> str:
-    """Bytes as the address of a picture."""
-    return f"data:{kind};base64,{base64_text(data)}"
-
-
 def sized_picture(image: np.ndarray, quality: int) -> dict[str, object]:
     """A picture for the page: its address, and its size, so that nothing moves when it appears."""
-    return {"uri": data_uri(webp(image, quality)), "width": image.shape[1], "height": image.shape[0]}
+    return {
+        "uri": f"data:image/webp;base64,{base64_text(webp(image, quality))}",
+        "width": image.shape[1],
+        "height": image.shape[0],
+    }
 
 
 def limited_picture(image: np.ndarray, most_bytes: int) -> dict[str, object]:

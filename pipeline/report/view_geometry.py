@@ -14,13 +14,8 @@ ALONG = 160
 """Pixels along the width of the picture in which the pivot is looked for."""
 
 
-def camera_data(camera: PinholeCamera) -> list[float]:
-    """Size and K for the 3D view of a page: width, height, fx, fy, cx, cy."""
-    return [camera.width, camera.height, *camera.k.ravel()[[0, 4, 2, 5]].tolist()]
-
-
 def pose_data(cam_from_model: np.ndarray) -> dict[str, object]:
-    """A pose for the 3D view of a page."""
+    """A camera for a page: its centre and its rotation, which leads into its frame."""
     return {
         "centre": np.round(camera_centre(cam_from_model), 4).tolist(),
         "rotation": np.round(cam_from_model[:3, :3], 6).ravel().tolist(),
@@ -53,13 +48,8 @@ class SourceFrame:
         return cls(camera, cam_from_model, np.zeros(3) if pivot is None else pivot)
 
     def data(self) -> dict[str, object]:
-        """For the 3D view of a page."""
-        return {
-            "centre": camera_centre(self.cam_from_model).tolist(),
-            "rotation": self.cam_from_model[:3, :3].ravel().tolist(),
-            "pivot": self.pivot_model.tolist(),
-            "camera": camera_data(self.camera),
-        }
+        """For a page."""
+        return pose_data(self.cam_from_model) | {"pivot": self.pivot_model.tolist()}
 
     @property
     def distance_mm(self) -> float:

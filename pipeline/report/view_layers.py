@@ -14,7 +14,7 @@ from .thumbnails import shrunk, webp
 SEEN, UNSEEN, NO_SURFACE = 255, 253, 251
 """Alpha of surface that the source frame saw, of other surface, and of the rest."""
 DEPTH_QUALITY = 60
-"""Of WebP; depth is smooth."""
+"""Quality of WebP; depth is smooth."""
 
 
 @dataclass(frozen=True)

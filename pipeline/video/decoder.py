@@ -192,7 +192,9 @@ def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
         if not shown:
             raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
         fps, tick_s = float(stream.guessed_rate or 0), float(stream.time_base)
-        promised_s = float((stream.duration or 0) * stream.time_base or (container.duration or 0) / av.time_base)
+        promised_s = float((stream.duration or 0) * stream.time_base)
+        # that of a whole file may count from 0, wherever its first frame is
+        promised_end_s = 0.0 if promised_s else (container.duration or 0) / av.time_base
         # the last one is empty
         lost_s = (stream.frames - read) / fps if stream.frames and fps else None
         start_s = None if container.start_time is None else container.start_time / av.time_base
@@ -204,7 +206,8 @@ def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
     else:
         times_s = [number / (fps or 25.0) for number in range(len(shown))]
     found_s = times_s[-1] - times_s[0]
-    missing_s = promised_s - found_s if lost_s is None else lost_s
+    end_s = ticks[-1] * tick_s if ticks else found_s
+    missing_s = max(promised_s - found_s, promised_end_s - max(end_s, found_s)) if lost_s is None else lost_s
     missing_s = missing_s if 0.1 * found_s + 0.25 < missing_s < _LONGEST_S else 0.0
     return _Survey(path, {time: number for number, time in enumerate(times)}, times_s, fps, missing_s)
 

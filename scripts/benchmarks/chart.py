@@ -19,10 +19,10 @@ from oneframe.files.temporary import temporary_folder
 from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
-from .charts.speed_accuracy_chart import speed_accuracy_charts
+from .charts.speed_accuracy_chart import speed_accuracy_chart
 from .figures import conditions_note, read_rows, write_rows
 from .published import bloster_cases
-from .rendering.render_accuracy import JUDGED_VIEWS, SceneTrials, converged_reference, scene_peers
+from .rendering.render_accuracy import JUDGED_VIEWS, converged_reference, measure_scene, scene_peers
 from .rendering.render_scenes import RenderScene, case_scene
 from .rendering.speed_accuracy import Configuration, SpeedPoint
 
@@ -82,7 +82,17 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             report(f"{scene.name}: {scene.camera.width}x{scene.camera.height} px, {triangles:,} triangles")
             run = folder / f"run-{number}"
             run.mkdir()
-            points += measure_scene(scene, configurations, run, arguments, report)
+            try:
+                peers = scene_peers(scene)
+            except RunError as error:
+                report(f"left out: {error}")
+                peers = {}
+            total = arguments.rounds * (len(configurations) + len(peers) + 1) + JUDGED_VIEWS
+            with Progress(total, "measurements", stream=sys.stderr) as progress:
+                reference = converged_reference(scene, arguments.along, progress.advance)
+                points += measure_scene(
+                    scene, reference, configurations, peers, run, arguments.rounds, progress.advance
+                )
     measured = {"seed": arguments.seed, "rounds": arguments.rounds, "views": arguments.views}
     conditions = current_conditions({**measured, "reference rays": arguments.along**2}, blender=bpy.app.version_string)
     write_rows(arguments.out, points, conditions)
@@ -91,7 +101,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
 def draw(out: Path) -> list[Path]:
     """Draw the table."""
     points, conditions = read_rows(out, SpeedPoint)
-    return speed_accuracy_charts(points, conditions_note(conditions), out)
+    return [speed_accuracy_chart(points, conditions_note(conditions), out)]
 
 
 def usable(configurations: Sequence[Configuration], report: Callable[[str], None]) -> list[Configuration]:
@@ -120,33 +130,3 @@ def scenes(arguments: argparse.Namespace, folder: Path) -> Iterator[RenderScene]
         cases.append(("bloster", *bloster_cases(arguments.bloster, folder / "bloster", mesh="mesh_70k.ply")[0]))
     for case in cases:
         yield case_scene(*case, views=arguments.views, seed=arguments.seed)
-
-
-def measure_scene(
-    scene: RenderScene,
-    configurations: Sequence[Configuration],
-    folder: Path,
-    arguments: argparse.Namespace,
-    report: Callable[[str], None],
-) -> list[SpeedPoint]:
-    """Measure one scene in alternating rounds."""
-    try:
-        peers = scene_peers(scene)
-    except RunError as error:
-        report(f"left out: {error}")
-        peers = {}
-    total = arguments.rounds * (len(configurations) + len(peers) + 1) + JUDGED_VIEWS
-    with Progress(total, "measurements", stream=sys.stderr) as progress:
-        reference = converged_reference(scene, arguments.along, progress.advance)
-        with SceneTrials(scene, reference, folder) as trials:
-            for number in range(arguments.rounds):
-                judge = number == arguments.rounds - 1
-                for name, render in peers.items():
-                    trials.run_peer(name, render, judge=judge)
-                    progress.advance()
-                trials.run_bare()
-                progress.advance()
-                for configuration in configurations:
-                    trials.run(configuration, judge=judge)
-                    progress.advance()
-            return trials.points()

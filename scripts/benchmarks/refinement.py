@@ -2,10 +2,9 @@
 
 The initial pose is the true one, rotated about the middle of the visible surface and translated by a percentage of its
 distance, both in random directions, on a grid of sizes; sizes of 0 start at the truth. Success on a case: within 1°
-and 2 px (mean over the visible surface); on LM-O, whose true poses are 2-6 px off themselves, on bloster and with
---shadows: within 5 px ("2D projection", Brachmann et al. 2016). --shadows renders a relief under a low sun, each frame
-from another side: what it shows is mostly cast shadow. The errors that the refinement estimates are compared with the
-true ones. Wrong images are the frame mirrored, upside down and rotated by 90 degrees: all must be refused. Writes a
+and 2 px (mean over the visible surface); on LM-O, whose true poses are 2-6 px off themselves, and on bloster: within
+5 px ("2D projection", Brachmann et al. 2016). The errors that the refinement estimates are compared with the true
+ones. Wrong images are the frame mirrored, upside down and rotated by 90 degrees: all must be refused. Writes a
 table, FILE.csv, with a row for each trial, and its chart.
 """
 
@@ -15,7 +14,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from oneframe.errors import InputError
 from oneframe.evaluation.conditions import current_conditions
@@ -23,8 +21,7 @@ from oneframe.progress import Progress
 
 from .alignment.refinement_basin import RefinementTrial, disturbances, run_trials, summary
 from .alignment.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
-from .alignment.side_lit_photographs import side_lit_scenes
-from .charts.refinement_chart import refinement_charts
+from .charts.pose_charts import refinement_chart
 from .figures import read_rows, write_rows
 
 QUICK = {"degrees": [2.0], "percent": [2.0], "trials": 1, "wrong": 1}
@@ -36,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     source.add_argument("case", metavar="CASE.toml", type=Path, nargs="?")
     source.add_argument("--lmo", metavar="FOLDER", type=Path, help="LINEMOD-Occluded")
     source.add_argument("--bloster", metavar="FOLDER", type=Path, help="photographs of a cushion")
-    source.add_argument("--shadows", metavar="N", type=int, help="N frames of a relief in a low sun")
     parser.add_argument("--coloured", action="store_true", help="bloster: with colours from another photograph")
     parser.add_argument("--degrees", type=float, nargs="+", default=[1, 2, 5, 10, 15], help="sizes of the rotation")
     parser.add_argument("--percent", type=float, nargs="+", default=[1, 2, 5, 8], help="sizes of the translation")
@@ -61,7 +57,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
 
 def draw(out: Path) -> list[Path]:
     """Draw the table."""
-    return refinement_charts(read_rows(out, RefinementTrial)[0], out)
+    return [refinement_chart(read_rows(out, RefinementTrial)[0], out)]
 
 
 def _scenes(arguments: argparse.Namespace) -> list[RefinementScene]:
@@ -71,6 +67,4 @@ def _scenes(arguments: argparse.Namespace) -> list[RefinementScene]:
         return lmo_scenes(arguments.lmo)
     if arguments.bloster:
         return bloster_scenes(arguments.bloster, coloured=arguments.coloured)
-    if arguments.shadows:
-        return list(side_lit_scenes(np.random.default_rng(arguments.seed), arguments.shadows))
-    raise InputError("command line: expected a case file, --lmo, --bloster or --shadows, found none")
+    raise InputError("command line: expected a case file, --lmo or --bloster, found none")

@@ -113,7 +113,7 @@ def trials_of(part: str, scenes: Sequence[Scene], arguments: argparse.Namespace,
 
 
 def film_trials(sample: Sequence[Scene], folder: Path, zoom: float) -> sweeps.Trials:
-    """Of the sample's film, which is made once."""
+    """Trials of the sample's film, which is made once."""
     for scene in sample:
         if not (folder / FILM_POSES).exists():
             for _ in write_sample_film(folder, sample_surface()):

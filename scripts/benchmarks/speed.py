@@ -1,33 +1,64 @@
-"""Speed against PyVista, anti-aliasing, scaling, memory and start-up.
+"""Speed against PyVista, anti-aliasing, start-up and memory.
 
-All figures use the same surface (200 000 triangles), poses, K and 640x480 px. Times are medians; ratios compare
-alternating runs, since machines are noisy. PyVista runs as users run it: off screen, RGB, in memory.
+All figures use the same surface (200 000 triangles), K and 640x480 px. Times are medians of alternating rounds, since
+machines are noisy. PyVista runs as users run it: off screen, RGB, in memory.
 """
 
 import argparse
+import shutil
+import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+from skimage.metrics import structural_similarity
+
+from oneframe.blender.dataset.job import Job, OpenJob, open_job, render_views
 from oneframe.blender.render.engines import keep_freed_memory
+from oneframe.case.case_file import read_case
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.files.machine import available_cores
 from oneframe.files.temporary import temporary_folder
+from oneframe.images.pixel_values import to_uint8
 
-from .charts.render_speed_chart import render_speed_charts
-from .figures import expected, read_figures, write_figures
-from .rendering.benchmark_case import VIEW_CAMERA
-from .rendering.render_scaling import measure_anti_aliasing, measure_memory, measure_triangles
-from .rendering.render_speed import measure_speed, measure_start, measure_workers
-from .rendering.render_times import RenderTimes
+from .figures import write_figures
+from .memory import memory_mb
+from .rendering.benchmark_case import VIEW_CAMERA, write_benchmark_case
+from .rendering.converged_view import converged_view
+from .rendering.render_accuracy import LIT_PEER, UNLIT_PEER, measure_scene, render_command, scene_peers
+from .rendering.render_scenes import case_scene
+from .rendering.speed_accuracy import FLOOR, Configuration
 
-NAMES = ("speed", "antialiasing", "scaling", "workers", "start", "memory")
-ROUNDS = "speed rounds"
-"""In the file of figures: the times of all rounds."""
-QUICK = {"rounds": 2, "views": 300}
+SCALE = 0.5
+"""Scale of the views relative to the benchmark's frame."""
+CONFIGURATIONS = (
+    Configuration(),
+    Configuration("raster"),
+    Configuration("raster", samples=4),
+    Configuration(colour="texture"),
+    Configuration(colour="vertex"),
+    Configuration(samples=8),
+)
+TIMED_VIEWS = 40
+EXACT = ("cycles", "raster")
+"""The engines whose views are exact."""
+EDGE_SAMPLES = (1, 4, 8, 16)
+REFERENCE_ALONG = 11
+"""Rays along a pixel's side: 121 in all, of images of 38 million pixels."""
+COMPARED_VIEWS = 3
+MEMORY_STEP = 100
+"""Number of views between two measurements of the memory."""
+QUICK = {"rounds": 1, "views": 300}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this topic."""
-    parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, metavar="NAME", help=" ".join(NAMES))
+    parser.add_argument(
+        "--only", nargs="+", choices=MEASURES, default=MEASURES, metavar="NAME", help=" ".join(MEASURES)
+    )
     parser.add_argument("--rounds", type=int, default=5, help="of the speed (default %(default)s)")
     parser.add_argument("--views", type=int, default=2000, help="for the memory (default %(default)s)")
 
@@ -36,30 +67,93 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     """Run the named measurements in this order."""
     keep_freed_memory()
     report(f"{available_cores()} cores, {VIEW_CAMERA.width}x{VIEW_CAMERA.height} px, 200 000 triangles")
-    figures: dict[str, object] = {}
+    figures: dict[str, dict[str, float]] = {}
     with temporary_folder() as folder:
-        measures = {
-            "antialiasing": lambda: measure_anti_aliasing(folder, report),
-            "scaling": lambda: measure_triangles(folder, report),
-            "workers": lambda: measure_workers(folder, report),
-            "start": lambda: measure_start(folder, report, rounds=min(arguments.rounds, 3)),
-            "memory": lambda: measure_memory(folder, report, views=arguments.views),
-        }
+        case = write_benchmark_case(folder / "case")
         for name in arguments.only:
             report(f"{name}:")
-            if name != "speed":
-                figures[name] = measures[name]()
-                continue
-            times = measure_speed(folder, report, rounds=arguments.rounds)
-            report("\n".join(times.table()))
-            figures |= {name: times.medians_ms(), ROUNDS: times.rounds_ms()}
+            figures[name] = MEASURES[name](case, folder, arguments)
+            for what, value in figures[name].items():
+                report(f"  {what}: {value:.6g}")
     write_figures(arguments.out, figures)
 
 
-def draw(out: Path) -> list[Path]:
-    """Draw the speed relative to PyVista's, if it was measured."""
-    figures = read_figures(out)
-    if ROUNDS not in figures:
-        return []
-    with expected(out):
-        return render_speed_charts(RenderTimes.of_ms(figures[ROUNDS]), out)
+def speed(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, float]:
+    """Milliseconds of a view of each configuration and of PyVista, and their ratios.
+
+    Raises
+    ------
+    RunError
+        PyVista is not installed.
+    """
+    scene = case_scene("bowl", case, None, views=TIMED_VIEWS, seed=0)
+    points = measure_scene(scene, None, CONFIGURATIONS, scene_peers(scene), folder, arguments.rounds, lambda: None)
+    ms = {point.name: point.ms for point in points if point.kind != FLOOR}
+    ratios = {f"{name} / {peer}": ms[name] / ms[peer] for name in ms for peer in (LIT_PEER, UNLIT_PEER) if name != peer}
+    return ms | ratios
+
+
+def anti_aliasing(case: Path, folder: Path, _arguments: argparse.Namespace) -> dict[str, float]:
+    """SSIM of exact and of anti-aliased views with converged ones, the lowest of the compared views."""
+    figures = {}
+    truths: list[np.ndarray] = []
+    for samples in EDGE_SAMPLES:
+        with _job(case, folder / "unused", samples=samples).renderer(threads=available_cores()) as renderer:
+            views = [renderer.make(index) for index in range(COMPARED_VIEWS)]
+        source = renderer.reference
+        truths = truths or [
+            to_uint8(
+                converged_view(
+                    source.mesh, source.view, VIEW_CAMERA, view.planned.cam_from_model, along=REFERENCE_ALONG
+                )
+            )
+            for view in views
+        ]
+        figures[f"SSIM with {samples} rays at edges" if samples > 1 else "SSIM of exact views"] = min(
+            float(structural_similarity(truth, to_uint8(view.rendered.rgb), channel_axis=2, data_range=255))
+            for truth, view in zip(truths, views, strict=True)
+        )
+    return figures
+
+
+def start(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, float]:
+    """Seconds from the command to the first view on disk by engine, median of some runs."""
+    figures = {}
+    for engine in EXACT:
+        seconds = []
+        for _ in range(min(arguments.rounds, 3)):
+            out, before = folder / "start", time.time()
+            command = render_command(case, out, f"--scale={SCALE}", "--count=2", f"--engine={engine}")
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+            seconds.append(min(ViewPaths(out, index).file("frame").stat().st_mtime for index in range(2)) - before)
+            shutil.rmtree(out)
+        figures[f"seconds to the first view, {engine}"] = float(np.median(seconds))
+    return figures
+
+
+def memory(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, float]:
+    """Growth of this process's resident memory over many views, MB."""
+    out, sizes = folder / "memory", dict[int, float]()
+
+    def finished(index: int) -> None:
+        if (index + 1) % MEMORY_STEP == 0:
+            sizes[index + 1] = memory_mb("VmRSS")
+            # the disk may be small
+            shutil.rmtree(ViewPaths(out, index).file("rgb").parent, ignore_errors=True)
+
+    with _job(case, out).renderer(threads=available_cores()) as renderer:
+        render_views(renderer, out, range(arguments.views), finished)
+    first, last = min(sizes), max(sizes)
+    return {f"growth from view {first} to {last}": sizes[last] - sizes[first], "in all": sizes[last]}
+
+
+def _job(case: Path, out: Path, samples: int = 1) -> OpenJob:
+    return open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE, samples=samples), Shard()))
+
+
+MEASURES: dict[str, Callable[[Path, Path, argparse.Namespace], dict[str, float]]] = {
+    "speed": speed,
+    "antialiasing": anti_aliasing,
+    "start": start,
+    "memory": memory,
+}

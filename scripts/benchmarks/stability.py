@@ -24,25 +24,11 @@ from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
 from .alignment.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
-from .charts.stability_camera_chart import camera_stability_charts
-from .charts.stability_colouring_chart import colouring_stability_charts
-from .charts.stability_landmarks_chart import landmark_stability_charts
-from .charts.stability_refinement_chart import refinement_stability_charts
-from .charts.stability_renderers_chart import renderer_stability_charts
-from .charts.stability_sampling_chart import sampling_stability_charts
+from .charts.stability_charts import CHARTS
 from .figures import read_rows, write_rows
 from .sweeps import camera, colouring, landmarks, photographs, refinement, renderers, sampling
 from .sweeps.cells import Cell, Task
 
-CHARTS = {
-    landmarks.TOPIC: landmark_stability_charts,
-    refinement.TOPIC: refinement_stability_charts,
-    colouring.TOPIC: colouring_stability_charts,
-    camera.TOPIC: camera_stability_charts,
-    renderers.TOPIC: renderer_stability_charts,
-    sampling.TOPIC: sampling_stability_charts,
-}
-"""By topic: draws the charts of cells, with their conditions, next to their table; gives the files written."""
 QUICK: dict[str, object] = {}
 
 

@@ -26,18 +26,18 @@ Distance = Callable[[np.ndarray], np.ndarray]
 
 
 def sphere(points: np.ndarray) -> np.ndarray:
-    """Of 38 mm."""
+    """A ball with a radius of 38 mm."""
     return np.linalg.norm(points - (0.13, -0.21, 0.07), axis=1) - 38.0
 
 
 def box(points: np.ndarray) -> np.ndarray:
-    """Of 60 x 50 x 40 mm."""
+    """A box of 60 x 50 x 40 mm."""
     away: np.ndarray = np.abs(points - (0.13, -0.21, 0.07)) - (30.0, 25.0, 20.0)
     return np.linalg.norm(np.maximum(away, 0), axis=1) + np.minimum(away.max(axis=1), 0)
 
 
 def torus(points: np.ndarray) -> np.ndarray:
-    """Of radii 28 and 10 mm."""
+    """A torus with radii of 28 and 10 mm."""
     x, y, z = (points - (0.13, -0.21, 0.07)).T
     return np.hypot(np.hypot(x, y) - 28.0, z) - 10.0
 

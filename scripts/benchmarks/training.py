@@ -31,8 +31,8 @@ from oneframe.evaluation.conditions import current_conditions
 from oneframe.progress import Progress
 
 from .alignment.registration_trials import RegistrationTrial, Scene, small
-from .charts.bad_photographs_chart import bad_photographs_chart
-from .charts.training_chart import training_charts
+from .charts.pose_charts import training_chart
+from .charts.registration_charts import bad_photographs_chart
 from .figures import conditions_note, read_rows, write_rows
 from .learning.bad_photographs import bad_photographs
 from .learning.pose_trials import PoseTrial, Training, errors, known_views, photographs_of, refined, summary
@@ -99,8 +99,8 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
 def draw(out: Path) -> list[Path]:
     """Draw the table."""
     trials, conditions = read_rows(out, PoseTrial)
-    charts = training_charts(trials, conditions_note(conditions), out)
-    return charts + bad_photographs_chart(*read_rows(_bad(out), RegistrationTrial), _bad(out))
+    bad = read_rows(_bad(out), RegistrationTrial)
+    return [training_chart(trials, conditions_note(conditions), out), bad_photographs_chart(*bad, _bad(out))]
 
 
 def _bad(out: Path) -> Path:

@@ -13,35 +13,31 @@ from oneframe.case.case_writer import write_case
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from scripts.benchmark import TOPICS
-from scripts.benchmarks import speed
-from scripts.benchmarks.figures import write_figures
 from scripts.benchmarks.rendering.render_accuracy import SceneTrials, converged_reference
 from scripts.benchmarks.rendering.render_scenes import case_scene
-from scripts.benchmarks.rendering.render_times import PEERS
 from scripts.benchmarks.rendering.speed_accuracy import Configuration
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
-CHART = (".png", ".svg", "-dark.png", "-dark.svg")
 REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     # what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),
-    "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], [f"chart{end}" for end in CHART]),
-    "landmarks": ("landmarks.json", ["--trials", "4"], [f"landmarks{end}" for end in CHART]),
-    "refinement": ("refinement.csv", ["{case}"], [f"refinement{end}" for end in CHART]),
+    "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], ["chart.png"]),
+    "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
+    "refinement": ("refinement.csv", ["{case}"], ["refinement.png"]),
     "surface": ("surface.json", [], []),
     "reader": ("reader.json", ["{dataset}"], []),
-    "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.svg"]),
+    "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.png"]),
     "registration": (
         "", ["--only", "photographs"],
-        ["registration_photographs.csv", *(f"{name}{end}" for name in REGISTRATION for end in CHART)],
+        ["registration_photographs.csv", *(f"{name}.png" for name in REGISTRATION)],
     ),
     "stability": (
-        "", ["--only", "sampling"], [f"stability_sampling{end}" for end in (".csv", *CHART)]
+        "", ["--only", "sampling"], ["stability_sampling.csv", "stability_sampling.png"]
     ),
     "training": (
         "training.csv", ["--without-sample", "--case", "{case}", "{photographs}"],
-        ["training_bad.csv", *(f"training{part}{end}" for part in ("", "_bad") for end in CHART)],
+        ["training_bad.csv", "training.png", "training_bad.png"],
     ),
 }  # fmt: skip
 
@@ -87,10 +83,3 @@ def test_views_of_a_case_in_metres_are_as_near_to_their_reference(tmp_path, writ
             trials.run(Configuration(mesh_px=mesh_px, processes=1), judge=True)
         errors = [point.error for point in trials.points()]
     assert max(errors) < 2
-
-
-def test_the_chart_of_the_speed_is_drawn_from_its_rounds(tmp_path):
-    pytest.importorskip("matplotlib")
-    names = (*PEERS, "exact, projective")
-    write_figures(tmp_path / "speed.json", {speed.ROUNDS: {name: [100.0, 90.0, 120.0] for name in names}})
-    assert {path.name for path in speed.draw(tmp_path / "speed.json")} == {f"speed{end}" for end in CHART}

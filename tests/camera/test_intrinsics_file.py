@@ -145,6 +145,15 @@ WITH_SIZE = {
     "vision6d, numpy 1": lambda k: as_numpy_1(vision6d(k, 2)),
     "vision6d, numpy 2": lambda k: as_numpy_2(vision6d(k, 2)),
     "transposed": lambda k: as_json(intrinsic_matrix=k.T.ravel().tolist(), width=1920, height=1080),
+    "matlab": lambda k: as_json(
+        IntrinsicMatrix=(k + np.outer([1, 1, 0], [0, 0, 1])).T.tolist(),
+        ImageSize=SIZE[::-1],
+        RadialDistortion=[0, 0],
+        TangentialDistortion=[0, 0],
+    ),
+    "xml of attributes": lambda k: "<camera {} width='1920' height='1080'/>".format(
+        " ".join(f"{name}='{float(value)}'" for name, value in parts(k).items())
+    ),
     "lists": lambda k: as_json(cameras=[{"K": k.tolist(), "image_size": [1920, 1080]}]),
 }
 WITHOUT_SIZE = {
@@ -190,7 +199,7 @@ def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
     np.testing.assert_allclose(found(file), [k[0, 0], k[1, 1], k[0, 2], k[1, 2]], rtol=1e-15, atol=1e-12)
     assert file.size == (None if name in WITHOUT_SIZE else SIZE)
     assert file.distortion == (DISTORTION if name in ALL else None)
-    assert bool(file.messages) == (name == "transposed")
+    assert bool(file.messages) == (name in ("transposed", "matlab"))
     assert file.camera(SIZE).size_wh == SIZE
 
 
@@ -202,6 +211,11 @@ def test_colmap_and_nerf_count_from_the_corner(tmp_path):
     assert found(read(tmp_path, nerf)) == [500, 510, 319.5, 239.5]
     corner = case_toml(K).replace('"center"', '"corner"')
     assert found(read(tmp_path, corner))[2:] == [960.8, 551.2]
+
+
+def test_numbers_of_yaml_are_decimal(tmp_path):
+    file = read(tmp_path, "fx: 0500\nfy: 500\ncx: 0161\ncy: 0120.5\nwidth: 0320\nheight: 0240\n")
+    assert (found(file), file.size) == ([500, 500, 161, 120.5], (320, 240))
 
 
 def test_distortion_is_checked_for_its_camera(tmp_path):
@@ -234,6 +248,17 @@ BAD = {
         as_json(K=K.tolist(), distortion={"type": "equidistant", "coeffs": [0.1] * 4}),
         "found distortion.type = 'equidistant'",
     ),
+    "the model beside a matrix of distortion": (
+        as_json(K=K.tolist(), distortion={"rows": 4, "cols": 1, "data": [0.1] * 4, "model": "fisheye"}),
+        "found distortion.model = 'fisheye'",
+    ),
+    "the model in an attribute": (
+        "<a><K>9 0 9 0 9 9 0 0 1</K><distortion model='fisheye'><data>0.1 0.2 0.3 0.4</data></distortion></a>",
+        "found distortion.model = 'fisheye'",
+    ),
+    "a coefficient of an unknown name in XML": ("<a><K>9 0 9 0 9 9 0 0 1</K><D><w>0.1</w></D></a>", "found D.w with"),
+    "a key twice in JSON": ('{"fx": 9, "cx": 9, "cy": 9, "cx": 8}', "the key 'cx' twice"),
+    "a key twice in YAML": ("fx: 9\ncx: 9\ncy: 9\ncx: 8\n", "it holds 'cx' twice"),
     "a fisheye by its type": (as_json(K=K.tolist(), type="fisheye"), "found type = 'fisheye'"),
     "coefficients in an unknown form": (as_json(K=K.tolist(), D={"order": 3, "a": "b"}), "found D.order with 3"),
     "coefficients that are words": (as_json(K=K.tolist(), dist=["a", "b"]), "found dist with"),

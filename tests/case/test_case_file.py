@@ -131,6 +131,19 @@ BAD = {
     "K transposed": (intrinsics("[[320, 0, 0], [0, 330, 0], [31.5, 23.5, 1]]"), "K: expected \\[\\[fx, 0, cx\\]"),
     "distortion": ({"K": PARTS["K"] + "\ndistortion = [1, 2]"}, "distortion: expected five finite numbers"),
     "pixel origin": ({"K": PARTS["K"] + '\npixel_origin = "centre"'}, 'expected pixel_origin "center" or "corner"'),
+    "a truth value in K": (
+        intrinsics("[[320, 0, true], [0, 330, 23.5], [0, 0, 1]]"),
+        "K: expected 3 rows of 3 numbers",
+    ),
+    "a text in a pose": (
+        pose('[[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, "300"], [0, 0, 0, 1]]'),
+        "expected 4 rows of 4 numbers",
+    ),
+    "a text in a distortion": ({"K": PARTS["K"] + '\ndistortion = ["0.1", 0, 0, 0]'}, "expected \\[k1, k2"),
+    "a line break in a structure's name": (
+        {"more": '[[structures]]\nname = "a\\nb"\nmesh = "n.ply"'},
+        "number 1: expected a name, found",
+    ),
     "reflection": (
         pose("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"),
         "expected a rotation, found a reflection \\(determinant -1.000\\)",

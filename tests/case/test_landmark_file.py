@@ -32,6 +32,13 @@ def test_names_in_the_encodings_of_spreadsheets(tmp_path, encoding):
     assert landmark.name == "Steigbügel – Fußplatte"
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_separators_and_line_ends_of_spreadsheets(tmp_path, separator, end):
+    text = "name x y z u v\ntip 1 2 3 4 5".replace(" ", separator).replace("\n", end)
+    assert read(tmp_path, text) == (Landmark("tip", (1.0, 2.0, 3.0), (4.0, 5.0)),)
+
+
 def test_spreadsheets_in_any_order_with_other_columns(tmp_path):
     text = (
         "\ufeffV;U;Name ;residual_px;z;y;x\r\n"

@@ -11,7 +11,7 @@ import numpy as np
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.dataset.checksums import write_checksums
 from oneframe.dataset.identity import geometry_hash, identity_of
-from oneframe.dataset.layout import ViewPaths, view_kinds
+from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.resume_record import GroundTruthInfo, ViewRecord, read_record
 from oneframe.dataset.tables.bop import (
@@ -25,12 +25,14 @@ from oneframe.dataset.tables.bop import (
 from oneframe.dataset.tables.coco import run_lengths
 from oneframe.dataset.tables.dataset_info import write_dataset_info
 from oneframe.dataset.tables.pose_tables import POSE_COLUMNS, pose_cells, write_poses
-from oneframe.dataset.view import file_sums, view_files, write_view
+from oneframe.dataset.truths import TRUTHS, Shot
+from oneframe.dataset.view import file_sums, write_view
 from oneframe.files.tables import write_csv
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.poses.constraints import Rejections
+from oneframe.projection.rendered_view import RenderedView
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
 
@@ -39,7 +41,14 @@ COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01
 CENTRE = np.array([11.0, -7.0, 420.0])
 VIDEO_FRAMES = 3
 OBJECT_NAME = "lumpy sphere"
-KINDS = view_kinds(float_depth=True, several_frames=True)
+KINDS = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "source_frame", "depth_mm")
+
+
+def encoded(rgb: np.ndarray, depth_mm: np.ndarray, source: np.ndarray, depth_scale: float) -> dict[str, bytes]:
+    """The files of a view with these arrays, by kind."""
+    view = RenderedView(rgb, depth_mm, source, np.zeros(depth_mm.shape, bool))
+    shot = Shot(view, np.eye(4), MESH, CAMERA, depth_scale)
+    return {kind: TRUTHS[kind].form.encoded(TRUTHS[kind].array(shot)) for kind in KINDS}
 
 
 def lumpy_sphere() -> TriangleMesh:
@@ -166,7 +175,7 @@ def write_one(root: Path, index: int, identity: str) -> np.ndarray:
     box = tuple(map(int, (left - CAMERA.width, top - CAMERA.height, right - left, bottom - top)))
     paths = ViewPaths(root, index)
     source = np.where(observed, np.where(u > 30, np.uint8(2), np.uint8(1)), np.uint8(0))
-    files = view_files(colour, depth, source, KINDS, depth_scale=DEPTH_SCALE)
+    files = encoded(colour, depth, source, DEPTH_SCALE)
     record = ViewRecord(
         index=index,
         identity=identity,

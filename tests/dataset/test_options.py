@@ -2,13 +2,24 @@
 
 import argparse
 import dataclasses
+import math
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.dataset.options import DatasetOptions, add_option_arguments, checked_options, merged_options
+from oneframe.dataset.options import (
+    OPTIONS,
+    SAMPLERS,
+    DatasetOptions,
+    Option,
+    add_option_arguments,
+    checked_options,
+    merged_options,
+    option_arguments,
+)
 from oneframe.dataset.run.run_folder import Shard, parse_shard
 from oneframe.errors import InputError
 
@@ -27,21 +38,50 @@ def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
     assert merged({"video": True}, "--no-video").video is False
 
 
-def test_every_option_has_a_flag_that_gives_the_value_back():
-    given_values = {
-        "poses": "poses.npy",
-        "engine": "eevee",
-        "colour": "texture",
-        "unseen": "fill",
-        "sampler": "gaussian",
-        "video_frames": 7,
-    }
-    for entry in dataclasses.fields(DatasetOptions):
-        flag = "--" + entry.name.replace("_", "-")
-        value = given_values.get(entry.name, True if entry.type is bool else 1)
-        argv = [flag] if value is True else [flag, str(value)]
-        assert getattr(merged({}, *argv), entry.name) == value
-        assert getattr(checked_options({entry.name: value}, "table"), entry.name) == value
+def legal_and_not(entry: Option) -> tuple[list[object], list[object]]:
+    """Values of an option at the ends of what it takes, and just beyond them."""
+    declared, kind = entry, entry.kind
+    if kind is bool:
+        return [True, False], [1, "true"]
+    if kind not in (int, float):
+        return list(declared.choices) or ["poses.npy"], [1, ""] if declared.choices else [1]
+    ends = [float(end) for end in (declared.least, declared.most) if math.isfinite(end)]
+    beyond = [declared.least - 1, *([declared.most + 1] if math.isfinite(declared.most) else [])]
+    return [kind(end) for end in ends], [*beyond, float("nan"), True, "1"]
+
+
+@pytest.mark.parametrize("entry", OPTIONS.values(), ids=lambda entry: entry.key)
+def test_an_option_takes_its_limits_and_nothing_beyond_by_flag_and_table(entry):
+    legal, illegal = legal_and_not(entry)
+    # an order that the ends of one alone would break
+    other = {"distance_min": {"distance_max": 1000}, "distance_max": {"distance_min": 0.01}}.get(entry.key, {})
+    for value in legal:
+        options = checked_options({**other, entry.key: value}, "table")
+        assert getattr(options, entry.key) == value
+        argv = [argument for argument in option_arguments(options) if argument != f"{entry.flag}=None"]
+        assert merged({}, *argv) == options
+    for value in illegal:
+        with pytest.raises(InputError, match=f"table: {entry.key}: expected"):
+            checked_options({entry.key: value}, "table")
+
+
+def test_a_later_option_is_in_a_description_only_if_it_is_not_at_its_default():
+    content = DatasetOptions().content()
+    assert set(content) == {name for name, entry in OPTIONS.items() if entry.is_content and not entry.since}
+    for name, entry in OPTIONS.items():
+        if entry.since:
+            assert name in dataclasses.replace(DatasetOptions(), **{name: not entry.default}).content()
+
+
+def test_a_sampler_is_a_class_that_takes_its_options_and_the_docs_list_it():
+    docs = Path("docs/rendering-many.md").read_text(encoding="utf-8")
+    for name, sampler in SAMPLERS.items():
+        module, kind = sampler.place.split(":")
+        fields = {field.name for field in dataclasses.fields(getattr(import_module(f"oneframe.poses.{module}"), kind))}
+        assert fields >= set(sampler.options)
+        flags = ", ".join(f"`{OPTIONS[option].flag}`" for option in sampler.options)
+        shown = f"`{name}`" + " (default)" * (name == DatasetOptions().sampler)
+        assert f"| {shown} | {sampler.about} | {flags} |" in docs
 
 
 def test_poses_of_the_table_are_relative_to_the_case_and_those_of_the_command_line_are_not():

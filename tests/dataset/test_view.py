@@ -2,6 +2,7 @@
 
 import io
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,24 +11,18 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from oneframe.dataset import truths
 from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import OPTIONS
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.tables.coco import run_lengths
-from oneframe.dataset.view import (
-    RenderedSample,
-    RenderedView,
-    depth_scale_for,
-    encode_view,
-    file_sums,
-    quantised_depth,
-    view_files,
-    write_view,
-)
+from oneframe.dataset.truths import TRUTHS, Shot, Stored, depth_scale_for, quantised_depth
+from oneframe.dataset.view import RenderedSample, RenderedView, encode_view, file_sums, write_view
 from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics
 from oneframe.projection.silhouette import SilhouetteEdges
 from tests.dataset.blank_dataset import CAMERA, record_of
 from tests.dataset.synthetic_dataset import CAMERA as WIDE
-from tests.dataset.synthetic_dataset import COUNT, KINDS, MESH, cast_rays, pose_of
+from tests.dataset.synthetic_dataset import COUNT, MESH, cast_rays, encoded, pose_of
 
 sides = st.integers(1, 40)
 
@@ -63,7 +58,7 @@ def test_a_view_is_its_files_and_then_its_record(tmp_path):
     depth[3:9, 4:15] = np.linspace(250, 300, 11, dtype=np.float32)
     rgb = np.full((*CAMERA.shape_hw, 3), [0.0, 0.5, 1.2], np.float32)
     source = np.where(depth > 270, np.uint8(2), np.uint8(0))
-    files = view_files(rgb, depth, source, KINDS, depth_scale=0.01)
+    files = encoded(rgb, depth, source, 0.01)
     decoded = {
         kind: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         for kind, data in files.items()
@@ -103,7 +98,7 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
         WIDE,
         identity="ab",
         depth_scale=scale,
-        kinds=(),
+        kinds=("rgb", "depth"),
     )
     rows = np.argwhere(wide > 0)
     (top, left), (bottom, right) = rows.min(axis=0), rows.max(axis=0)
@@ -120,3 +115,39 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
     units = cv2.imdecode(np.frombuffer(files["depth"], np.uint8), cv2.IMREAD_UNCHANGED)
     assert np.abs(units * record.depth_scale - depth).max() <= 0.51 * record.depth_scale
     assert record.files == file_sums(paths, files)
+
+
+def test_the_docs_list_every_array_as_it_is_declared():
+    docs = Path("docs/dataset-format.md").read_text(encoding="utf-8")
+    for name, truth in TRUTHS.items():
+        asked = "; with further frames" if truth.of_several else ""
+        asked += f"; with {OPTIONS[truth.option].flag}" if truth.option else ""
+        path = f"{name}/000000{truth.form.ending}"
+        assert f"    {path:<34} {truth.form.about}: {truth.about}{asked}\n" in docs
+
+
+@pytest.mark.parametrize("within_limits", [True, False], ids=["z-buffer", "rays"])
+def test_normals_are_those_that_the_inverse_depth_of_a_ray_cast_gives(monkeypatch, within_limits):
+    """On a plane n . X = d the inverse depth is n . ray / d, affine in the pixel: its gradient gives n / d."""
+    monkeypatch.setattr(truths, "is_within_limits", lambda *_: within_limits)
+    pose, camera = pose_of(1), WIDE.resized(160, 120)
+    height, width = camera.shape_hw
+    depth = cast_rays(MESH, camera, pose)
+    view = RenderedView(np.zeros((height, width, 3)), depth.astype(np.float32), np.zeros(depth.shape), depth > 0)
+    truth = TRUTHS["normals"]
+    codes = truth.array(Shot(view, pose, MESH, camera, 0.01))
+    stored = {"normals": codes, "mask": 255 * view.mask}
+    assert not any(wrong.any() for wrong, _ in truth.flaws(Stored(stored, 0.01, 1)))
+    assert cv2.imdecode(np.frombuffer(truth.form.encoded(codes), np.uint8), -1)[..., ::-1].tolist() == codes.tolist()
+    with np.errstate(divide="ignore"):
+        w = np.where(view.mask, 1 / depth, np.nan)
+    step_v, step_u = np.gradient(w)
+    flat = np.zeros(w.shape, bool)
+    flat[1:-1, 1:-1] = (np.abs(np.diff(w, 2, axis=1))[1:-1] < 1e-9) & (np.abs(np.diff(w, 2, axis=0))[:, 1:-1] < 1e-9)
+    v, u = np.mgrid[:height, :width]
+    expected = np.stack(
+        [camera.fx * step_u, camera.fy * step_v, w - (u - camera.cx) * step_u - (v - camera.cy) * step_v], axis=-1
+    )[flat]
+    expected *= -1 / np.linalg.norm(expected, axis=1, keepdims=True)
+    assert flat.sum() > 100
+    assert np.abs(codes[flat] / 32767.5 - 1 - expected).max() < 1e-3

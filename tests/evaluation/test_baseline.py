@@ -26,7 +26,7 @@ def test_pyvista_renders_the_same_view(bumpy_mesh, frontal_pose):
     assert np.count_nonzero(covered != expected) < 0.1 * outline
 
 
-def test_what_the_frame_does_not_reach_is_black_or_has_the_colour_of_its_border(bumpy_mesh, frontal_pose):
+def test_beyond_the_frame_is_black_or_the_colour_of_its_border(bumpy_mesh, frontal_pose):
     narrow = PinholeCamera(64, 48, 3190.0, 3190.0, 31.5, 23.5)
     image = np.full((48, 64, 3), 0.5, np.float32)
     black, clamped = (

@@ -15,7 +15,7 @@ from oneframe.colour.shading import ColouredSurface
 from oneframe.evaluation.scores.similarity import similarity
 from oneframe.transforms import checked_rigid, rigid
 
-DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 pytestmark = [
     pytest.mark.long,
     pytest.mark.render,

@@ -23,7 +23,6 @@ from oneframe.evaluation.scores.view_scores import SCORES
 from oneframe.images.image_check import PNG_SIGNATURE
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
-ROOT = Path(__file__).resolve().parents[3]
 pytestmark = [pytest.mark.long, pytest.mark.render]
 
 
@@ -78,7 +77,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     files = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
     tables = {"evaluation.json", "frames.csv", "summary.md", "summary.tex", "figure.png", "pairs.png"}
     assert files == tables | pictures | set(record["charts"])
-    assert len(record["charts"]) == 8
+    assert len(record["charts"]) == 2
     assert not [path for path in files if b"view_" in path.encode() + (out / path).read_bytes()]
     assert str(sample) not in (out / "evaluation.json").read_text()
     assert all((out / path).read_bytes().startswith(PNG_SIGNATURE) for path in pictures)
@@ -143,8 +142,8 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch,
     every = run(tmp_path / "whole")
     with pytest.raises(Killed):
         run(tmp_path / "killed", share)
-    with open(tmp_path / "killed" / FINISHED, "a") as file:
-        file.write('{"view": ["torn')
+    with open(tmp_path / "killed" / FINISHED, "ab") as file:
+        file.write(b'{"vi\xffew": [\n["no view"]\n{"view": ["torn')
     assert 0 < len(scored) < every
     assert len(scored) + run(tmp_path / "killed") == every
     assert results(tmp_path / "killed") == results(tmp_path / "whole")

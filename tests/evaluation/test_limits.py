@@ -34,7 +34,7 @@ from oneframe.transforms import rigid, rotation_from_vector, transform_points
 from scripts.benchmarks.sweeps.camera import Place, write_place
 from scripts.benchmarks.sweeps.landmarks import Clicks, camera_of, draw_trial
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "limits.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "limits.md"
 ROW = re.compile(r"^\| ([^|]+) \| ([^|]+) \| (\w+) \| `(\w+)` \(`([\w.]+)`\) \| `(\w+)` \|$", re.MULTILINE)
 ROWS = ROW.findall(PAGE.read_text(encoding="utf-8"))
 IDS = [f"{module.rpartition('.')[2]}.{name}" for *_, name, module, _ in ROWS]

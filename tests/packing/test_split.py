@@ -18,7 +18,7 @@ NEAR = {"distance_min": 0.9, "distance_max": 1.1, "roll_deg": 15.0}
 SAMPLERS = {
     "cone": Cone(reference=REFERENCE, cone_deg=20.0, shift_mm=2.0, **NEAR),
     "gaussian": Gaussian(reference=REFERENCE, sigma_deg=5.0, sigma_mm=3.0),
-    "shell": Shell(reference=REFERENCE, max_polar_deg=60.0, **NEAR),
+    "shell": Shell(reference=REFERENCE, polar_deg=60.0, **NEAR),
     "trajectory": Trajectory(reference=REFERENCE, cone_deg=20.0, **NEAR),
 }
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_poses, plan_pose
+from oneframe.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_pose, plan_pose
 from oneframe.poses.distributions import ReferencePose, Shell
 from oneframe.poses.pose_file import read_frame_poses, read_poses
 from oneframe.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
@@ -96,10 +96,10 @@ def test_statistics_on_the_limit_pass_and_nan_does_not():
     assert small.broken_by(ViewStatistics(np.nextafter(0.05, 0), 0, 0)) == Rejections(surface=1)
 
 
-def test_given_poses_are_kept_and_those_that_break_constraints_are_reported():
+def test_given_poses_are_kept_with_the_constraints_that_they_break():
     poses = np.stack([SHELL.draw(np.random.default_rng([1, index])) for index in range(40)])
     constraints = Constraints(min_observed=0.8, min_clearance_mm=1.5 * DISTANCE)
-    planned, messages = plan_given_poses(poses, constraints, probe)
+    planned = [plan_given_pose(pose, constraints, probe) for pose in poses]
     assert np.array_equal(np.stack([plan.cam_from_model for plan in planned]), poses)
     unobserved = [index for index, pose in enumerate(poses) if probe(pose).observed_fraction < 0.8]
     near = [index for index, pose in enumerate(poses) if probe(pose).clearance_mm < 1.5 * DISTANCE]
@@ -107,10 +107,6 @@ def test_given_poses_are_kept_and_those_that_break_constraints_are_reported():
     assert [plan.rejections for plan in planned] == [
         Rejections(observed=int(index in unobserved), clearance=int(index in near)) for index in range(40)
     ]
-    for message, broken in zip(messages, (unobserved, near), strict=True):
-        assert f"{len(broken)} of 40 poses" in message
-        assert f"first is pose {broken[0]} " in message
-    assert plan_given_poses(poses, Constraints(), probe)[1] == []
 
 
 def some_poses(count=5):

@@ -35,7 +35,7 @@ DISTRIBUTIONS = {
     "cone": Cone(reference=REFERENCE, cone_deg=35, roll_deg=50, distance_min=0.7, distance_max=1.6, shift_mm=12),
     "gaussian": Gaussian(reference=REFERENCE, sigma_deg=9, sigma_mm=4),
     "shell": Shell(reference=REFERENCE, distance_min=1, distance_max=2),
-    "cap": Shell(reference=REFERENCE, distance_min=0.5, distance_max=0.8, max_polar_deg=70, roll_deg=20),
+    "cap": Shell(reference=REFERENCE, distance_min=0.5, distance_max=0.8, polar_deg=70, roll_deg=20),
 }
 TRAJECTORY = Trajectory(reference=REFERENCE, cone_deg=25, roll_deg=10, distance_min=0.8, distance_max=1.1)
 
@@ -243,7 +243,7 @@ def test_poses_are_rigid_and_keep_the_pivot_on_its_pixel(kind, cone, roll, facto
     parameters = {
         Cone: {"cone_deg": cone, **limits},
         Gaussian: {"sigma_deg": cone, "sigma_mm": mm},
-        Shell: {"max_polar_deg": cone, **limits},
+        Shell: {"polar_deg": cone, **limits},
         Trajectory: {"cone_deg": cone, **limits},
     }[kind]
     pose = frame_pose(kind(reference=reference, **parameters), seed, 3)

@@ -158,17 +158,9 @@ class Chromium:
 
     def click_at(self, x: float, y: float) -> None:
         """Click at a point of the viewport, px."""
-        self.drag((x, y), (x, y))
-
-    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """Press at a point, move to another and release."""
-        self._mouse("mouseMoved", *start, buttons=0)
-        self._mouse("mousePressed", *start, buttons=1)
-        if start != end:
-            for share in (0.3, 0.7, 1.0):
-                x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
-                self._mouse("mouseMoved", x, y, buttons=1)
-        self._mouse("mouseReleased", *end, buttons=0)
+        self._mouse("mouseMoved", x, y, buttons=0)
+        self._mouse("mousePressed", x, y, buttons=1)
+        self._mouse("mouseReleased", x, y, buttons=0)
 
     def _mouse(self, kind: str, x: float, y: float, buttons: int) -> None:
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)

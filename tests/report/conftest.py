@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.dataset.conftest import small_scenes  # noqa: F401
 from tests.dataset.synthetic_dataset import make_dataset
 from tests.report.chromium import PROGRAM, Chromium
 from tests.report.synthetic_evaluation import write_evaluation
 
 
-@pytest.fixture(scope="module")
-def dataset(small_scenes: None, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: F811
+@pytest.fixture(scope="package")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset with nothing wrong, made without Blender; not to be changed."""
     root = tmp_path_factory.mktemp("report") / "lumpy views"
     make_dataset(root)

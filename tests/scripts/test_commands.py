@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 from oneframe.commands.__main__ import COMMANDS, EPILOG, dispatch
-from oneframe.commands.render import GROUPS
-from oneframe.dataset.options import option_names
 from oneframe.errors import InputError
 from oneframe.process.arguments import command_parser
 from oneframe.process.command_line import blender_command
@@ -58,10 +56,6 @@ def test_a_process_of_the_script_or_the_program_is_what_runs_here(start, run_one
     for arguments in (["colour", "--help"], ["rendr"]):
         started, here = run_command([sys.executable, *start, *arguments]), run_oneframe(*arguments)
         assert (started.returncode, started.stdout, started.stderr) == (here.returncode, here.stdout, here.stderr)
-
-
-def test_every_option_of_a_dataset_has_a_heading():
-    assert sorted(name for names in GROUPS.values() for name in names) == sorted(option_names())
 
 
 def test_help_needs_neither_blender_nor_numpy(run_command):

@@ -53,6 +53,14 @@ def test_what_an_edit_list_hides_is_no_frame(tmp_path, suffix):
         read_video_frame(path, 37)
 
 
+@pytest.mark.parametrize("suffix", ["mkv", "ts", "flv"])
+def test_a_film_that_begins_late_is_not_cut_off(tmp_path, suffix):
+    path = copied(tmp_path / f"late.{suffix}", [write_frames(tmp_path / "whole.mp4", 60)], from_s=-40)
+    with Film(path) as film:
+        assert film.info.cut_off == ""
+        assert [number_of(frame.image) for frame in film] == list(range(60))
+
+
 COLOURS = [
     *[("libx264", "yuv420p", matrix, stated) for matrix in (1, 2, 5, 6, 7, 9) for stated in (1, 2)],
     ("libx264", "yuv444p", 1, 1), ("libx265", "yuv420p10le", 9, 1), ("libx264", "yuvj420p", 2, 2),

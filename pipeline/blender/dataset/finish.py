@@ -33,7 +33,7 @@ SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``camera.json`` and ``models/``, which are known before the first view."""
-    out, source = job.job.out, renderer.source
+    out, source = job.job.out, renderer.reference
     write_camera(out, renderer.camera, renderer.depth_scale)
     colours = colour_vertices(source.mesh, source.views)
     write_models(out, source.mesh, to_uint8(colours.rgb))
@@ -41,7 +41,7 @@ def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
 
 def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment."""
-    picture = frame_overlay(job.loaded, renderer.source.view.depth_mm)
+    picture = frame_overlay(job.loaded, renderer.reference.view.depth_mm)
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 
@@ -66,7 +66,7 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     RunError
         A record is missing, damaged or of another run.
     """
-    out, camera, mesh = job.job.out, renderer.camera, renderer.source.mesh
+    out, camera, mesh = job.job.out, renderer.camera, renderer.reference.mesh
     depth_scale = renderer.depth_scale
     description = read_description(out / RECORD)
     tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)

@@ -86,7 +86,7 @@ class CaseRenderer:
             self._opened.object_name,
             self._opened.count,
             renderer.camera,
-            renderer.source.mesh,
+            renderer.reference.mesh,
             renderer.depth_scale,
         )
         return {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}

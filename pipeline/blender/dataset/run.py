@@ -3,15 +3,17 @@
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
-from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
+from ...dataset.layout import RECORD, VIDEO_FILES, other_files
 from ...dataset.run.elsewhere import Elsewhere, MissingViews
 from ...dataset.run.run_folder import RunFolder
 from ...dataset.run.same_run import check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
+from ...dataset.truths import written_truths
 from ...files.machine import available_cores
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import engine_named, keep_freed_memory
@@ -20,8 +22,6 @@ from .job import Job, OpenJob, open_job, render_views, write_error
 from .render_process import assigned_views, report_finished, report_ready
 from .view_renderer import ViewRenderer
 from .workers import WorkerPool
-
-Report = Callable[[str], None]
 
 
 def run(
@@ -60,37 +60,47 @@ def run(
     RunError
         The folder is in use or holds another dataset, or a file cannot be written. Finished views are kept.
     """
-    report = _reporter(stream)
+    means = _Means(workers, worker_command, stream, progress_seconds, elsewhere)
     engine_named(job.options.engine).check()
     opened = open_job(job)
     with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
         try:
             found = _survey(opened, verify=verify)
             for message in found.messages():
-                report(message)
-            tally: Tally | None = found.views.tally
-            if found.missing or not found.has_tables or found.video_frames is not None:
-                tally = _render_missing(opened, found, workers, worker_command, stream, progress_seconds, elsewhere)
+                means.report(message)
+            tally = found.views.tally if found.is_complete else _complete(opened, found, means)
         except OSError as error:
             raise write_error(error, job.out) from error
         if tally is not None:
             folder.finish()
     if tally is not None:
         for message in (*tally.messages(opened.count), f"dataset of {opened.count} views: {job.out}"):
-            report(message)
+            means.report(message)
     elif job.shard.count > 1:
-        report(
+        means.report(
             f"shard {job.shard.index}/{job.shard.count}: {len(opened.views)} views are finished; when all shards are "
             "in one folder, run the same command without --shard to write the tables"
         )
 
 
-def _reporter(stream: TextIO) -> Report:
-    def report(message: str) -> None:
-        stream.write(message + "\n")
-        stream.flush()
+@dataclass(frozen=True)
+class _Means:
+    """What a run works with: see :func:`run`."""
 
-    return report
+    workers: int
+    worker_command: Sequence[str]
+    stream: TextIO
+    progress_seconds: float
+    elsewhere: Elsewhere | None
+
+    def report(self, message: str) -> None:
+        """Write a message."""
+        self.stream.write(message + "\n")
+        self.stream.flush()
+
+    def progress(self, total: int, noun: str, finished: int = 0) -> Progress:
+        """Progress on the stream."""
+        return Progress(total, noun, finished=finished, stream=self.stream, line_seconds=self.progress_seconds)
 
 
 @dataclass(frozen=True)
@@ -102,6 +112,16 @@ class _Found:
     has_tables: bool
     missing: tuple[int, ...]
     video_frames: int | None
+
+    @property
+    def lacks_tables(self) -> bool:
+        """Whether views are missing, or what is made of them."""
+        return bool(self.missing) or not self.has_tables
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is missing."""
+        return not self.lacks_tables and self.video_frames is None
 
     def messages(self) -> Iterator[str]:
         """What was lost or damaged after it was finished."""
@@ -143,7 +163,7 @@ def _missing_views(opened: OpenJob, found: _Found) -> MissingViews:
 
 
 def _kinds(job: Job) -> tuple[str, ...]:
-    return view_kinds(float_depth=job.options.float_depth, several_frames=bool(job.case.frames))
+    return written_truths(job.options.content(), len(job.case.every_frame))
 
 
 def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Survey:
@@ -158,60 +178,58 @@ def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Sur
     )
 
 
-def _render_missing(
-    opened: OpenJob,
-    found: _Found,
-    workers: int,
-    worker_command: Sequence[str],
-    stream: TextIO,
-    progress_seconds: float,
-    elsewhere: Elsewhere | None,
-) -> Tally | None:
-    """Render what is missing, and write the tables and the video; sums over all views if the dataset is complete."""
-    total, report = len(found.views.finished) + len(found.missing), _reporter(stream)
-    workers = 1 if elsewhere else min(workers or available_cores(), max(1, len(found.missing)))
+def _complete(opened: OpenJob, found: _Found, means: _Means) -> Tally | None:
+    """Render what is missing, then write what all views give; sums over them, ``None`` while other shards lack some."""
+    with _at_work(opened, found, means) as (renderer, pool, progress):
+        if found.lacks_tables:
+            finish.write_model_files(opened, renderer)
+            if means.elsewhere and found.missing:
+                means.elsewhere(_missing_views(opened, found), progress)
+            render_views(renderer, opened.job.out, pool.views(), lambda _index: progress.advance())
+        progress.close()
+        tally = _write_tables(opened, renderer, means.report) if found.lacks_tables else found.views.tally
+        if tally is not None:
+            _write_video(opened, renderer, found, means)
+            # the description is written by the folder, which forgets its sum
+            tables = set(other_files(opened.count)) - {RECORD} if found.lacks_tables else set()
+            video = VIDEO_FILES if found.video_frames is not None else ()
+            has_video = bool(video) or found.files.intact.issuperset(VIDEO_FILES)
+            finish.write_sums(opened, written={*tables, *video}, rendered=found.missing, video=has_video)
+    return tally
+
+
+@contextmanager
+def _at_work(opened: OpenJob, found: _Found, means: _Means) -> Iterator[tuple[ViewRenderer, WorkerPool, Progress]]:
+    """Start worker processes and build the renderer, say what there is to say before; the processes end with it."""
+    here = () if means.elsewhere else found.missing
+    workers = min(means.workers or available_cores(), max(1, len(here)))
     keep_freed_memory()
-    shown = Progress(total, "views", finished=len(found.views.finished), stream=stream, line_seconds=progress_seconds)
-    with shown as progress:
-        pool = WorkerPool(() if elsewhere else found.missing, lambda _index: progress.advance())
+    done = len(found.views.finished)
+    with means.progress(done + len(found.missing), "views", done) as progress:
+        pool = WorkerPool(here, lambda _index: progress.advance())
         try:
-            pool.start(worker_command, workers - 1)
+            pool.start(means.worker_command, workers - 1)
             with opened.renderer(threads=_threads(workers)) as renderer:
-                for message in (*opened.messages, *renderer.messages):
+                doubt = renderer.sampling_doubt() if found.missing else ""
+                for message in filter(None, (*opened.messages, *renderer.messages, doubt)):
                     progress.note(message)
-                tally: Tally | None = found.views.tally
-                written: list[str] = []
-                if found.missing and (doubt := renderer.sampling_doubt()):
-                    progress.note(doubt)
-                if found.missing or not found.has_tables:
-                    finish.write_model_files(opened, renderer)
-                    if elsewhere and found.missing:
-                        elsewhere(_missing_views(opened, found), progress)
-                    render_views(renderer, opened.job.out, pool.views(), lambda _index: progress.advance())
-                    progress.close()
-                    tally = _write_tables(opened, renderer, report)
-                    # the description is written by the folder, which forgets its sum
-                    written += set(other_files(opened.count)) - {RECORD}
-                if tally is not None:
-                    frames = found.video_frames
-                    if frames is not None:
-                        progress.close()
-                        with Progress(
-                            frames, "video frames", stream=stream, line_seconds=progress_seconds
-                        ) as video_bar:
-                            path = finish.write_trajectory_video(opened, renderer, frames, video_bar)
-                        report(f"video: {path}")
-                        written += VIDEO_FILES
-                    video = frames is not None or found.files.intact.issuperset(VIDEO_FILES)
-                    finish.write_sums(opened, written=written, rendered=found.missing, video=video)
+                yield renderer, pool, progress
         finally:
             pool.stop()
     for message in pool.messages:
         sys.stderr.write(message + "\n")
-    return tally
 
 
-def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Report) -> Tally | None:
+def _write_video(opened: OpenJob, renderer: ViewRenderer, found: _Found, means: _Means) -> None:
+    """Write the video, if it is missing."""
+    if found.video_frames is None:
+        return
+    with means.progress(found.video_frames, "video frames") as progress:
+        path = finish.write_trajectory_video(opened, renderer, found.video_frames, progress)
+    means.report(f"video: {path}")
+
+
+def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Callable[[str], None]) -> Tally | None:
     """Write the tables if all views of the dataset exist; sums over the views, or ``None`` if some are missing."""
     out, count = opened.job.out, opened.count
     complete = len(opened.views) == count

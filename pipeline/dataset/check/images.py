@@ -12,9 +12,10 @@ from ...files.content import read_content
 from ...images.image_check import check_image
 from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
 from ..dataset_file import Description
-from ..decoding import decoded_array, decoded_grey, decoded_rgb
+from ..decoding import decoded
 from ..layout import ViewPaths, largest_view_file
 from ..run.resume_record import ViewRecord
+from ..truths import MASK, TRUTHS, Stored
 from .depth import PIXELS_OF_ROUNDING, DepthAgreement, agreement, surface_depth
 
 
@@ -31,23 +32,13 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
         One is damaged, or they disagree.
     """
     images = {kind: _decoded(paths, kind, description) for kind in description.kinds}
-    mask, depth = images["mask"] > 0, images["depth"]
-    _require_none(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
-    for kind in ("mask_visib", "mask_observed"):
-        _require_none((images[kind] > 0) & ~mask, paths, kind, "lie outside the mask")
-    if "source_frame" in images:
-        source, where = images["source_frame"], "source_frame"
-        _require_none((source > 0) != (images["mask_observed"] > 0), paths, where, "differ from mask_observed")
-        _require_none(source > description.frames, paths, where, f"are of none of the {description.frames} frames")
-    _require_none(images["rgb"].any(axis=2) & ~mask, paths, "rgb", "outside the mask are not black")
-    if "depth_mm" in images:
-        exact = images["depth_mm"].astype(np.float64)
-        # depths below half a unit are stored as 1, not 0
-        rounding = np.where(depth == 1, 1.0, 0.5) * record.depth_scale + 1e-6 * exact
-        wrong = ((exact > 0) != mask) | ~(np.abs(exact - depth * record.depth_scale) <= rounding)
-        _require_none(wrong, paths, "depth_mm", "are not those of the depth image before rounding")
+    stored = Stored(images, record.depth_scale, description.frames)
+    # the mask first, which the others are held against
+    for kind in sorted(images, key=lambda kind: kind != "mask"):
+        for wrong, clause in TRUTHS[kind].flaws(stored):
+            _require_none(wrong, paths, kind, clause)
     _check_counts(images, paths, record)
-    return depth
+    return images["depth"]
 
 
 def check_pose(
@@ -88,14 +79,12 @@ def check_pose(
 def _decoded(paths: ViewPaths, kind: str, description: Description) -> np.ndarray:
     where, shape = paths.relative(kind), description.camera.shape_hw
     data = read_content(paths.file(kind), "a file of the view", where, largest_view_file(*description.camera.size_wh))
-    if kind == "depth_mm":
-        return decoded_array(data, shape, where)
-    # decoders fill what is cut off with black
-    check_image(data, where)
-    if kind == "rgb":
-        return decoded_rgb(data, shape, where)
-    image = decoded_grey(data, np.uint16 if kind == "depth" else np.uint8, shape, where)
-    if kind.startswith("mask") and not ((image == 0) | (image == 255)).all():
+    form = TRUTHS[kind].form
+    if form.ending != ".npy":
+        # decoders fill what is cut off with black
+        check_image(data, where)
+    image = decoded(data, form, shape, where)
+    if form is MASK and not ((image == 0) | (image == 255)).all():
         raise InputError(f"{where}: expected a mask of 0 and 255, found other values")
     return image
 

@@ -110,51 +110,50 @@ def survey_views(
     RunError
         A record belongs to another run, or to another list of poses.
     """
-    finished, damaged, tally = set(), {}, Tally()
-    foreign: list[int] = []
-    other_poses: list[int] = []
-    identity, names = identity_of(description), ("frame", *kinds)
+    found, names = Survey(set(), {}, Tally()), ("frame", *kinds)
+    expected = _Expected(identity_of(description), poses, kinds)
+    foreign: dict[str, list[int]] = {}
     for number in range(ViewPaths(root, views.start).scene_id, scene_count(views.stop)):
         sizes = _sizes(root, scene_folder(number), names)
+        here = (ViewPaths(root, index) for index in scene_views(number, views.stop) if index >= views.start)
         whole = []
-        for index in scene_views(number, views.stop):
-            if index < views.start:
-                continue
-            paths = ViewPaths(root, index)
+        for paths in here:
             if paths.relative("frame") not in sizes:
                 continue
-            try:
-                record = read_record(paths, with_mask=False)
-            except RunError:
-                damaged[index] = f"{paths.relative('frame')} is damaged"
-                continue
-            if record.identity != identity:
-                foreign.append(index)
-                continue
-            if poses is not None and not np.array_equal(record.cam_from_model, poses[index]):
-                other_poses.append(index)
-                continue
-            problem = _wrong_size(record, [paths.relative(kind) for kind in kinds], sizes)
-            if problem:
-                damaged[index] = problem
+            record, problem, whose = expected.judged(paths, sizes)
+            if whose:
+                foreign.setdefault(whose, []).append(paths.index)
+            elif record is None or problem:
+                found.damaged[paths.index] = problem
             else:
                 whole.append(record)
-        if hashes:
-            whole = _unchanged(root, whole, damaged, threads)
-        for record in whole:
-            finished.add(record.index)
-            tally.add(record)
-    if foreign:
-        raise RunError(
-            f"{root}: views of another run are among those of {RECORD}: {view_ranges(foreign)}; "
-            f"{_advice(root, foreign)}"
-        )
-    if other_poses:
-        raise RunError(
-            f"{root}: views of other poses than the listed ones are in the folder: {view_ranges(other_poses)}; "
-            f"{_advice(root, other_poses)}"
-        )
-    return Survey(finished, damaged, tally)
+        for record in _unchanged(root, whole, found.damaged, threads) if hashes else whole:
+            found.finished.add(record.index)
+            found.tally.add(record)
+    for whose, numbers in foreign.items():
+        raise RunError(f"{root}: {whose}: {view_ranges(numbers)}; {_advice(root, numbers)}")
+    return found
+
+
+@dataclass(frozen=True)
+class _Expected:
+    """What the views of a run must be: of its identity, at its listed poses, with files of these kinds."""
+
+    identity: str
+    poses: np.ndarray | None
+    kinds: Sequence[str]
+
+    def judged(self, paths: ViewPaths, sizes: dict[str, int]) -> tuple[ViewRecord | None, str, str]:
+        """The record of a view, what is wrong with it as a clause, and whose it is if it is of another run."""
+        try:
+            record = read_record(paths, with_mask=False)
+        except RunError:
+            return None, f"{paths.relative('frame')} is damaged", ""
+        if record.identity != self.identity:
+            return record, "", f"views of another run are among those of {RECORD}"
+        if self.poses is not None and not np.array_equal(record.cam_from_model, self.poses[paths.index]):
+            return record, "", "views of other poses than the listed ones are in the folder"
+        return record, _wrong_size(record, [paths.relative(kind) for kind in self.kinds], sizes) or "", ""
 
 
 def is_finished(root: Path, index: int, identity: str, kinds: Sequence[str]) -> bool:

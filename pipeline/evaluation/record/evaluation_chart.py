@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...charts.page import OURS, WARNING, Theme, note, round_ticks_inside, write_chart
+from ...charts.page import DASHED, MUTED, OURS, TEXT, WARNING, note, round_ticks_inside, write_chart
 from .evaluation_record import ALL, Evaluation
 from .evaluation_tables import where_peers_lead
 
@@ -22,7 +22,7 @@ PANELS = {
 CASE_PANELS = ("ssim_whole", "ssim_surface", "ssim_observed", "edge_f")
 MOST_CASES = 24
 LINE_LETTERS = 140
-"""Of a line below the chart."""
+"""Most letters of a line below the chart."""
 
 
 def evaluation_charts(evaluation: Evaluation, data: Path) -> list[Path]:
@@ -34,28 +34,28 @@ def evaluation_charts(evaluation: Evaluation, data: Path) -> list[Path]:
     """
     names = [case.name for case in evaluation.cases]
     overall = ALL if len(names) > 1 else names[0]
-    written = _method_chart(evaluation, overall, data)
+    written = [_method_chart(evaluation, overall, data)]
     if 1 < len(names) <= MOST_CASES:
-        written += _case_chart(evaluation, names, data.with_stem(f"{data.stem}_cases"))
+        written.append(_case_chart(evaluation, names, data.with_stem(f"{data.stem}_cases")))
     return written
 
 
-def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
+def _method_chart(evaluation: Evaluation, case: str, data: Path) -> Path:
     """One panel for each score, one row for each method: mean, confidence interval, and the bound."""
     methods = evaluation.ran
 
-    def draw(figure: Any, theme: Theme) -> None:
+    def draw(figure: Any) -> None:
         for axes, (score, title) in zip(figure.subplots(2, 3, sharey=True).flat, PANELS.items(), strict=True):
             bound = evaluation.bound_of(case, score)
             if bound is not None and not math.isnan(bound.mean):
                 if not math.isnan(bound.low):
-                    axes.axvspan(bound.low, bound.high, color=theme.muted, alpha=0.25, linewidth=0)
-                axes.axvline(bound.mean, color=theme.muted, linewidth=1.4, linestyle=(0, (4, 3)))
+                    axes.axvspan(bound.low, bound.high, color=MUTED, alpha=0.25, linewidth=0)
+                axes.axvline(bound.mean, color=MUTED, linewidth=1.4, linestyle=DASHED)
             for row, method in enumerate(methods):
                 found = evaluation.mean(case, method.name, score)
                 if not math.isfinite(found.mean):
                     continue
-                colour, marker = (theme.series[WARNING], "^") if method.peer else (theme.series[OURS], "o")
+                colour, marker = (WARNING, "^") if method.peer else (OURS, "o")
                 if not math.isnan(found.low):
                     axes.hlines(row, found.low, found.high, color=colour, linewidth=2.2)
                 if not math.isnan(found.worst):
@@ -69,9 +69,9 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
             axes.set(ylim=(len(methods) - 0.5, -0.7))
             axes.set_yticks(range(len(methods)), [method.name for method in methods])
             axes.tick_params(axis="y", length=0)
-            axes.grid(axis="x", linewidth=0.8)
+            axes.grid(axis="x")
             round_ticks_inside(axes, margin=0.14)
-        note(figure, theme, "\n".join(_explanations(evaluation, case)))
+        note(figure, "\n".join(_explanations(evaluation, case)))
 
     scored = max(
         (entry.n for entry in evaluation.summary if (entry.case, entry.score) == (case, "ssim_whole")), default=0
@@ -81,31 +81,31 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
     return write_chart(data, draw, (11.6, 2.9 + 0.62 * len(methods) + 0.17 * lines), title=title)
 
 
-def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> list[Path]:
+def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> Path:
     """One panel for each score, one row for each case, one marker for each method."""
     peers = [method.name for method in evaluation.ran if method.peer]
     markers = ("o", "s", "D", "v", "P", "X", "*", "h", "<", ">")
 
-    def draw(figure: Any, theme: Theme) -> None:
+    def draw(figure: Any) -> None:
         panels = figure.subplots(1, len(CASE_PANELS), sharey=True)
         for axes, score in zip(panels, CASE_PANELS, strict=True):
             for row, case in enumerate(names):
                 bound = evaluation.bound_of(case, score)
                 if bound is not None and not math.isnan(bound.mean):
                     label = "limit, modelled" if row == 0 else None
-                    axes.plot(bound.mean, row, "|", color=theme.text, markersize=16, markeredgewidth=1.6, label=label)
+                    axes.plot(bound.mean, row, "|", color=TEXT, markersize=16, markeredgewidth=1.6, label=label)
             for number, method in enumerate(evaluation.ran):
                 means = [evaluation.mean(case, method.name, score) for case in names]
                 points = [(m.mean, row) for row, m in enumerate(means) if math.isfinite(m.mean)]
                 if not points:
                     continue
                 look = (
-                    {"color": theme.series[WARNING], "marker": "^<>"[peers.index(method.name) % 3], "zorder": 3}
+                    {"color": WARNING, "marker": "^<>"[peers.index(method.name) % 3], "zorder": 3}
                     if method.peer
                     else {
                         "marker": markers[number % len(markers)],
                         "facecolor": "none",
-                        "edgecolor": theme.series[OURS],
+                        "edgecolor": OURS,
                     }
                 )
                 axes.scatter(*zip(*points, strict=True), s=42, label=method.name, **look)
@@ -113,10 +113,10 @@ def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> lis
             axes.set(ylim=(len(names) - 0.5, -0.5))
             axes.set_yticks(range(len(names)), [_case_label(evaluation, case) for case in names])
             axes.tick_params(axis="y", length=0)
-            axes.grid(linewidth=0.8)
+            axes.grid()
             round_ticks_inside(axes, margin=0.08)
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower left", ncols=4, fontsize=9.5, frameon=False)
+        figure.legend(handles, labels, loc="outside lower left", ncols=4, fontsize=9.5)
 
     return write_chart(data, draw, (11.6, 2.4 + 0.42 * len(names)), title="Every case")
 

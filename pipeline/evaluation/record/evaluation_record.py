@@ -172,7 +172,7 @@ def clusters(images: Sequence[tuple[str, str]], cases: Sequence[EvaluatedCase]) 
 def _summaries(
     case: str, methods: Sequence[str], score: str, values: np.ndarray, resampling: Resampling
 ) -> list[Summary]:
-    """Of a row of ``values`` for each method."""
+    """The summaries of one score: ``values`` has a row for each method."""
     sign, found = direction(score), [resampling.interval(row) for row in values]
     entries = [
         Summary(case, name, score, each.mean, each.low, each.high, each.n)

@@ -1,6 +1,6 @@
 """Tables of an evaluation: every frame as CSV, the means as Markdown and as LaTeX.
 
-Beside them sentences: what was skipped or missing, and where the paper's method is ahead, and why.
+Beside them sentences: what was skipped or missing, and where the paper's method is ahead.
 """
 
 import math
@@ -52,8 +52,6 @@ SPECIAL |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\text
 
 FILLED, MOST_OBSERVED = ", fill, ", 0.98
 """In the name of a method, and the share of the surface that is as good as all."""
-CLEARLY_BLURRED = 0.8
-"""Sharpness relative to that of the method it is compared with, below which a view counts as blurred."""
 RANKED = {
     "ssim_whole": "SSIM of the whole image",
     "ssim_surface": "SSIM inside the surface",
@@ -226,7 +224,7 @@ def which_unseen(evaluation: Evaluation) -> Iterator[str]:
 
 
 def where_peers_lead(evaluation: Evaluation) -> Iterator[str]:
-    """A sentence for every case and score by which the paper's method is ahead of all of ours, with the cause.
+    """A sentence for every case and score by which the paper's method is ahead of all of ours.
 
     Ahead is what the interval of the paired difference tells apart.
     """
@@ -245,29 +243,5 @@ def where_peers_lead(evaluation: Evaluation) -> Iterator[str]:
                 title = "All cases" if case == ALL else case
                 yield (
                     f"{title}: {leader.method} is ahead in {text}, {leader.mean:.3f} against {best.mean:.3f} "
-                    f"({best.method}), by {best.behind_low:.3f} to {best.behind_high:.3f} on the same photographs; "
-                    f"{_cause(evaluation, case, leader.method, best.method, score)}"
+                    f"({best.method}), by {best.behind_low:.3f} to {best.behind_high:.3f} on the same photographs."
                 )
-
-
-def _cause(evaluation: Evaluation, case: str, leader: str, best: str, score: str) -> str:
-    parts = []
-    surface, observed = (evaluation.mean(case, best, name).mean for name in ("surface_px", "observed_px"))
-    if score != "ssim_observed" and surface > 0:
-        seen = observed / surface
-        ours = "continue its colours over the rest" if FILLED in best else "show the rest in grey"
-        parts.append(
-            f"the frame saw {seen:.0%} of the surface in view: we {ours}, the other paints it too, with colours of "
-            "whatever lies in front of it"
-        )
-    sharpness = [evaluation.mean(case, method, "sharpness").mean for method in (leader, best)]
-    if sharpness[0] < CLEARLY_BLURRED * sharpness[1]:
-        flow = evaluation.mean(case, best, "flow_px").mean
-        parts.append(
-            f"its sharpness is {sharpness[0]:.2f} of the photograph's, ours {sharpness[1]:.2f}: with views "
-            f"displaced by {flow:.1f} px blur raises SSIM"
-        )
-    aligned = [evaluation.mean(case, method, "ssim_aligned").mean for method in (leader, best)]
-    if not any(map(math.isnan, aligned)):
-        parts.append(f"inside the observed surface, aligned, it is {aligned[0]:.3f} against {aligned[1]:.3f}")
-    return "; ".join(parts) + "."

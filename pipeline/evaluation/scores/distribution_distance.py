@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 FID_IMAGES = 2048
 """With fewer images than features the covariances of FID are singular; its authors demand at least this number."""
 FEWEST_IMAGES = 3
-"""Of each set; fewer have no covariance, or no standard error."""
+"""Least size of each set; fewer have no covariance, or no standard error."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ...files.content import read_content
 
 SIDE_PX = 299
 FEATURES = 2048
-"""Of InceptionV3's last pooling layer ("pool3")."""
+"""Number of features: those of InceptionV3's last pooling layer ("pool3")."""
 _PADDING = re.compile(rb"\x0a\x11count_include_pad\x18([\x00\x01])")
 """The attribute of an average pool in the file: whether its padding counts."""
 

@@ -1,9 +1,8 @@
-// The page of a dataset: one view is selected; grid, large picture and 3D follow it.
+// The page of a dataset: one view is selected; grid, large picture and poses follow it.
 
 const views = data.views;
 const state = { place: -1, order: [], layers: { mask: false, observed: false, depth: false }, strength: 0.7 };
-const aspect = data.camera ? data.camera[0] / data.camera[1] : 4 / 3;
-document.documentElement.style.setProperty('--aspect', aspect);
+document.documentElement.style.setProperty('--aspect', data.size[0] / data.size[1]);
 
 const nameOf = (view) => `View ${view.index}`;
 const factsOf = (view) => data.quantities.filter(({ key }) => Number.isFinite(view[key])).map(
@@ -41,7 +40,7 @@ function select(place, { focus = false, scroll = false } = {}) {
     byId('live').textContent = `${nameOf(view)}: ${factsOf(view).join(', ')}`;
     drawOverlay();
     for (const { quantity, histogram } of histograms) histogram.mark(view[quantity.key]);
-    if (poses) poses.select(place);
+    poses.select(place);
     if (scroll) byId('viewer').scrollIntoView({ block: 'start', behavior: calm() ? 'auto' : 'smooth' });
 }
 
@@ -196,14 +195,13 @@ function arrange() {
     for (const { quantity, histogram } of histograms) {
         histogram.showPassing(state.order.map((place) => views[place][quantity.key]));
     }
-    if (poses) poses.filter(new Set(passing));
+    poses.filter(new Set(passing));
 }
 
-// --- 3D -------------------------------------------------------------------------------------------------------------------
+// --- poses ----------------------------------------------------------------------------------------------------------------
 
-const hasPoses = Boolean(data.surface) || views.some((view) => view.centre);
-const poses = hasPoses ? createPoses(byId('scene'), views, (place) => select(place)) : null;
-steer(poses, hasPoses ? NO_WEBGL : 'No pose and no surface can be read.');
+const describe = (view) => [nameOf(view), ...factsOf(view)].join(' · ');
+const poses = createPoses(byId('scene'), views, describe, (place) => select(place));
 themeListeners.push(drawOverlay, redrawTiles);
 
 // --- the source frame -------------------------------------------------------------------------------------------------------

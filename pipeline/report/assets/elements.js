@@ -25,13 +25,6 @@ function filled(element, attributes, children) {
 const byId = (id) => document.getElementById(id);
 const webp = (text) => (text ? `data:image/webp;base64,${text}` : null);
 
-function bytes(text) {
-    const raw = atob(text);
-    const array = new Uint8Array(raw.length);
-    for (let place = 0; place < raw.length; place++) array[place] = raw.charCodeAt(place);
-    return array;
-}
-
 /** A number with its unit: "12.3°"; "–" if there is none. */
 function measured(value, digits, unit = '') {
     return Number.isFinite(value) ? value.toFixed(digits) + unit : '–';

@@ -213,12 +213,9 @@ function showRows() {
 showRows();
 byId('rows').hidden = !data.rows.length;
 
-for (const { title, light, dark } of data.figures) {
-    const image = (file, theme) => (file ? el('img', {
-        class: theme, src: file.uri, width: file.width, height: file.height, alt: title, decoding: 'async',
-    }) : null);
+for (const { title, uri, width, height } of data.figures) {
     byId('figure-list').append(el('figure', {}, el('figcaption', { text: title }),
-        ...(light && dark ? [image(light, 'only-light'), image(dark, 'only-dark')] : [image(light || dark, 'paper')])));
+        el('img', { src: uri, width, height, alt: title, decoding: 'async' })));
 }
 byId('figures').hidden = !data.figures.length;
 for (const link of document.querySelectorAll('.sections a')) link.hidden = document.querySelector(link.hash)?.hidden ?? true;

@@ -1,9 +1,9 @@
-// The page of a registration: one frame is selected; time line, picture and 3D follow it.
+// The page of a registration: one frame is selected; time line, picture and poses follow it.
 
 const frames = data.views;
 const figures = data.quantities.filter(({ colours }) => !colours);
 const inWords = (frame) => `frame ${frame.index}, ${frame.state}: ${frame.reason}`;
-document.documentElement.style.setProperty('--aspect', data.camera[0] / data.camera[1]);
+document.documentElement.style.setProperty('--aspect', data.size[0] / data.size[1]);
 for (const [state, rgb] of Object.entries(data.colours)) document.documentElement.style.setProperty(`--${state}`, `rgb(${rgb})`);
 
 // --- the time line ----------------------------------------------------------------------------------------------------
@@ -52,12 +52,11 @@ function select(place, { scroll = false } = {}) {
     byId('facts').replaceChildren(...figures.map((quantity) => el('div', { title: quantity.about },
         el('dt', { text: quantity.name }), el('dd', { text: measured(frame[quantity.key], quantity.digits, quantity.unit) }))));
     byId('live').textContent = inWords(frame);
-    if (poses) poses.select(place);
+    poses.select(place);
     if (scroll) byId('viewer').scrollIntoView({ block: 'start', behavior: calm() ? 'auto' : 'smooth' });
 }
 
-const poses = createPoses(byId('scene'), frames, (place) => select(place));
-steer(poses, NO_WEBGL);
+const poses = createPoses(byId('scene'), frames, inWords, (place) => select(place));
 
 // --- what to look at first ------------------------------------------------------------------------------------------------
 

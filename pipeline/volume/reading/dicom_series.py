@@ -280,11 +280,15 @@ def _file_meta_information(path: Path) -> dict[int, str] | None:
     """
     with open(path, "rb") as file:
         head = file.read(4096)
-    if not is_dicom_beginning(head):
+    was_slice = (not head or path.suffix.lower() in (".dcm", ".ima")) and not path.name.startswith(".")
+    if not is_dicom_beginning(head) and not was_slice:
         return None
     found = {element[0]: value.decode() for element, value in _META_UID.findall(head)}
     if image_class := _CLASS_UID.search(head):
         found.setdefault(0x0002, image_class[1].decode())
+    elif was_slice or head[128:132] == b"DICM":
+        # cut off before it says what it is: it must not be passed over
+        found.setdefault(0x0002, _CT)
     return found
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError
-from ...files.content import LARGEST_TEXT, read_content
+from ...files.content import LARGEST_TEXT, decoded, read_content
 from ...files.tables import parsed_json
 from ...transforms import transform_points
 from ..bone.structures import anatomical_name, is_bone
@@ -113,7 +113,7 @@ def names_beside(path: Path) -> dict[int, str]:
     for candidate in [*own, path.resolve().parent.parent / "dataset.json"]:
         if candidate.is_file():
             table = parsed_json(read_content(candidate, "names of labels", most=LARGEST_TEXT), candidate.name)
-            if isinstance(table, dict) and (names := _names_in_json(table.get("labels"))):
+            if isinstance(table, dict) and (names := _names_in_json(table.get("labels", table))):
                 return names
     for name in (stem + ".txt", stem + ".label", "labels.txt", "labels.label"):
         candidate = path.with_name(name)
@@ -136,7 +136,7 @@ def _names_in_json(labels: object) -> dict[int, str]:
 
 def _names_in_text(path: Path) -> dict[int, str]:
     """Label descriptions of ITK-SNAP."""
-    text = read_content(path, "names of labels", most=LARGEST_TEXT).decode("utf-8-sig", errors="replace")
+    text = decoded(read_content(path, "names of labels", most=LARGEST_TEXT)) or ""
     matches = (_SNAP_LINE.fullmatch(line) for line in text.splitlines() if not line.startswith("#"))
     return {int(match[1]): match[2] for match in matches if match}
 

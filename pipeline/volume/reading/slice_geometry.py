@@ -84,11 +84,10 @@ def _check_alike(places: Sequence[SlicePlace], where: str) -> None:
             f"{where}: expected slices of one pixel spacing, found {spacings.min():.4g} to {spacings.max():.4g} mm; "
             "export one series of them"
         )
-    turned = max(float(np.abs(place.axes - first.axes).max()) for place in places)
-    if turned > 1e-3:
+    if any(np.abs(place.axes - first.axes).max() > 1e-3 for place in places):
         raise InputError(
-            f"{where}: expected parallel slices, found some turned by {np.rad2deg(turned):.1f}°; a localizer may be "
-            "among them: export the axial series alone"
+            f"{where}: expected parallel slices, found some that are turned; a localizer may be among them: export the "
+            "axial series alone"
         )
 
 
@@ -98,7 +97,7 @@ def _check_steps(along_mm: np.ndarray, where: str) -> None:
     together = int(np.count_nonzero(steps < 0.01 * max(float(np.median(steps)), 0.1)))
     if together:
         raise InputError(
-            f"{where}: expected one slice at each place, found {together} places with several; "
+            f"{where}: expected one slice at each place, found {together} place{'s'[: together > 1]} with several; "
             "several reconstructions or times are in one series: export one of them"
         )
     # gaps do not count

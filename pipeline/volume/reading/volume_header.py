@@ -21,6 +21,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...files.content import LARGEST_TEXT, read_beginning, reading
+from ...files.numbers import parsed_numbers
 from ...transforms import rotation_from_vector
 from ..simple_itk import simple_itk
 from ..volume import VoxelGrid
@@ -111,11 +112,11 @@ def read_header(path: Path) -> VolumeHeader:
     head = read_beginning(path, "a volume", LARGEST_TEXT)
     if not head:
         raise InputError(f"{path}: expected a volume, found an empty file; copy or export it again")
-    matrix = None
     if suffix.startswith(".nii"):
         stored, matrix = _checked_nifti(path, head)
     else:
-        stored = _checked_text(path, head)
+        stored, fields = _checked_text(path, head)
+        matrix = None
     reader = simple_itk().ImageFileReader()
     reader.SetFileName(str(path))
     try:
@@ -134,6 +135,8 @@ def read_header(path: Path) -> VolumeHeader:
         matrix[:3, :3] = np.reshape(reader.GetDirection(), (ranks, ranks))[:3, :3] * reader.GetSpacing()[:3]
         matrix[:3, 3] = reader.GetOrigin()[:3]
         check_axes(matrix, path.name)
+        if suffix.startswith(".m"):
+            _check_stated(fields, reader, path.name)
     voxel_bytes = int(re.match(r"\d+", pixel)[0]) // 8  # type: ignore[index]
     return VolumeHeader(VoxelGrid(size, matrix), voxel_bytes, stored, _segments(reader))
 
@@ -141,8 +144,8 @@ def read_header(path: Path) -> VolumeHeader:
 def unreadable(where: str) -> InputError:
     """The error for a file that ITK cannot read."""
     return InputError(
-        f"{where}: expected a volume, cannot read it; it is damaged or cut off, or its header contradicts itself: "
-        "export it again as .nii.gz or .nrrd"
+        f"{where}: expected a volume, cannot read it; it is damaged or cut off, has another name than its format, its "
+        "header contradicts itself, or ITK does not know its voxels: export it again as .nii.gz or .nrrd"
     )
 
 
@@ -260,8 +263,8 @@ def _check_agreement(qform: np.ndarray, sform: np.ndarray, size: tuple[int, int,
         )
 
 
-def _checked_text(path: Path, head: bytes) -> StoredVoxels:
-    """Orientation, units and place of the voxels, from the lines of NRRD or MetaImage."""
+def _checked_text(path: Path, head: bytes) -> tuple[StoredVoxels, dict[str, str]]:
+    """Orientation, units and place of the voxels, from the lines of NRRD or MetaImage, and these lines."""
     where, is_nrrd = path.name, head.startswith(b"NRRD")
     fields, start = _fields(head, is_nrrd)
     if is_nrrd:
@@ -276,14 +279,31 @@ def _checked_text(path: Path, head: bytes) -> StoredVoxels:
         name = re.sub("^local$", "", fields.get("elementdatafile", ""), flags=re.IGNORECASE)
     if not oriented:
         raise _unoriented(where)
-    if units - {"", "mm"}:
+    if any(not re.fullmatch(r"|mm|millimet(er|re)s?", unit, re.IGNORECASE) for unit in units):
         raise InputError(f"{where}: expected lengths in mm, found another unit; convert it to mm")
     # a list of files, or a pattern of their names, or a header of their own: what ITK makes of them is not checked
     plain = not re.search(r" |%|^LIST", name) and all(fields.get(skip, "0") == "0" for skip in _SKIPS)
     data = path.parent / name if name and plain else path
     if not data.is_file():
         raise InputError(f"{where}: expected the file of its voxels, as the header says; it is missing: copy it, too")
-    return StoredVoxels(data, 0 if name else start, None, packed and plain)
+    return StoredVoxels(data, 0 if name else start, None, packed and plain), fields
+
+
+def _check_stated(fields: Mapping[str, str], reader: Any, where: str) -> None:
+    """Check that ITK has understood a MetaImage: it ends a number at a decimal comma, and takes 0 for what is none."""
+    ranks = len(reader.GetSize())
+    turn = np.reshape(reader.GetDirection(), (ranks, ranks)).T.ravel()
+    used = dict.fromkeys(("offset", "position", "origin"), reader.GetOrigin())
+    used |= dict.fromkeys(("transformmatrix", "rotation", "orientation"), turn)
+    used |= {"elementspacing": reader.GetSpacing()}
+    scale = {"elementtointensityfunctionslope": [1.0], "elementtointensityfunctionoffset": [0.0]}
+    for key, values in (used | scale).items():
+        stated = parsed_numbers(fields[key].encode(), np.float64) if key in fields else values
+        if stated is None or len(stated) != len(values) or not np.allclose(stated, values, rtol=1e-4, atol=1e-4):
+            raise InputError(
+                f"{where}: expected {key} = {' '.join(f'{value:g}' for value in values)}, as ITK reads it, found "
+                "something else in the header; correct it, with decimal points, or export the volume again"
+            )
 
 
 def _fields(head: bytes, is_nrrd: bool) -> tuple[dict[str, str], int]:

@@ -89,10 +89,12 @@ class ValueSurvey:
             raise InputError(f"{expected} {self._range}: it looks like a CT; give it as the volume")
         if self._fractional is not None:
             raise InputError(
-                f"{expected} fractions such as {self._fractional:.4g}: it looks like probabilities; save the label of "
+                f"{expected} fractions such as {self._fractional:.10g}: it looks like probabilities; save the label of "
                 "each voxel (above 0.5, or the largest)"
             )
-        if self._highest >= 2**16 or self._variety > MOST_LABELS:
+        if self._highest >= 2**16:
+            raise InputError(f"{expected} {self._range}; the largest label is 65535: number them anew")
+        if self._variety > MOST_LABELS:
             raise InputError(f"{expected} {self._variety} different {self._range}: it looks like an image, not labels")
         if self._highest == 0:
             raise InputError(f"{expected} 0 everywhere; it holds no structure: choose another file")

@@ -140,8 +140,7 @@ def run_trials(
     -------
     Errors of :func:`.solve_pose` (for a refused trial those of its best candidate), and of every peer by its name.
     """
-    ours: list[tuple[float, float]] = []
-    theirs: dict[str, list[tuple[float, float]]] = {name: [] for name in PEERS}
+    found: dict[str, list[tuple[float, float]]] = {"": [], **{name: [] for name in PEERS}}
     refusals: list[str | None] = []
     covered: list[bool | None] = []
     for _ in range(trials):
@@ -155,24 +154,15 @@ def run_trials(
         else:
             pose = estimate.cam_from_model
             inside = estimate.uncertainty.contains(trial.cam_from_model, pose)
-        ours.append(pose_error(trial, camera, pose))
         refusals.append(refusal)
         covered.append(inside)
-        for name, errors in theirs.items():
-            errors.append(pose_error(trial, camera, PEERS[name](trial.points_model, trial.pixels, camera)))
-    return (
-        _errors(ours, tuple(refusals), tuple(covered)),
-        {name: _errors(errors) for name, errors in theirs.items()},
-    )
-
-
-def _errors(
-    errors: list[tuple[float, float]],
-    refusals: tuple[str | None, ...] = (),
-    covered: tuple[bool | None, ...] = (),
-) -> PoseErrors:
-    rotation_deg, mesh_px = np.reshape(errors, (-1, 2)).T
-    return PoseErrors(rotation_deg, mesh_px, refusals, covered)
+        found[""].append(pose_error(trial, camera, pose))
+        for name, solve in PEERS.items():
+            found[name].append(pose_error(trial, camera, solve(trial.points_model, trial.pixels, camera)))
+    errors = {name: np.reshape(each, (-1, 2)) for name, each in found.items()}
+    ours = errors.pop("")
+    theirs = {name: PoseErrors(each[:, 0], each[:, 1]) for name, each in errors.items()}
+    return PoseErrors(ours[:, 0], ours[:, 1], tuple(refusals), tuple(covered)), theirs
 
 
 def pose_error(trial: LandmarkTrial, camera: PinholeCamera, cam_from_model: np.ndarray | None) -> tuple[float, float]:

@@ -1,7 +1,6 @@
 """The posterior from landmarks and image: coverage of the truth, and clicks at the marked places."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,43 +25,28 @@ APART = 0.02
 """Least distance between two clicks, in widths of the frame: another feature."""
 
 
-@dataclass(frozen=True)
-class Coverage:
-    """How often the 95 % region of any mode holds the truth, of ``trials``; ``refused`` have no pose."""
-
-    evidence: str
-    pairs: int
-    sigma_px: float
-    trials: int
-    refused: int
-    coverage: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.evidence}, {self.pairs} pairs, clicks {self.sigma_px:g} px: {self.coverage:.1%} of {self.trials} "
-            f"({self.refused} refused)"
-        )
-
-
 def coverages(
     draw: DrawTrial, camera: PinholeCamera, trials: int, noise_px: Sequence[float], *, flatness: float = 1.0
-) -> Iterator[Coverage]:
-    """Coverage for landmarks alone, and with the image; ``flatness`` scales the third axis of the drawn points."""
+) -> Iterator[str]:
+    """How often the 95 % region of any mode holds the truth, for landmarks alone and with the image, in words.
+
+    ``flatness`` scales the third axis of the drawn points. Refused trials have no pose.
+    """
     for sigma_px in noise_px:
         for count in COUNTS:
             for with_image in (False, True):
                 rng, inside, refused = np.random.default_rng([count, int(10 * sigma_px), with_image]), [], 0
                 for _ in range(trials):
                     trial = draw(rng, count, sigma_px)
-                    if flatness != 1.0:
-                        trial = _flattened(trial, camera, flatness)
+                    trial = _flattened(trial, camera, flatness)
                     evidence = [_image(rng, trial.cam_from_model)] if with_image else []
                     modes = _modes(trial, camera, evidence)
                     refused += not modes
                     if modes:
                         inside.append(_holds(modes, trial.cam_from_model))
                 name = "landmarks and image" if with_image else "landmarks"
-                yield Coverage(name, count, sigma_px, trials, refused, float(np.mean(inside)) if inside else np.nan)
+                share = np.mean(inside) if inside else np.nan
+                yield f"  {name}, {count} pairs, {sigma_px:g} px: {share:.1%} of {trials} ({refused} refused)"
 
 
 def clicks_needed(surface: VisibleSurface, trials: int, report: Callable[[str], None]) -> dict[str, int]:

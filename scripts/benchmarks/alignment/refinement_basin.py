@@ -59,10 +59,8 @@ class RefinementTrial:
         Whether the refined pose is within the scene's limits and the image is not a wrong one.
     accepted, message
         The refinement's own verdict and its reason.
-    score_before, score_after, split_half_px, second_peak_ratio
-        The measures behind the verdict; infinite if not tested.
-    estimated_px_before, estimated_px_after
-        The refinement's own estimates of ``start_px`` and ``error_px``; NaN where it gives none.
+    estimated_px_after
+        The refinement's own estimate of ``error_px``; NaN where it gives none.
     seconds
         Processor time.
     """
@@ -76,11 +74,6 @@ class RefinementTrial:
     error_px: float
     right: bool
     accepted: bool
-    score_before: float
-    score_after: float
-    split_half_px: float
-    second_peak_ratio: float
-    estimated_px_before: float
     estimated_px_after: float
     seconds: float
     message: str
@@ -137,12 +130,7 @@ def run_trial(scene: RefinementScene, disturbance: Disturbance, rng: np.random.G
         error_px=error_px,
         right=close and wrong is None,
         accepted=result.accepted,
-        score_before=result.before.score,
-        score_after=result.after.score,
-        estimated_px_before=result.before.error_px,
         estimated_px_after=result.after.error_px,
-        split_half_px=result.verification.split_half_px if result.verification else np.inf,
-        second_peak_ratio=result.verification.second_peak_ratio if result.verification else np.inf,
         seconds=seconds,
         message=" ".join(result.message.split()),
     )
@@ -159,70 +147,36 @@ def displacement_px(scene: RefinementScene, cam_from_model: np.ndarray) -> float
 # --- results ---------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Tally:
-    """Counts of trials: of the right images (``trials``), and of wrong images (``wrong_images``)."""
-
-    trials: int
-    right: int
-    accepted: int
-    right_and_accepted: int
-    wrong_images: int
-    wrong_images_accepted: int
-
-    @classmethod
-    def of(cls, trials: Sequence[RefinementTrial]) -> "Tally":
-        """Count trials."""
-        grid = [trial for trial in trials if trial.image == RIGHT_IMAGE]
-        wrong = [trial for trial in trials if trial.image != RIGHT_IMAGE]
-        return cls(
-            trials=len(grid),
-            right=sum(trial.right for trial in grid),
-            accepted=sum(trial.accepted for trial in grid),
-            right_and_accepted=sum(trial.right and trial.accepted for trial in grid),
-            wrong_images=len(wrong),
-            wrong_images_accepted=sum(trial.accepted for trial in wrong),
-        )
+def tally(trials: Sequence[RefinementTrial]) -> list[str]:
+    """How many trials are right; accepted though wrong; and of wrong images accepted, if there are any."""
+    grid, wrong = ([trial for trial in trials if (trial.image == RIGHT_IMAGE) is right] for right in (True, False))
+    accepted = [trial for trial in grid if trial.accepted]
+    said = [
+        f"right {sum(trial.right for trial in grid)} of {len(grid)}, of these refused "
+        f"{sum(trial.right and not trial.accepted for trial in grid)}",
+        f"accepted though wrong: {sum(not trial.right for trial in accepted)} of {len(accepted)} accepted",
+    ]
+    if wrong:
+        said.append(f"accepted on wrong images: {sum(trial.accepted for trial in wrong)} of {len(wrong)}")
+    return said
 
 
 def summary(trials: Sequence[RefinementTrial]) -> list[str]:
-    """Lines on success, false verdicts, errors and time."""
-    tally = Tally.of(trials)
-    lines = [
-        f"right {tally.right} of {tally.trials}",
-        f"accepted though wrong: {tally.accepted - tally.right_and_accepted} of {tally.accepted} accepted",
-        f"refused though right: {tally.right - tally.right_and_accepted} of {tally.right} right",
-    ]
-    if tally.wrong_images:
-        lines.append(f"wrong images accepted: {tally.wrong_images_accepted} of {tally.wrong_images}")
+    """Lines on success, false verdicts, errors, what the refinement says of these, and time."""
+    lines = tally(trials)
     accepted = [trial for trial in trials if trial.accepted and trial.image == RIGHT_IMAGE]
     if accepted:
-        errors = np.array([[trial.error_px, trial.error_deg] for trial in accepted])
-        (px, deg), (worst_px, worst_deg) = np.median(errors, axis=0), np.quantile(errors, 0.95, axis=0)
-        lines.append(f"error where accepted, median / 95 %: {px:.2f} / {worst_px:.2f} px, {deg:.2f} / {worst_deg:.2f}°")
+        figures = [(trial.error_px, trial.error_deg, trial.estimated_px_after) for trial in accepted]
+        px, deg, estimated = np.array(figures).T
+        (middle_px, most_px), (middle_deg, most_deg) = (np.quantile(each, [0.5, 0.95]) for each in (px, deg))
+        lines.append(
+            f"error where accepted, median / 95 %: {middle_px:.2f} / {most_px:.2f} px, "
+            f"{middle_deg:.2f} / {most_deg:.2f}°"
+        )
+        ratios = np.quantile(estimated / np.maximum(px, 0.01), [0.05, 0.5, 0.95])
+        lines.append("estimated / true error, 5 / 50 / 95 %: " + " / ".join(f"{ratio:.2f}" for ratio in ratios))
         farther = sum(trial.error_px > trial.start_px for trial in accepted)
         lines.append(f"accepted though farther off than before: {farther} of {len(accepted)} accepted")
-        lines += [estimate_line(accepted, refined) for refined in (False, True)]
     seconds = [trial.seconds for trial in trials]
     lines.append(f"processor time, median / largest: {np.median(seconds):.1f} / {max(seconds):.1f} s")
     return lines
-
-
-def estimate_line(accepted: Sequence[RefinementTrial], refined: bool) -> str:
-    """How the estimated errors of the initial, or of the refined poses compare with the true ones.
-
-    Parameters
-    ----------
-    accepted
-        Trials whose refinement was accepted.
-    refined
-        Whether to compare the refined poses, rather than the initial ones.
-    """
-    true = np.array([trial.error_px if refined else trial.start_px for trial in accepted])
-    estimated = np.array([trial.estimated_px_after if refined else trial.estimated_px_before for trial in accepted])
-    ratios = np.quantile(estimated / np.maximum(true, 0.01), [0.05, 0.5, 0.95])
-    return (
-        f"estimated / true error of the {'refined' if refined else 'initial'} poses, 5 / 50 / 95 %: "
-        + " / ".join(f"{ratio:.2f}" for ratio in ratios)
-        + f"; root mean squares {np.sqrt(np.mean(estimated**2)):.2f} / {np.sqrt(np.mean(true**2)):.2f} px"
-    )

@@ -28,7 +28,7 @@ from .refinement_scenes import visible_points
 
 NO_ERROR = (math.nan, math.nan, math.nan)
 DRAWS = 500
-"""Of the bootstrap."""
+"""Draws of the bootstrap."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class Registration:
     def together(self, trials: Iterable[RegistrationTrial]) -> list[RegistrationTrial]:
         """The latest trials, judged as the frames of one set."""
         trials = list(trials)
-        verdicts = (each.verdict for each in judged_together(self._found[-len(trials) :]))
+        verdicts = (each.verdict for each in judged_together(self._found[len(self._found) - len(trials) :]))
         return [
             replace(trial, state=verdict.state, probability=verdict.probability)
             for trial, verdict in zip(trials, verdicts, strict=True)

@@ -20,6 +20,7 @@ from oneframe.colour.reference_view import colours_of, vertex_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
+from oneframe.evaluation.baseline import pyvista_renderer
 from oneframe.evaluation.scores.similarity import Similarity, similarity
 from oneframe.files.machine import available_cores
 from oneframe.images.image_reader import read_image
@@ -27,10 +28,12 @@ from oneframe.images.pixel_values import to_uint8
 
 from .converged_view import converged_view
 from .render_scenes import RenderScene
-from .render_speed import RENDER_SCRIPT, pyvista_peers
-from .render_times import PLAIN_PEER
 from .speed_accuracy import ENGINE_NAMES, FLOOR, OURS, PEER, Configuration, SpeedPoint
 
+RENDER_SCRIPT = Path(__file__).resolve().parents[2] / "render_dataset.py"
+LIT_PEER = "PyVista, 8x MSAA, default light"
+UNLIT_PEER = "PyVista, 8x MSAA, no light"
+PLAIN_PEER = "PyVista, no MSAA, no light"
 JUDGED_VIEWS = 3
 """Planned views that are compared with the reference."""
 UNTIMED_VIEWS = 4
@@ -107,10 +110,58 @@ def converged_reference(scene: RenderScene, along: int, advance: Callable[[], No
     )
 
 
+def measure_scene(
+    scene: RenderScene,
+    reference: Reference | None,
+    configurations: Sequence[Configuration],
+    peers: Mapping[str, Callable[[np.ndarray], np.ndarray]],
+    folder: Path,
+    rounds: int,
+    advance: Callable[[], None],
+) -> list[SpeedPoint]:
+    """Measure configurations, peers and Cycles alone in alternating rounds, and judge the views of the last one.
+
+    Parameters
+    ----------
+    scene, reference
+        What is rendered, and what it should look like; nothing is judged without.
+    configurations, peers
+        What is measured; peers as of :func:`scene_peers`.
+    folder
+        For temporary files.
+    rounds
+        Number of rounds.
+    advance
+        Called after each measurement.
+
+    Raises
+    ------
+    RunError
+        A configuration failed.
+    """
+    with SceneTrials(scene, reference, folder) as trials:
+        for number in range(rounds):
+            judge = reference is not None and number == rounds - 1
+            for name, render in peers.items():
+                trials.run_peer(name, render, judge=judge)
+                advance()
+            trials.run_bare()
+            advance()
+            for configuration in configurations:
+                trials.run(configuration, judge=judge)
+                advance()
+        return trials.points()
+
+
+def render_command(case: Path, out: Path, *flags: str) -> list[str]:
+    """The command that renders a dataset."""
+    return [sys.executable, str(RENDER_SCRIPT), str(case), "--out", str(out), *flags]
+
+
 class SceneTrials:
     """Runs and judges configurations, peers and the floor in one scene; use as a context manager."""
 
-    def __init__(self, scene: RenderScene, reference: Reference, folder: Path) -> None:
+    def __init__(self, scene: RenderScene, reference: Reference | None, folder: Path) -> None:
         """Prepare; ``folder`` is for temporary files."""
         self._scene, self._reference, self._folder = scene, reference, folder
         self._poses = folder / "poses.npy"
@@ -139,8 +190,8 @@ class SceneTrials:
             self._cases[configuration.mesh_px] = self._scene.simplified_case(self._folder, configuration.mesh_px)
         case, triangles = self._cases[configuration.mesh_px]
         out, cores = self._folder / "out", available_cores()
-        command = [sys.executable, str(RENDER_SCRIPT), str(case), "--out", str(out), f"--poses={self._poses}"]
-        command += [f"--scale={1 / self._scene.factor!r}", *configuration.flags(cores)]
+        scale = f"--scale={1 / self._scene.factor!r}"
+        command = render_command(case, out, f"--poses={self._poses}", scale, *configuration.flags(cores))
         ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
         if ended.returncode:
             raise RunError(f"render_dataset.py: expected a dataset, it failed: {ended.stderr.strip()[-300:]}")
@@ -148,8 +199,7 @@ class SceneTrials:
         written = sorted(path.file("frame").stat().st_mtime for path in paths)[UNTIMED_VIEWS:-UNTIMED_VIEWS]
         self._add(configuration.name, (written[-1] - written[0]) / (len(written) - 1))
         if judge:
-            views = [read_image(paths[index].file("rgb"))[0] for index in self._reference.indices]
-            self._judge(configuration.name, views)
+            self._judge(configuration.name, lambda index: read_image(paths[index].file("rgb"))[0])
         shutil.rmtree(out)
         self._points[configuration.name] = lambda ms: SpeedPoint(
             self._scene.name, OURS, configuration.name, ENGINE_NAMES[configuration.engine], configuration.samples,
@@ -172,8 +222,7 @@ class SceneTrials:
         """Time a peer's function from ``cam_from_model`` to an ``(H, W, 3)`` uint8 image, and judge its views."""
         self._time(name, render)
         if judge:
-            poses = [self._scene.cam_from_model(index) for index in self._reference.indices]
-            self._judge(name, [render(pose).astype(np.float32) / 255 for pose in poses])
+            self._judge(name, lambda index: render(self._scene.cam_from_model(index)).astype(np.float32) / 255)
         self._points[name] = lambda ms: SpeedPoint(
             self._scene.name, PEER, name, "PyVista", 1 if name == PLAIN_PEER else 8, "vertex", "",
             len(self._scene.loaded.surface.mesh.faces), 1, *ms, **self._judged.get(name, {}),
@@ -191,8 +240,10 @@ class SceneTrials:
     def _add(self, name: str, seconds: float) -> None:
         self._seconds.setdefault(name, []).append(seconds)
 
-    def _judge(self, name: str, views: Sequence[np.ndarray]) -> None:
-        reference, judged = self._reference, self._reference.judged
+    def _judge(self, name: str, view_of: Callable[[int], np.ndarray]) -> None:
+        reference = self._reference
+        assert reference is not None
+        judged, views = reference.judged, [view_of(index) for index in reference.indices]
         observed = list(map(similarity, reference.views, views, reference.observed))
         surface = list(map(similarity, reference.views[judged:], views[judged:], reference.surface[judged:]))
         scores = {"error": _mean(observed[:judged], "mean_error"), "ssim": _mean(observed[:judged], "ssim")}
@@ -222,10 +273,15 @@ def scene_peers(scene: RenderScene) -> Mapping[str, Callable[[np.ndarray], np.nd
         PyVista is not installed.
     """
     colours, _ = vertex_colours_of(scene.source)
-    radius = scene.source.mesh.radius
+    mesh, radius = scene.source.mesh, scene.source.mesh.radius
     depths = [scene.cam_from_model(index)[2, 3] for index in range(len(scene.poses))]
-    depth_range = (max(0.99 * (min(depths) - radius), 1e-3 * radius), 1.01 * (max(depths) + radius))
-    return pyvista_peers(scene.source.mesh, to_uint8(colours.rgb), scene.camera, depth_range)
+    near_far = (max(0.99 * (min(depths) - radius), 1e-3 * radius), 1.01 * (max(depths) + radius))
+    return {
+        name: pyvista_renderer(
+            mesh, to_uint8(colours.rgb), scene.camera, samples=samples, lit=lit, depth_range_mm=near_far
+        )
+        for name, samples, lit in ((LIT_PEER, 8, True), (UNLIT_PEER, 8, False), (PLAIN_PEER, 1, False))
+    }
 
 
 def _mean(found: Sequence[Similarity], score: str) -> float:

@@ -97,7 +97,7 @@ def case_scene(name: str, path: Path, photographs: Path | None, *, views: int, s
     factor = _factor(loaded.frame.camera)
     options = DatasetOptions(scale=1 / factor, count=views, seed=seed)
     with open_job(Job(loaded.case, path.parent / "unused", options, Shard())).renderer(threads=0) as renderer:
-        camera, source = renderer.camera, renderer.source
+        camera, source = renderer.camera, renderer.reference
         planned = [renderer.plan(index).cam_from_model for index in range(views)]
     mesh_from_model = loaded.surface.mesh_from_model
     poses = np.array([*planned, *(photograph.cam_from_mesh @ mesh_from_model for photograph in listed)])

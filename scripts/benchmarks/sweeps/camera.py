@@ -8,7 +8,7 @@ distances is the error to about a thousandth of a pixel.
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,11 +30,11 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector
 
-from .cells import NO_LIMIT, Cell, Limit, Outcome, Task
+from .cells import Cell, Limit, Outcome, Sweep, Task
 
 TOPIC = "camera"
 CORNERS = np.array([[0.11, 0.07], [0.93, 0.21], [0.37, 0.95]])
-"""Of the triangle, relative to the image's size."""
+"""Corners of the triangle, relative to the image's size."""
 TURNS = (0.0, 0.7, 1.9)
 """Rotations of the triangle in the image, radians: three triangles are three trials. A picture whose edges are more
 than :data:`.EXACT_PX` off counts as wrong."""
@@ -78,54 +78,45 @@ def _long(focal_px: float) -> Place:
     return Place(_camera(fx=focal_px), distance_mm=float(np.clip(15 * focal_px / 640, 10.0, FARTHEST_MM)))
 
 
-@dataclass(frozen=True)
-class CameraSweep:
-    """A swept variable: its values, the place that each means, the software's limit, and the engines measured."""
-
-    name: str
-    values: tuple[float, ...]
-    place: Callable[[float], Place]
-    limit: Limit = NO_LIMIT
-
-
-SWEEPS = (
-    CameraSweep(
+SWEEPS: tuple[tuple[str, tuple[float, ...], Callable[[float], Place], Limit], ...] = (
+    (
         "principal point",
         (0, 0.5, 1, 2, 4, 4.9, 5.1, 8),
         _shifted,
         Limit("FARTHEST_PRINCIPAL_POINT", FARTHEST_PRINCIPAL_POINT),
     ),
-    CameraSweep(
+    (
         "focal length",
         (0.1, 1, 10, 100, 1e3, 1e4, 1e5, 2e5, 1e6, 1e7, 2e9),
         _long,
         Limit("LONGEST_EXACT_FOCAL_PX", LONGEST_EXACT_FOCAL_PX),
     ),
-    CameraSweep(
+    (
         "fx / fy",
         (0.004, 0.0051, 0.02, 0.1, 1, 10, 50, 199, 250),
         lambda ratio: Place(_camera(fx=3200 * math.sqrt(ratio), fy=3200 / math.sqrt(ratio))),
         Limit("MAX_PIXEL_ASPECT", MAX_PIXEL_ASPECT),
     ),
-    CameraSweep(
+    (
         "image height",
         (480, 48, 16, 8, 5, 4, 3, 2, 1),
         lambda height: Place(_camera(2000, int(height))),
         Limit("SMALLEST_VIEW_PX", SMALLEST_VIEW_PX),
     ),
-    CameraSweep(
+    (
         "origin",
         (0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 2e9),
         lambda offset: Place(_camera(fx=12_800), offset_mm=offset),
         Limit("EXACT_PX", EXACT_PX / UNIT_ROUNDOFF * 300 / 12_800),
     ),
-    CameraSweep(
+    (
         "clip range",
         (0, 1, 3, 10, 19, 21, 60, 100),
         lambda reach: Place(_camera(), reach=reach),
         Limit("MAX_EXTENT_RATIO", MAX_EXTENT_RATIO * 640 / 3200 / 2),
     ),
 )
+"""Name, values, the place that each means, and the software's limit."""
 ENGINES = ("cycles", "raster", "eevee")
 EEVEE_SWEEPS = ("principal point", "clip range")
 """Eevee takes a second a view in software, so it is measured where it may differ from Workbench."""
@@ -227,13 +218,6 @@ def _depth_error_mm(place: Place, turn: float, depth_mm: np.ndarray, distance: n
     return float(np.median(np.abs(depth_mm[inside] - (normal @ a) / (rays @ normal))))
 
 
-def measure(folder: Path, sweep: CameraSweep, value: float, engine: str, *, quick: bool) -> list[Cell]:
-    """A cell: all triangles at one value, by one engine."""
-    place = sweep.place(value)
-    outcomes = [outcome(folder, place, turn, engine) for turn in (TURNS[:1] if quick else TURNS)]
-    return [Cell.of(sweep.name, engine, value, outcomes, limit=sweep.limit)]
-
-
 def measure_offset(folder: Path, engine: str) -> list[Cell]:
     """Mean displacement of the picture in x and y, ``value`` in px, over triangles and sizes of the image."""
     found = []
@@ -261,13 +245,19 @@ def tasks(folder: Path, *, quick: bool) -> Iterator[Task]:
     ``folder`` is for temporary files. Engines that cannot render here are left out.
     """
     engines = [engine for engine in (ENGINES[:1] if quick else ENGINES) if not reason_against(engine)]
-    for sweep, engine in itertools.product(SWEEPS, engines):
-        if engine == "eevee" and sweep.name not in EEVEE_SWEEPS:
-            continue
-        for value in sweep.values[:: 2 if quick else 1]:
-            yield partial(measure, folder, sweep, value, engine, quick=quick)
+    for (name, values, place, limit), engine in itertools.product(SWEEPS, engines):
+        if engine != "eevee" or name in EEVEE_SWEEPS:
+            measure = partial(outcomes, folder, place, engine, TURNS[:1] if quick else TURNS)
+            yield from Sweep(name, engine, values[:: 2 if quick else 1], measure, limit).tasks()
     for engine in engines:
         yield partial(measure_offset, folder, engine)
+
+
+def outcomes(
+    folder: Path, place: Callable[[float], Place], engine: str, turns: Sequence[float], value: float
+) -> list[Outcome]:
+    """All triangles at one value, by one engine."""
+    return [outcome(folder, place(value), turn, engine) for turn in turns]
 
 
 def reason_against(engine: str) -> str:

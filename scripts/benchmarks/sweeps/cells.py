@@ -2,8 +2,9 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -149,3 +150,23 @@ class Cell:
 
 Task = Callable[[], list[Cell]]
 """Measures some cells of a topic."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A swept variable: a cell for each of its values, by the trials that ``measure`` makes at a value."""
+
+    name: str
+    series: str
+    values: Sequence[float]
+    measure: Callable[[float], Sequence[Outcome]]
+    limit: Limit = NO_LIMIT
+    y: float = math.nan
+
+    def tasks(self) -> Iterator[Task]:
+        """A measurement for each value."""
+        for value in self.values:
+            yield partial(self._cells, value)
+
+    def _cells(self, value: float) -> list[Cell]:
+        return [Cell.of(self.name, self.series, value, self.measure(value), y=self.y, limit=self.limit)]

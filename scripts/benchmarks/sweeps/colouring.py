@@ -4,7 +4,6 @@ The surfaces have a colour that is a function of the point, so the colour of eve
 shows it as a z-buffer sees it. What is measured is what a dataset would contain: views by Cycles.
 """
 
-import itertools
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -27,11 +26,11 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
 from ..grid_mesh import grid_mesh
-from .cells import NO_LIMIT, Answer, Cell, Limit, Outcome, Task
+from .cells import Answer, Limit, Outcome, Sweep, Task
 
 TOPIC = "colouring"
 CAMERA = PinholeCamera(480, 360, 2400.0, 2400.0, 239.5, 179.5)
-"""Of frames and views; 8 px per mm at 300 mm."""
+"""The camera of frames and views; 8 px per mm at 300 mm."""
 DISTANCE_MM = 300.0
 FRONTAL = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, DISTANCE_MM]))
 WRONG_CODES = 8.0
@@ -114,11 +113,7 @@ def view_outcome(
     return Outcome("warns" if said else "works", error, error > WRONG_CODES, said, grey)
 
 
-def _cell(sweep: str, series: str, x: float, outcome: Outcome, limit: Limit = NO_LIMIT) -> list[Cell]:
-    return [Cell.of(sweep, series, x, [outcome], limit=limit)]
-
-
-def measure_pose_error(shift_px: float, stated: str) -> list[Cell]:
+def pose_error(stated: bool, shift_px: float) -> list[Outcome]:
     """Colour error of a pose that is off by a shift in the image, with and without a record of the error in the case.
 
     Without it nothing can be known of the error.
@@ -126,64 +121,52 @@ def measure_pose_error(shift_px: float, stated: str) -> list[Cell]:
     mesh = hills(0.5)
     image = photograph(mesh, CAMERA, FRONTAL)
     moved = rigid(translation=np.array([shift_px * DISTANCE_MM / CAMERA.fx, 0.0, 0.0])) @ FRONTAL
-    doubt = pose_doubt({"error_px": shift_px} if stated == "stated" else {})
-    outcome = view_outcome(reference(mesh, image, CAMERA, moved), CAMERA, moved, doubt=doubt)
-    return _cell("pose error", stated, shift_px, outcome, Limit("MAX_STATED_ERROR_PX", MAX_STATED_ERROR_PX))
+    doubt = pose_doubt({"error_px": shift_px} if stated else {})
+    return [view_outcome(reference(mesh, image, CAMERA, moved), CAMERA, moved, doubt=doubt)]
 
 
-def measure_incidence(angle_deg: float) -> list[Cell]:
+def incidence(angle_deg: float) -> list[Outcome]:
     """Colour error of a plane that the frame sees at an angle, viewed from the front."""
     mesh = hills(0.5, height_mm=0.0, half_mm=(14.0, 14.0))
     tilted = FRONTAL @ rigid(rotation_from_vector(np.array([0.0, np.radians(angle_deg), 0.0])))
     source = reference(mesh, photograph(mesh, CAMERA, tilted), CAMERA, tilted)
-    outcome = view_outcome(source, CAMERA, FRONTAL)
-    return _cell("incidence", "projective", angle_deg, outcome, Limit("MAX_INCIDENCE_DEG", MAX_INCIDENCE_DEG))
+    return [view_outcome(source, CAMERA, FRONTAL)]
 
 
-def measure_scale(scale: float) -> list[Cell]:
-    """Acne: part of a surface left grey although the frame saw it, by the size of everything in mm."""
-    mesh = hills(0.5).scaled(scale)
-    pose = rigid(FRONTAL[:3, :3], scale * FRONTAL[:3, 3])
-    outcome = _acne(mesh, CAMERA, pose, scale)
-    return _cell("scale", "projective", scale * DISTANCE_MM, outcome, Limit("FARTHEST_MM", FARTHEST_MM))
-
-
-def measure_focal(focal_px: float) -> list[Cell]:
-    """The same by focal length, at the distance from which the surface fills the frame."""
-    distance = DISTANCE_MM * focal_px / CAMERA.fx
-    camera = PinholeCamera(480, 360, focal_px, focal_px, 239.5, 179.5)
-    scale = min(1.0, FARTHEST_MM / distance)
-    pose = rigid(FRONTAL[:3, :3], np.array([0.0, 0.0, distance * scale]))
-    return _cell("focal length", "projective", focal_px, _acne(hills(0.5).scaled(scale), camera, pose, scale))
-
-
-def _acne(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray, scale: float) -> Outcome:
+def acne(camera: PinholeCamera, scale: float, distance_mm: float) -> list[Outcome]:
+    """The part of a surface that is left grey although the frame saw it; everything is scaled in mm."""
+    mesh, pose = hills(0.5).scaled(scale), rigid(FRONTAL[:3, :3], np.array([0.0, 0.0, scale * distance_mm]))
     try:
         source = reference(mesh, photograph(mesh, camera, pose, scale), camera, pose)
     except InputError as error:
-        return Outcome("refuses", message=str(error))
+        return [Outcome("refuses", message=str(error))]
     seen = view_outcome(source, camera, pose, scale=scale)
-    return Outcome(seen.answer, seen.value, seen.value > WRONG_PART or seen.wrong, seen.message, seen.error)
+    return [Outcome(seen.answer, seen.value, seen.value > WRONG_PART or seen.wrong, seen.message, seen.error)]
 
 
-def measure_density(spacing_px: float, mode: str) -> list[Cell]:
-    """Colour error by the spacing of the vertices, for every colour mode."""
+def acne_at_focal(focal_px: float) -> list[Outcome]:
+    """By focal length, at the distance from which the surface fills the frame."""
+    distance = DISTANCE_MM * focal_px / CAMERA.fx
+    camera = PinholeCamera(480, 360, focal_px, focal_px, 239.5, 179.5)
+    return acne(camera, min(1.0, FARTHEST_MM / distance), distance)
+
+
+def density(mode: str, spacing_px: float) -> list[Outcome]:
+    """Colour error by the spacing of the vertices."""
     mesh = hills(spacing_px * DISTANCE_MM / CAMERA.fx)
     source = reference(mesh, photograph(mesh, CAMERA, FRONTAL), CAMERA, FRONTAL)
-    return _cell("mesh density", mode, spacing_px, view_outcome(source, CAMERA, FRONTAL, mode=mode))
+    return [view_outcome(source, CAMERA, FRONTAL, mode=mode)]
 
 
-def measure_frame_size(size: float, mode: str) -> list[Cell]:
-    """Colour error by the enlargement of the frame, from the size of the frame relative to the view's."""
+def magnification(mode: str, enlarged: float) -> list[Outcome]:
+    """Colour error by the enlargement of the frame in the view."""
     mesh = hills(0.5)
-    camera = CAMERA.resized(round(size * CAMERA.width), round(size * CAMERA.height))
+    camera = CAMERA.resized(round(CAMERA.width / enlarged), round(CAMERA.height / enlarged))
     source = reference(mesh, photograph(mesh, camera, FRONTAL), camera, FRONTAL)
-    doubt = magnification_doubt(CAMERA.fx, camera.fx)
-    outcome = view_outcome(source, CAMERA, FRONTAL, mode=mode, doubt=doubt)
-    return _cell("magnification", mode, 1 / size, outcome, Limit("MAX_MAGNIFICATION", MAX_MAGNIFICATION))
+    return [view_outcome(source, CAMERA, FRONTAL, mode=mode, doubt=magnification_doubt(CAMERA.fx, camera.fx))]
 
 
-def measure_wall(thickness_px: float, side: str) -> list[Cell]:
+def wall(side: str, thickness_px: float) -> list[Outcome]:
     """Leaking: part of a hidden plate that is painted, behind another one at this distance in pixel footprints.
 
     ``side`` is "layers": both plates face the frame; "wall": they are front and back of a closed wall, which is seen
@@ -206,25 +189,30 @@ def measure_wall(thickness_px: float, side: str) -> list[Cell]:
     answer: Answer = "falls back" if leak < WRONG_PART else "works"
     # what leaks is displaced by less than the tolerance: wrong only beyond it
     wrong = leak > WRONG_PART and (side == "wall" or thickness_px > TOLERANCE_PX)
-    outcome = Outcome(answer, leak, wrong, "grey: not observed" if answer == "falls back" else "")
-    return _cell("thin walls", side, thickness_px, outcome, Limit("TOLERANCE_PX", TOLERANCE_PX))
+    return [Outcome(answer, leak, wrong, "grey: not observed" if answer == "falls back" else "")]
 
 
 def tasks(*, quick: bool) -> Iterator[Task]:
     """All measurements of the topic; nothing in it is random. ``quick`` takes every third value."""
     step = 3 if quick else 1
-    for measure, values in (
-        (measure_incidence, INCIDENCES_DEG),
-        (measure_scale, SCALES),
-        (measure_focal, FOCALS_PX),
-    ):
-        for value in values[::step]:
-            yield partial(measure, value)
-    for value, stated in itertools.product(POSE_ERRORS_PX[::step], ("stated", "not stated")):
-        yield partial(measure_pose_error, value, stated)
-    for value, mode in itertools.product(SPACINGS_PX[2::2] if quick else SPACINGS_PX, MODES):
-        yield partial(measure_density, value, mode)
-    for value, mode in itertools.product(FRAME_SIZES[::step], MODES[:2]):
-        yield partial(measure_frame_size, value, mode)
-    for value, side in itertools.product(WALLS_PX[::step], ("layers", "wall")):
-        yield partial(measure_wall, value, side)
+    scaled = [scale * DISTANCE_MM for scale in SCALES[::step]]
+    sweeps = [
+        Sweep("incidence", MODES[0], INCIDENCES_DEG[::step], incidence, Limit("MAX_INCIDENCE_DEG", MAX_INCIDENCE_DEG)),
+        Sweep(
+            "scale", MODES[0], scaled, lambda far: acne(CAMERA, far / DISTANCE_MM, DISTANCE_MM),
+            Limit("FARTHEST_MM", FARTHEST_MM),
+        ),
+        Sweep("focal length", MODES[0], FOCALS_PX[::step], acne_at_focal),
+    ]  # fmt: skip
+    stated, tolerance = Limit("MAX_STATED_ERROR_PX", MAX_STATED_ERROR_PX), Limit("TOLERANCE_PX", TOLERANCE_PX)
+    for known in (True, False):
+        name = "stated" if known else "not stated"
+        sweeps.append(Sweep("pose error", name, POSE_ERRORS_PX[::step], partial(pose_error, known), stated))
+    for mode in MODES:
+        sweeps.append(Sweep("mesh density", mode, SPACINGS_PX[2::2] if quick else SPACINGS_PX, partial(density, mode)))
+    enlarged, largest = [1 / size for size in FRAME_SIZES[::step]], Limit("MAX_MAGNIFICATION", MAX_MAGNIFICATION)
+    sweeps += [Sweep("magnification", mode, enlarged, partial(magnification, mode), largest) for mode in MODES[:2]]
+    sweeps += [
+        Sweep("thin walls", side, WALLS_PX[::step], partial(wall, side), tolerance) for side in ("layers", "wall")
+    ]
+    return (task for sweep in sweeps for task in sweep.tasks())

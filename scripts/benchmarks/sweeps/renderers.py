@@ -46,7 +46,7 @@ COARSE_TRIANGLES = 20_000
 TILTS_DEG = (0.0, 20.0, 40.0, 60.0, 80.0)
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 11_000_000)
 RASTERISED_TRIANGLES = 1_000_000
-"""Of the largest surface for the rasterisers, which are measured for comparison."""
+"""The largest surface for the rasterisers, which are measured for comparison."""
 TIMED_VIEWS = 3
 WRONG_CODES, WRONG_DEPTH_MM = 4.0, 0.2
 """Mean colour error, of 255, and median depth error beyond which a picture counts as wrong."""
@@ -93,7 +93,7 @@ def measure_samples(folder: Path, distance: float, *, quick: bool) -> list[Cell]
     limit = Limit("MAX_REDUCTION", MAX_REDUCTION)
     cells, samples = [], SAMPLES[::3] if quick else SAMPLES
     with _renderer(folder, COARSE_TRIANGLES) as renderer:
-        pose, source, camera = _pose(renderer, distance=distance), renderer.source, renderer.camera
+        pose, source, camera = _pose(renderer, distance=distance), renderer.reference, renderer.camera
     (colour,), _ = colours_of(source, "projective")
 
     def every_pixel(count: int) -> RenderedView:

@@ -19,17 +19,18 @@ from oneframe.poses.constraints import (
     LEAST_ACCEPTANCE,
     MAX_ATTEMPTS,
     Constraints,
+    Drawn,
     ViewStatistics,
     plan_pose,
     sampling_doubt,
 )
-from oneframe.poses.distributions import Cone, PoseDistribution, ReferencePose
+from oneframe.poses.distributions import Cone, ReferencePose
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, transform_points
 
 from ..rendering.benchmark_case import CAM_FROM_MESH, VIEW_CAMERA, ridged_bowl
-from .cells import Cell, Limit, Outcome, Task
+from .cells import Limit, Outcome, Sweep, Task
 
 TOPIC = "sampling"
 TRIANGLES = 2000
@@ -89,7 +90,7 @@ class GridProbe:
 
 
 def outcomes_of(
-    distribution: PoseDistribution, constraints: Constraints, probe: Callable[[np.ndarray], ViewStatistics], seed: int
+    distribution: Drawn, constraints: Constraints, probe: Callable[[np.ndarray], ViewStatistics], seed: int
 ) -> list[Outcome]:
     """Plan :data:`VIEWS` views: the value is the number of poses tried for one, the error the rate of refusals.
 
@@ -108,17 +109,15 @@ def outcomes_of(
     return outcomes
 
 
-def measure(name: str, value: float, cone_deg: float, seed: int) -> list[Cell]:
-    """A cell of one constraint: ``x`` the constraint, ``y`` the half-angle of the cone."""
+def constrained(name: str, cone_deg: float, seed: int, value: float) -> list[Outcome]:
+    """Plan views of a cone of this half-angle under one constraint."""
     mesh = ridged_bowl(TRIANGLES)
     mesh = mesh.moved(-mesh.vertices.mean(axis=0))
     probe = GridProbe.of(mesh, VIEW_CAMERA, CAM_FROM_MESH)
     reference = ReferencePose(CAM_FROM_MESH, np.zeros(3))
     cone = Cone(reference=reference, cone_deg=cone_deg, roll_deg=15, distance_min=0.9, distance_max=1.1, shift_mm=2)
-    shown = probe(CAM_FROM_MESH).surface_fraction
-    options: dict[str, Any] = {"reference_surface": shown, name: value}
-    constraints = Constraints(**options)
-    return [Cell.of(name, f"cone {cone_deg:g}°", value, outcomes_of(cone, constraints, probe, seed), y=cone_deg)]
+    options: dict[str, Any] = {"reference_surface": probe(CAM_FROM_MESH).surface_fraction, name: value}
+    return outcomes_of(cone, Constraints(**options), probe, seed)
 
 
 @dataclass(frozen=True)
@@ -134,32 +133,24 @@ class Chance:
         return pose
 
 
-def measure_acceptance(probability: float, seed: int) -> list[Cell]:
-    """A cell with a known rate of acceptance: ``error`` is the chance that a run of :data:`LONG_RUN` views fails."""
+def by_chance(seed: int, probability: float) -> list[Outcome]:
+    """Plan views with a known rate of acceptance."""
     constraints = Constraints(min_surface=0.5)
-    outcomes = outcomes_of(Chance(probability), constraints, lambda pose: ViewStatistics(pose[0, 3], 1, 1e3), seed)
-    cell = Cell.of("acceptance", "known rate", probability, outcomes, limit=Limit("LEAST_ACCEPTANCE", LEAST_ACCEPTANCE))
-    return [cell, _long_run(probability, MAX_ATTEMPTS)]
+    return outcomes_of(Chance(probability), constraints, lambda pose: ViewStatistics(pose[0, 3], 1, 1e3), seed)
 
 
-def _long_run(probability: float, attempts: int) -> Cell:
-    none = (1 - probability) ** attempts
-    failing = -math.expm1(LONG_RUN * math.log1p(-none)) if none < 1 else 1.0
-    return Cell.of(
-        "long run",
-        f"{LONG_RUN} views",
-        probability,
-        [Outcome("works", failing)],
-        limit=Limit("LEAST_ACCEPTANCE", LEAST_ACCEPTANCE),
-    )
+def long_run(probability: float) -> list[Outcome]:
+    """The error is the chance that a run of :data:`LONG_RUN` views fails."""
+    none = (1 - probability) ** MAX_ATTEMPTS
+    return [Outcome("works", -math.expm1(LONG_RUN * math.log1p(-none)) if none < 1 else 1.0)]
 
 
 def tasks(seed: int, *, quick: bool) -> Iterator[Task]:
     """All measurements of the topic."""
-    step = 3 if quick else 1
-    for probability in ACCEPTANCES[::step]:
-        yield partial(measure_acceptance, probability, seed)
+    step, limit = 3 if quick else 1, Limit("LEAST_ACCEPTANCE", LEAST_ACCEPTANCE)
+    yield from Sweep("acceptance", "known rate", ACCEPTANCES[::step], partial(by_chance, seed), limit).tasks()
+    yield from Sweep("long run", f"{LONG_RUN} views", ACCEPTANCES[::step], long_run, limit).tasks()
     sweeps = {"min_observed": SHARES, "min_surface": SHARES, "min_clearance_mm": CLEARANCES_MM}
     for (name, values), cone_deg in itertools.product(sweeps.items(), CONES_DEG[:: 2 if quick else 1]):
-        for value in values[::step]:
-            yield partial(measure, name, value, cone_deg, seed)
+        measure = partial(constrained, name, cone_deg, seed)
+        yield from Sweep(name, f"cone {cone_deg:g}°", values[::step], measure, y=cone_deg).tasks()

@@ -10,6 +10,7 @@ import bpy
 import cv2
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 from oneframe.blender.bridge.image import decode
@@ -97,6 +98,34 @@ def test_the_fourth_byte_of_a_bmp_without_a_mask_is_no_alpha(tmp_path, alpha):
     header = b"BM" + struct.pack("<IHHIIiiHHIIiiII", 54 + size, 0, 0, 54, 40, WIDTH, HEIGHT, 1, 32, 0, size, 0, 0, 0, 0)
     (tmp_path / "frame.bmp").write_bytes(header + image[::-1, :, [2, 1, 0, 3]].tobytes())
     assert_read(tmp_path / "frame.bmp", image[..., :3], 8)
+
+
+@pytest.mark.parametrize("how", [{}, {"rowsperstrip": 4}, {"tile": (16, 16)}, {"byteorder": ">"}])
+def test_a_tiff_that_is_cut_off_is_refused(tmp_path, how):
+    """Decoders fill what is missing with black."""
+    path = tmp_path / "frame.tif"
+    tifffile.imwrite(path, codes(3, 8), photometric="rgb", **how)
+    assert_read(path, codes(3, 8), 8)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(InputError, match="the file is cut off"):
+        read_image(path)
+
+
+@pytest.mark.parametrize("value", [-0.5, 1.5, 255.0, np.nan, np.inf])
+def test_floats_beyond_the_codes_are_refused(tmp_path, value):
+    image = np.full((HEIGHT, WIDTH, 3), 0.25, np.float32)
+    tifffile.imwrite(tmp_path / "frame.tif", image, photometric="rgb")
+    assert (read_image(tmp_path / "frame.tif")[0] == 0.25).all()
+    image[3, 4] = value
+    tifffile.imwrite(tmp_path / "frame.tif", image, photometric="rgb")
+    with pytest.raises(InputError, match="expected an image of values from 0 to 1, found"):
+        read_image(tmp_path / "frame.tif")
+
+
+def test_a_tiff_in_lab_is_refused(tmp_path):
+    Image.fromarray(codes(3, 8)).convert("LAB").save(tmp_path / "frame.tif")
+    with pytest.raises(InputError, match=r"its colours are L\*a\*b\*"):
+        read_image(tmp_path / "frame.tif")
 
 
 def test_what_follows_the_end_of_a_jpeg_does_not_count(tmp_path, rng):

@@ -99,7 +99,7 @@ def test_stacks_with_faults_are_refused_in_a_sentence(write_series, tmp_path, na
     [
         ({"size": (9, 6)}, "slices of one size, found 7 x 6 and 9 x 6"),
         ({"spacing": (0.5, 0.3, 0.9)}, "one pixel spacing, found 0.3 to 0.5 mm"),
-        ({"rotation": rotation_from_vector(np.array([0.0, np.pi / 2, 0]))}, "found some turned by"),
+        ({"rotation": rotation_from_vector(np.array([0.0, np.pi / 2, 0]))}, "found some that are turned"),
     ],
 )
 def test_slices_of_two_kinds_in_one_series_are_refused(write_series, tmp_path, options, expected):
@@ -192,6 +192,18 @@ def test_files_without_a_preamble_are_read(write_series, tmp_path, implicit, wit
     path = min(tmp_path.iterdir())
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(InputError, match="damaged or cut off"):
+        read_volume(tmp_path)
+
+
+@pytest.mark.parametrize("kept", [0, 100, 140, 400])
+def test_a_slice_that_was_cut_off_is_not_passed_over(write_series, tmp_path, kept):
+    """At an end of the series nothing else would tell."""
+    write_series(tmp_path)
+    last = max(tmp_path.iterdir(), key=lambda path: pydicom.dcmread(path).ImagePositionPatient[2])
+    last.write_bytes(last.read_bytes()[:kept])
+    last.rename(last.with_suffix(".dcm"))
+    (tmp_path / "._hidden.dcm").write_bytes(b"\0\5\x16\7")
+    with pytest.raises(InputError, match=r"file \d of 8 .* damaged or cut off"):
         read_volume(tmp_path)
 
 

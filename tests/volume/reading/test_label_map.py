@@ -57,15 +57,17 @@ SNAP = '# ITK-SnAP\n    0   0   0   0   0  0  0   "Clear Label"\n    3   255   0
         ("dataset.json", {"labels": {"background": 0, "facial nerve": 3, "all": [3, 12]}}, "facial nerve"),
         ("../dataset.json", {"labels": {"facial nerve": 3}}, "facial nerve"),
         ("case_1.json", {"labels": {"3": {"name": "stapes"}}}, "stapes"),
+        ("labels.json", {"3": "stapes"}, "stapes"),
         ("case_1.txt", SNAP, "chorda"),
+        ("case_1.label", SNAP.encode("utf-16"), "chorda"),
         ("other.json", {"labels": {"3": "no"}}, "label 3"),
         ("dataset.json", {"name": "without labels"}, "label 3"),
     ],
 )
 def test_names_beside_the_map(tmp_path, name, content, expected):
     (tmp_path / "labelsTr").mkdir()
-    text = content if isinstance(content, str) else json.dumps(content)
-    (tmp_path / "labelsTr" / name).write_text(text)
+    text = json.dumps(content) if isinstance(content, dict) else content
+    (tmp_path / "labelsTr" / name).write_bytes(text.encode() if isinstance(text, str) else text)
     assert read_labels(write(tmp_path / "labelsTr" / "case_1.nii.gz")).names == {3: expected, 12: "label 12"}
 
 
@@ -142,6 +144,8 @@ BAD = {
     "a CT": (LABELS.astype(np.int16) - 1000, {}, "looks like a CT; give it as the volume"),
     "an image": (np.arange(400, dtype=np.uint16).reshape(8, 5, 10), {}, "400 different values .*an image, not labels"),
     "probabilities": (LABELS.astype(np.float32) / 20, {}, "looks like probabilities"),
+    "labels beyond 16 bits": (LABELS.astype(np.uint32) * 9999, {}, "the largest label is 65535"),
+    "labels that are nearly whole": (LABELS.astype(np.float64) * 0.99999, {}, "fractions such as 2.99997"),
     "nothing": (LABELS * 0, {}, "found 0 everywhere"),
 }
 

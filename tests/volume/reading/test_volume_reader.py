@@ -210,6 +210,13 @@ BAD = {
         "left and right are unknown",
     ),
     "no orientation in MHD": ("a.mhd", lambda p: text(p, b"TransformMatrix", b"Something"), "right are unknown"),
+    "an origin that is no number": ("a.mha", lambda p: text(p, b"Offset = 1 2", b"Offset = nan 2"), "expected offset"),
+    "decimal commas": ("a.mhd", lambda p: text(p, b"Offset = 1 2", b"Offset = 1,5 2"), "with decimal points"),
+    "two origins": ("a.mha", lambda p: text(p, b"Offset", b"Position = 7 8 9\nOffset"), "something else in the header"),
+    "a scale that ITK does not apply": (
+        *("a.mha", lambda p: text(p, b"DimSize", b"ElementToIntensityFunctionSlope = 2\nDimSize")),
+        "expected elementtointensityfunctionslope = 1",
+    ),
     "other units": ("a.nrrd", lambda p: text(p, b"kinds:", b'space units: "um" "um" "um"\nkinds:'), "lengths in mm"),
     "metres that are not stated": ("a.nii", lambda p: nifti(p, None, np.diag([4e-4, 4e-4, 4e-4, 1])), "another unit"),
     "sheared": ("a.nrrd", lambda p: text(p, b"(0,0.5", b"(0.1,0.5"), "found them sheared"),
@@ -231,6 +238,12 @@ BAD = {
     "empty": ("a.nrrd", empty, "empty file"),
     "missing": ("a.nrrd", lambda p: p, "does not exist"),
 }
+
+
+@pytest.mark.parametrize("unit", ["mm", "millimeters", "Millimetre"])
+def test_millimetres_under_other_names_are_millimetres(tmp_path, unit):
+    path = text(tmp_path / "a.nrrd", b"kinds:", b"space units:" + f' "{unit}"'.encode() * 3 + b"\nkinds:")
+    np.testing.assert_allclose(read_volume(path).grid.spacing_mm, [0.5, 0.6, 0.7])
 
 
 @pytest.mark.parametrize("name", BAD)

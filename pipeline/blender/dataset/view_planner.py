@@ -1,0 +1,103 @@
+"""The poses of a dataset's views, each from its number alone: independent of worker, shard and order."""
+
+import numpy as np
+
+from ...case.loaded_case import LoadedCase
+from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
+from ...colour.reference_view import ReferenceView, limited_to_incidence
+from ...dataset.description import distribution_of, trajectory_of, view_camera
+from ...dataset.options import DatasetOptions
+from ...dataset.truths import depth_scale_for
+from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
+from ...poses.distributions import Listed, ReferencePose
+from ..render.surface_tree import ViewProbe
+
+SAMPLED_VIEWS = 4
+"""Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
+
+
+class ViewPlanner:
+    """Plans the views of one dataset.
+
+    Attributes
+    ----------
+    reference
+        The reference view, limited to what the options let count as seen.
+    camera
+        Intrinsics of the views.
+    depth_scale
+        Millimetres per unit of the depth images.
+    messages
+        Messages for the user.
+    """
+
+    def __init__(
+        self, loaded: LoadedCase, reference: ReferenceView, options: DatasetOptions, given_poses: np.ndarray | None
+    ) -> None:
+        """Prepare probe and pose distribution.
+
+        Parameters
+        ----------
+        loaded, reference
+            The case and the reference view of the surface to render.
+        options
+            The run's options.
+        given_poses
+            ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
+        """
+        self._options = options
+        self._count = options.count if given_poses is None else len(given_poses)
+        self.camera = view_camera(loaded, options)
+        self.reference = limited_to_incidence(reference, options.max_incidence_deg)
+        pose = ReferencePose(loaded.frame.cam_from_model, reference.pivot_model)
+        self._video_path = trajectory_of(options, pose, self.camera)
+        self._distribution = (
+            distribution_of(options, pose, self.camera)
+            if given_poses is None
+            else Listed(reference=pose, poses=given_poses)
+        )
+        self.depth_scale = depth_scale_for(self._distribution.farthest_mm(reference.mesh.radius))
+        self._probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
+        self._constraints = Constraints(
+            min_surface=options.min_surface,
+            reference_surface=self._probe(loaded.frame.cam_from_model).surface_fraction,
+            min_observed=options.min_observed,
+            min_clearance_mm=options.min_clearance_mm,
+        )
+        nearest, farthest = self._distribution.distances
+        view_px, frame_px = self.camera.fx, loaded.frame.camera.fx
+        doubts = (
+            pose_doubt(loaded.case.alignment),
+            magnification_doubt(view_px, frame_px, nearest),
+            reduction_doubt(view_px, frame_px, farthest, options.samples),
+        )
+        self.messages = (*loaded.messages, *reference.messages, *filter(None, doubts))
+
+    def plan(self, index: int) -> PlannedPose:
+        """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
+
+        Raises
+        ------
+        InputError
+            No pose meets the constraints.
+        """
+        fixed = self._distribution.fixed_pose(index, self._count)
+        if fixed is not None:
+            return plan_given_pose(fixed, self._constraints, self._probe)
+        return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
+
+    def sampling_doubt(self) -> str:
+        """A message if hardly any pose meets the constraints; empty otherwise.
+
+        See :func:`oneframe.poses.constraints.sampling_doubt`.
+
+        Raises
+        ------
+        InputError
+            One of the first views finds no pose.
+        """
+        return sampling_doubt([self.plan(index).attempts for index in range(min(SAMPLED_VIEWS, self._count))])
+
+    def video_poses(self, frames: int) -> np.ndarray:
+        """``(frames, 4, 4)`` poses of the video's trajectory, ``cam_from_model``, mm."""
+        return self._video_path.poses(frames)

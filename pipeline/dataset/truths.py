@@ -1,0 +1,281 @@
+"""The arrays of a view, each declared once: what it holds, how its file holds it, who asks for it, what it must obey.
+
+Layout, writer, record, checker, packs, reader and pages derive from :data:`TRUTHS`.
+"""
+
+import io
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..errors import InputError
+from ..images.png import encode_png
+from ..projection.rays import MeshRays
+from ..projection.rendered_view import RenderedView
+from ..projection.z_buffer import is_within_limits, rasterise_depth
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre
+
+DEPTH_LEVELS = 65535
+"""Largest value of the 16-bit depth images."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a file holds an array: what it is, the end of the file's name, and type and channels of the pixels."""
+
+    about: str
+    ending: str
+    dtype: type
+    channels: int = 1
+
+    def shape(self, shape_hw: tuple[int, int]) -> tuple[int, ...]:
+        """Of the array of a view of this height and width."""
+        return shape_hw if self.channels == 1 else (*shape_hw, self.channels)
+
+    def encoded(self, array: np.ndarray) -> bytes:
+        """The content of the file."""
+        if self.ending != ".npy":
+            return encode_png(array)
+        stream = io.BytesIO()
+        np.save(stream, np.ascontiguousarray(array, self.dtype), allow_pickle=False)
+        return stream.getvalue()
+
+
+COLOUR = Form("8 bit", ".png", np.uint8, 3)
+MASK = Form("0 or 255", "_000000.png", np.uint8)
+NUMBER = Form("8 bit", ".png", np.uint8)
+UNITS = Form("16 bit", ".png", np.uint16)
+FLOAT = Form("float32", ".npy", np.float32)
+VECTOR = Form("16 bit, x y z", ".png", np.uint16, 3)
+NORMAL_UNIT = 32767.5
+"""Codes of a normal's component per unit."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What the arrays of a view are made from.
+
+    Attributes
+    ----------
+    rendered, cam_from_model
+        The rendered view and its pose (4x4, mm).
+    mesh, camera
+        The surface, model frame, and the intrinsics of the view.
+    depth_scale
+        Millimetres per unit of the depth image.
+    """
+
+    rendered: RenderedView
+    cam_from_model: np.ndarray
+    mesh: TriangleMesh
+    camera: PinholeCamera
+    depth_scale: float
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What a view's files say: its arrays by name, millimetres per unit of depth, and the number of frames."""
+
+    arrays: Mapping[str, np.ndarray]
+    depth_scale: float
+    frames: int
+
+    @property
+    def mask(self) -> np.ndarray:
+        """``(H, W)`` bool."""
+        return self.arrays["mask"] > 0
+
+
+Flaws = Iterator[tuple[np.ndarray, str]]
+"""``(H, W)`` bool of pixels, and a clause that says what is wrong where it is true."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """An array of a view.
+
+    Attributes
+    ----------
+    name
+        Of the array and of its folder.
+    about
+        What it holds.
+    form
+        How its file holds it.
+    array
+        Makes it.
+    flaws
+        What is wrong with it beside the other arrays of the view.
+    option
+        Option of a dataset that asks for it; always written if left out.
+    of_several
+        Written only if several frames colour the surface.
+    """
+
+    name: str
+    about: str
+    form: Form
+    array: Callable[[Shot], np.ndarray]
+    flaws: Callable[[Stored], Flaws]
+    option: str = ""
+    of_several: bool = False
+
+
+def written_truths(options: Mapping[str, object], frames: int) -> tuple[str, ...]:
+    """Names of the arrays of a dataset with these options whose surface so many frames colour."""
+    return tuple(
+        truth.name
+        for truth in TRUTHS.values()
+        if (not truth.option or options.get(truth.option) is True) and (frames > 1 or not truth.of_several)
+    )
+
+
+def depth_scale_for(farthest_mm: float) -> float:
+    """Millimetres per unit of the 16-bit depth images: the finest of 1, 2, 5 times a power of ten that is enough.
+
+    Raises
+    ------
+    InputError
+        The distance is not positive and finite.
+    """
+    if not (np.isfinite(farthest_mm) and farthest_mm > 0):
+        raise InputError(f"depth: expected a positive distance, found {farthest_mm!r} mm")
+    exponent = np.floor(np.log10(farthest_mm / DEPTH_LEVELS))
+    # parsed from decimal text, so that 0.01 is exactly the float 0.01
+    for digit, power in ((1, 0), (2, 0), (5, 0), (1, 1), (2, 1)):
+        scale = float(f"{digit}e{int(exponent) + power}")
+        if farthest_mm <= scale * DEPTH_LEVELS:
+            return scale
+    raise AssertionError("a decade always holds a fitting scale")
+
+
+def quantised_depth(depth_mm: np.ndarray, depth_scale: float) -> np.ndarray:
+    """``(H, W)`` depth in mm -> uint16, 0 for background (and never 0 for surface)."""
+    units = np.rint(depth_mm / np.float32(depth_scale))
+    return np.where(depth_mm > 0, np.clip(units, 1, DEPTH_LEVELS), 0).astype(np.uint16)
+
+
+def _codes(shot: Shot) -> np.ndarray:
+    # adding a half and truncating rounds, as no value is negative
+    return (np.clip(shot.rendered.rgb, 0, 1) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+
+
+def _white(flags: np.ndarray) -> np.ndarray:
+    return np.where(flags, np.uint8(255), np.uint8(0))
+
+
+def _none(_stored: Stored) -> Flaws:
+    return iter(())
+
+
+def _rgb_flaws(stored: Stored) -> Flaws:
+    yield stored.arrays["rgb"].any(axis=2) & ~stored.mask, "outside the mask are not black"
+
+
+def _mask_flaws(stored: Stored) -> Flaws:
+    yield stored.mask != (stored.arrays["depth"] > 0), "differ from where the depth image has surface"
+
+
+def _visible_flaws(stored: Stored) -> Flaws:
+    yield (stored.arrays["mask_visib"] > 0) & ~stored.mask, "lie outside the mask"
+
+
+def _observed_flaws(stored: Stored) -> Flaws:
+    yield (stored.arrays["mask_observed"] > 0) & ~stored.mask, "lie outside the mask"
+
+
+def _source_flaws(stored: Stored) -> Flaws:
+    source = stored.arrays["source_frame"]
+    yield (source > 0) != (stored.arrays["mask_observed"] > 0), "differ from mask_observed"
+    yield source > stored.frames, f"are of none of the {stored.frames} frames"
+
+
+def _float_flaws(stored: Stored) -> Flaws:
+    exact, units = stored.arrays["depth_mm"].astype(np.float64), stored.arrays["depth"]
+    # depths below half a unit are stored as 1, not 0
+    rounding = np.where(units == 1, 1.0, 0.5) * stored.depth_scale + 1e-6 * exact
+    wrong = ((exact > 0) != stored.mask) | ~(np.abs(exact - units * stored.depth_scale) <= rounding)
+    yield wrong, "are not those of the depth image before rounding"
+
+
+def _shown_faces(shot: Shot) -> np.ndarray:
+    """``(H, W)`` the face at each pixel's centre, -1 for none."""
+    mesh, camera, pose = shot.mesh, shot.camera, shot.cam_from_model
+    if is_within_limits(mesh, camera, pose):
+        return rasterise_depth(mesh, camera, pose).face
+    try:
+        rays = MeshRays(mesh)
+    except InputError:
+        raise InputError(
+            "--normals: expected the package embreex for a view with surface behind the camera, found none; install it "
+            "(pip install embreex), or leave the option out"
+        ) from None
+    directions = camera.rays_cam(camera.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]
+    origins = np.broadcast_to(camera_centre(pose), directions.shape)
+    return rays.first_hits(origins.astype(np.float32), directions.astype(np.float32)).face.reshape(camera.shape_hw)
+
+
+def _normals(shot: Shot) -> np.ndarray:
+    """Normals of the sides that the camera sees, as codes: n of -1..1 is (n + 1) * :data:`NORMAL_UNIT`."""
+    mesh, mask, face = shot.mesh, shot.rendered.mask, _shown_faces(shot)
+    # a pixel's centre on an edge: the renderer may meet surface where double precision does not, beside such as does
+    v, u = np.nonzero(mask & (face < 0))
+    around = np.pad(face, 1, constant_values=-1)
+    beside = np.max([around[v + down, u + right] for down in range(3) for right in range(3)], axis=0)
+    face[v, u] = beside
+    towards = np.where(mesh.front_facing(camera_centre(shot.cam_from_model)), 1.0, -1.0)[:, None]
+    of_faces = _vector_codes(towards * (mesh.face_normals @ shot.cam_from_model[:3, :3].T))
+    codes = of_faces[face]
+    alone = v[beside < 0], u[beside < 0]
+    rays_cam = shot.camera.rays_cam(np.stack(alone[::-1], axis=1))
+    codes[alone] = _vector_codes(-rays_cam / np.linalg.norm(rays_cam, axis=1, keepdims=True))
+    codes[~mask] = 0
+    return codes
+
+
+def _vector_codes(vectors: np.ndarray) -> np.ndarray:
+    return np.rint((vectors + 1) * NORMAL_UNIT).astype(np.uint16)
+
+
+def _normal_flaws(stored: Stored) -> Flaws:
+    codes = stored.arrays["normals"]
+    yield codes.any(axis=2) != stored.mask, "differ from where the mask has surface"
+    off = np.abs(np.linalg.norm(codes / NORMAL_UNIT - 1, axis=2) - 1)
+    yield stored.mask & (off > 1e-4), "are not of length 1"
+
+
+TRUTHS = {
+    truth.name: truth
+    for truth in (
+        Truth("rgb", "the view", COLOUR, _codes, _rgb_flaws),
+        Truth(
+            "depth", "value × depth_scale = mm along the optical axis; 0 = no surface", UNITS,
+            lambda shot: quantised_depth(shot.rendered.depth_mm, shot.depth_scale), _none,
+        ),
+        Truth("mask", "the surface", MASK, lambda shot: _white(shot.rendered.mask), _mask_flaws),
+        Truth(
+            "mask_visib", "the surface that nothing stands in front of: all of it", MASK,
+            lambda shot: _white(shot.rendered.visible), _visible_flaws,
+        ),
+        Truth(
+            "mask_observed", "surface that a frame of the case saw", MASK,
+            lambda shot: _white(shot.rendered.observed), _observed_flaws,
+        ),
+        Truth(
+            "source_frame", "number of the frame that colours the pixel, from 1; 0 = none saw it", NUMBER,
+            lambda shot: shot.rendered.source, _source_flaws, of_several=True,
+        ),
+        Truth(
+            "depth_mm", "mm along the optical axis; 0 = no surface", FLOAT,
+            lambda shot: shot.rendered.depth_mm, _float_flaws, option="float_depth",
+        ),
+        Truth(
+            "normals", "unit normal of the visible side, camera axes: value / 32767.5 - 1; 0 = no surface", VECTOR,
+            _normals, _normal_flaws, option="normals",
+        ),
+    )
+}  # fmt: skip
+"""Every array that a view may have, by its name."""

@@ -1,0 +1,258 @@
+"""The charts of all sweeps."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from oneframe.case.precision import EXACT_PX
+from oneframe.charts.page import DASHED, PEER, TEXT, WARNING
+from oneframe.poses.constraints import MAX_ATTEMPTS
+
+from ..figures import conditions_note
+from ..sweeps import colouring, landmarks, refinement
+from ..sweeps.cells import Cell
+from .cell_panels import (
+    answer_key,
+    box_panel,
+    in_sweep,
+    outcome_key,
+    outcome_panel,
+    percent_right,
+    right_of_all,
+    with_lines,
+)
+from .panels import PARTS, Axis, Panel, distinct, draw_chart, handle, line, rule
+
+Conditions = Sequence[str]
+CAMERA = (
+    ("principal point", "Principal point", "distance from the middle (image sizes)", False),
+    ("focal length", "Focal length", "focal length (px)", True),
+    ("fx / fy", "Pixel aspect", "fx / fy", True),
+    ("image height", "Image height", "height of an image 2000 px wide (px)", True),
+    ("origin", "Origin of the CT", "distance from the mesh file's origin (mm)", True),
+    ("clip range", "Clip range", "radius of the surface / its distance", True),
+    ("sub-pixel offset", "Sub-pixel offset of the picture", "along x (0) and y (1)", False),
+)
+"""Sweep, title, label of its x axis, and whether that is logarithmic."""
+COLOURING = (
+    ("pose error", "Pose error", "error of the pose (px)", True),
+    ("incidence", "Grazing angles", "angle between ray and normal (°)", False),
+    ("magnification", "Frame resolution", "enlargement of the frame", True),
+    ("mesh density", "Mesh density", "distance of the vertices (px)", True),
+    ("scale", "Acne against scale", "working distance (mm)", True),
+    ("focal length", "Acne against focal length", "focal length (px)", True),
+    ("thin walls", "Thin walls", "distance of the sides (pixel footprints)", True),
+)
+LEGENDS = {
+    "pose error": "lower right",
+    "incidence": "upper left",
+    "magnification": "upper left",
+    "mesh density": "upper left",
+}
+"""Sweeps whose errors are colours, and where there are no points; of the others errors are parts."""
+LANDMARKS = {
+    "number": "number of correspondences",
+    "noise": "true click noise (px); stated: 2 px",
+    "outliers": "part of the 20 pairs that is 80 px off",
+    "spread": "extent of the points / the surface's",
+    "coplanarity": "thickness of the points / the surface's",
+    "collinearity": "width of points on a plane / the surface's",
+    "sign flips": "tilt of nearly flat points (°)",
+}
+SOLVERS = {"EPnP": (WARNING, "^"), "SQPnP + LM": (PEER, "s")}
+PERSPECTIVE = "points 600 px wide at every focal length; wrong: more than 10° or 60 px off"
+SOURCES = (
+    (refinement.RENDERED, "sample, rendered:\n3 trials of one frame"),
+    (refinement.BLOSTER, "bloster:\n14 photographs"),
+    (refinement.LMO, "LM-O:\n12 photographs"),
+)
+FRAMES = (
+    ("texture-poor", "", "Texture-poor", "contrast / the original's"),
+    ("occluded", "", "Occluded", "part under instruments"),
+    ("occluded", refinement.MASKED, "Occluded, masked", "part masked out"),
+    ("specular", "", "Specular", "part under glare"),
+    ("noisy", "", "Noisy", "standard deviation (of 1)"),
+    ("blurred", "", "Blurred", "blur (px)"),
+)
+SAMPLING = (
+    ("min_observed", "--min-observed", "least observed part of the surface"),
+    ("min_surface", "--min-surface", "least surface, of the frame's"),
+    ("min_clearance_mm", "--min-clearance-mm", "least clearance (mm)"),
+)
+
+
+def camera_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
+    """How far edges are from where K says."""
+    y = Axis("largest error of edges (px)", log=True, ends=(5e-5, 300.0))
+    panels = list[Panel]()
+    for sweep, title, label, log in CAMERA:
+        panel = Panel(title, Axis(label, log=log), y, legend=None if panels else "center left")
+        panels.append(with_lines(panel, in_sweep(cells, sweep), quantity="error_95", wrong=EXACT_PX))
+    small = (
+        "One slanted triangle, 640x480 px where not swept, three turns each. Edges nowhere wrong are drawn at the "
+        "lower edge. Every case goes through files, as a user's does: so do the answers.",
+        conditions_note(conditions),
+    )
+    title = "Camera: how far rendered edges are from where K says"
+    return [draw_chart(data, title, [panels[:4], panels[4:]], small, size=(3.15, 3.3), key=answer_key())]
+
+
+def colouring_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
+    """Colour errors, surface left grey, and hidden surface painted."""
+    codes = Axis("mean colour error (of 255)", log=True, ends=(0.003, 200.0))
+    panels = list[Panel]()
+    for sweep, title, label, log in COLOURING:
+        own = in_sweep(cells, sweep)
+        if sweep in LEGENDS:
+            panel = Panel(title, Axis(label, log=log), codes, legend=LEGENDS[sweep])
+            panels.append(with_lines(panel, own, wrong=colouring.WRONG_CODES, label_at=0.05))
+        else:
+            leaks = sweep == "thin walls"
+            parts = replace(PARTS, label="hidden, but painted" if leaks else "seen, but left grey")
+            panel = Panel(title, Axis(label, log=log), parts, legend="center left" if leaks else None)
+            panels.append(with_lines(panel, own, wrong=colouring.WRONG_PART, label_at=0.2))
+    small = (
+        "Views by Cycles, 480x360 px, of surfaces whose colour is known at every point: waves of 18 px. A layer nearer "
+        "to the one above than TOLERANCE_PX is painted from less than a pixel beside, which does not count as wrong. "
+        "Photographs (bloster, 1920x1080 px, raster): medians of 14; the error that is added to that of the published "
+        "pose, or of surface seen within 30° of the front.",
+        conditions_note(conditions),
+    )
+    rows = [panels[:4], panels[4:]]
+    return [draw_chart(data, "Colour: where it fails", rows, small, size=(3.15, 3.3), key=answer_key())]
+
+
+def landmark_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
+    """Outcomes of sweeps over all focal lengths, beside the peers' failures; and ours by focal length."""
+    ours = {name: in_sweep(cells, name, landmarks.OURS) for name in LANDMARKS}
+    bars = [
+        outcome_panel(own, name.capitalize(), LANDMARKS[name], below=name == "number", more=_failures(cells, name))
+        for name, own in ours.items()
+    ]
+    level = landmarks.LEVELS[-1]
+    region = Axis(ends=(0, 1.05), ticks={0: "0", 0.5: "50 %", level: f"{level:.0%}"})
+    held = [cell for cell in in_sweep(cells, "calibration") if cell.y == level]
+    empty = Panel("Truth in the 95 % region", Axis("true / stated click noise", log=True), region, legend="lower left")
+    bars.append(with_lines(empty, held, quantity="value", wrong=level))
+    boxes = [
+        box_panel(own, name.capitalize(), (LANDMARKS[name], "focal length (px)"), percent_right, below=name == "number")
+        for name, own in ours.items()
+    ]
+    key = [handle(f"{name}: wrong or none", colour, marker=marker) for name, (colour, marker) in SOLVERS.items()]
+    said = conditions_note(conditions)
+    size, focal = (3.15, 3.3), data.with_name(f"{data.stem}_focal{data.suffix}")
+    return [
+        draw_chart(
+            data, "Pose from landmarks: where it fails", [bars[:4], bars[4:]],
+            (f"Bars: OneFrame, over focal lengths of 600 to 12 800 px; {PERSPECTIVE}.", said),
+            size=size, key=outcome_key() + key,
+        ),
+        draw_chart(
+            focal, "Pose from landmarks, by focal length: part of the trials that is right", [boxes[:4], boxes[4:]],
+            (f"OneFrame; {PERSPECTIVE}. Number: % of the trials that is right, with or without a warning.", said),
+            size=size, key=outcome_key(),
+        ),
+    ]  # fmt: skip
+
+
+def _failures(cells: Sequence[Cell], sweep: str) -> list:
+    """The part of the trials in which a peer is wrong or finds nothing, over all focal lengths."""
+    layers = []
+    for name, (colour, marker) in SOLVERS.items():
+        own = in_sweep(cells, sweep, name)
+        by_value = [[cell for cell in own if cell.x == value] for value in distinct([cell.x for cell in own])]
+        parts = [sum(c.wrong + c.refuses for c in some) / sum(c.trials for c in some) for some in by_value]
+        layers.append(line(range(len(parts)), parts, colour, marker=marker, linewidth=1.2, markeredgecolor="white"))
+    return layers
+
+
+def refinement_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
+    """A row of panels for each source of frames in the table: the basin, and bad frames."""
+    rows = list[list[Panel]]()
+    for source, name in SOURCES:
+        if not (basin := in_sweep(cells, "basin", source)):
+            continue
+        first, shift = not rows, f"{name}\n\nshift (% of distance)"
+        row = [box_panel(basin, "Basin: right of all starts" * first, ("start: rotation (°)", shift), right_of_all)]
+        row += [
+            outcome_panel(in_sweep(cells, sweep, source + end), title * first, label)
+            for sweep, end, title, label in FRAMES
+        ]
+        rows.append(row)
+    small = (
+        "Photographs are made worse in the box of the object, and refined by its colours. Bad frames start 3° and "
+        "1.3 % of the distance (sample: 60 px) off. Wrong: accepted, beyond 2 px or 1° (photographs: 5 px, as their "
+        "poses are not exact), and further off than twice the stated error.",
+        conditions_note(conditions),
+    )
+    widths = [1.5, *[1] * len(FRAMES)]
+    return [
+        draw_chart(data, "Refinement: where it fails", rows, small, size=(2.4, 2.5), key=outcome_key(), widths=widths)
+    ]
+
+
+def renderer_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
+    """Aliasing, rasterisers against Cycles, and what triangles cost."""
+    codes = Axis("mean colour error (of 255)", log=True, ends=(0.01, 300.0))
+    panels = list[Panel]()
+    for series, title in (
+        ("rays at edges", "Aliasing of a dataset's views"),
+        ("every pixel", "The same samples in every pixel"),
+    ):
+        panel, own = (
+            Panel(title, Axis("samples", log=True), codes, legend="upper right"),
+            in_sweep(cells, "samples", series),
+        )
+        # the limit is on the reduction
+        panels.append(
+            with_lines(panel, own, by=lambda cell: f"frame reduced {cell.y:g} times", wrong=4.0, label_at=None)
+        )
+    differing = in_sweep(cells, "silhouette against Cycles")
+    pixels = Axis("differing pixels of 76 800", ends=(-0.5, 10))
+    panel = Panel("Rasterisers against Cycles", Axis("tilt of the view (°)"), pixels, legend="upper right")
+    panel = with_lines(panel, differing, by=lambda cell: f"{cell.series}: silhouette")
+    panels.append(
+        with_lines(panel, differing, quantity="value", by=lambda cell: f"{cell.series}: what the frame saw", style=":")
+    )
+    for sweep, title, label, ends in (
+        ("first view", "Time to the first view", "s", (0.1, 300)),
+        ("time", "Time of a view", "s", (0.002, 20)),
+        ("memory", "Memory", "MB at the peak", (100, 30_000)),
+    ):
+        panel = Panel(title, Axis("triangles", log=True), Axis(label, log=True, ends=ends), legend="upper left")
+        panels.append(with_lines(panel, in_sweep(cells, sweep), quantity="value"))
+    small = (
+        "A ridged bowl that fills the frame, views of 320x240 px; time with all cores, memory of the whole process.",
+        conditions_note(conditions),
+    )
+    title = "Renderers: aliasing, rasterisers, and the size of the surface"
+    return [draw_chart(data, title, [panels[:3], panels[3:]], small, size=(4.2, 3.2), key=answer_key())]
+
+
+def sampling_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
+    """Poses tried for a view by constraint, and the chance that a long run fails."""
+    y = Axis("poses tried for a view", log=True, ends=(0.7, 2.0 * MAX_ATTEMPTS))
+    all_tried = rule(MAX_ATTEMPTS, colour=TEXT, style=DASHED)
+    panels = list[Panel]()
+    for sweep, title, label in SAMPLING:
+        panel = Panel(title, Axis(label), y, [all_tried], None if panels else "center left")
+        panels.append(with_lines(panel, in_sweep(cells, sweep), quantity="value"))
+    accepted = Axis("part of the poses that is accepted", log=True)
+    panel = Panel("100 000 views: run ends early", accepted, PARTS)
+    panels.append(with_lines(panel, in_sweep(cells, "long run")))
+    small = (
+        f"A ridged bowl of 60 mm at 300 mm. Dashed: MAX_ATTEMPTS, {MAX_ATTEMPTS} poses tried, then a view is refused.",
+        conditions_note(conditions),
+    )
+    return [draw_chart(data, "Sampling poses: tight constraints", [panels], small, size=(3.15, 3.4), key=answer_key())]
+
+
+CHARTS: dict[str, Callable[[Sequence[Cell], Conditions, Path], list[Path]]] = {
+    "pnp": landmark_charts,
+    "refinement": refinement_charts,
+    "colouring": colouring_charts,
+    "camera": camera_charts,
+    "renderers": renderer_charts,
+    "sampling": sampling_charts,
+}
+"""By topic: draws charts of cells, with their conditions, next to their table; gives the files written."""

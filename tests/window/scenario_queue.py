@@ -12,7 +12,7 @@ from bl_ext.user_default.oneframe.setup import autosave
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
 
-FRAMES, SHIFT_PX = 3, 12
+FRAMES, SHIFT_PX = 2, 12
 
 
 def scenario(user):
@@ -52,8 +52,10 @@ def scenario(user):
 def over_a_checked_pose(user, path):
     """A question before hands replace it, Escape keeps it; undo after Replace brings pose, file and history back."""
     here, kept, text = at(), pose(), path.read_bytes()
-    yield from pull(user)
+    x, y = user.middle()
+    yield from user.drag((x + SHIFT_PX, y), (x + 2 * SHIFT_PX, y))  # the pin that the file has
     moved = pose()
+    assert len(bpy.context.scene.oneframe.landmarks) == 1
     assert not np.array_equal(moved, kept)
     for alt in (False, True):
         yield from user.key("PAGE_DOWN", user.middle(), alt=alt)

@@ -103,7 +103,7 @@ def test_texture_is_that_of_the_script(opened, case_path):
     assert surface.data.uv_layers.active.name == "frame_uv"
 
 
-def test_projecting_again_replaces_the_colours_and_plain_removes_everything(opened):
+def test_projecting_again_replaces_the_colours_and_plain_removes_them(opened):
     surface = opened.oneframe.surface
     plain, names = blocks(), {attribute.name for attribute in surface.data.attributes}
     material = surface.data.materials[0]

@@ -82,7 +82,7 @@ def solution(scene):
     return solve.solution(scene)
 
 
-def test_points_in_either_order_become_correspondences_and_the_surface_moves_to_the_solvers_pose(scene, pairs, rng):
+def test_points_in_either_order_pair_and_the_surface_moves_to_the_solution(scene, pairs, rng):
     true = pose_of(scene)
     displace(scene)
     points, pixels = pairs

@@ -357,7 +357,7 @@ def files_of(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_k_for_another_size_can_be_rescaled_also_if_it_is_loaded_after_the_frame(opened, tmp_path):
+def test_a_k_for_another_size_can_be_rescaled_also_after_the_frame(opened, tmp_path):
     k = from_scene.camera(opened)
     half = k.resized(k.width // 2, k.height // 2)
     path = tmp_path / "camera.json"

@@ -184,7 +184,7 @@ def test_scoring_stops_when_the_user_stops_it(video):
     assert background_work.error is None
 
 
-def test_the_fetcher_gives_exact_frames_in_any_order_and_says_what_it_cannot(film, video, tmp_path):
+def test_the_fetcher_gives_exact_frames_in_any_order_or_says_it_cannot(film, video, tmp_path):
     for at in (20, 21, 19, 18, 39, 0):
         film.fetcher.wait(at)
         assert np.array_equal(film.fetcher.frame(at), read_video_frame(video, at))

@@ -11,7 +11,8 @@ _FROM = {
     "errors": ("InputError", "RunError"),
     "case.case_file": ("read_case",),
     "case.case_writer": ("write_case",),
-    "script": ("load_case", "surface_from_ct", "make_case", "align_case", "colour_surface", "render_dataset"),
+    "case.loaded_case": ("load_case",),
+    "script": ("surface_from_ct", "make_case", "align_case", "colour_surface", "render_dataset"),
     "dataset.check.check_dataset": ("check_dataset",),
     "packing.pack": ("pack_dataset",),
     "reader": ("open_dataset",),
@@ -24,6 +25,8 @@ def __getattr__(name: str) -> object:
     """Import what is public when it is first asked for: each room needs its own libraries."""
     for module, names in _FROM.items():
         if name in names:
+            # reads what is no plain PNG
+            import_module(".blender", __name__)
             return getattr(import_module(f".{module}", __name__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

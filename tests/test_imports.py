@@ -26,6 +26,26 @@ def test_pure_modules_import_where_there_is_no_blender():
     assert ended.returncode == 0, ended.stderr
 
 
+def test_what_needs_no_blender_is_not_in_its_room():
+    room = ROOT / "pipeline" / "blender"
+    imported = {path: imports_of(path) for path in room.rglob("*.py") if path.stem != "__init__"}
+    needing = {path for path, names in imported.items() if names & {"bpy", "mathutils"}}
+    while further := {path for path in imported.keys() - needing if imported[path] & {each.stem for each in needing}}:
+        needing |= further
+    assert imported.keys() - needing == set()
+
+
+def imports_of(path: Path) -> set[str]:
+    """The last names of the modules of the room that one of it imports, and the packages."""
+    found = set[str]()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {each.name for each in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level != 3:
+            found |= {(node.module or "").rpartition(".")[2], *(each.name for each in node.names)}
+    return found
+
+
 @pytest.mark.render
 def test_rendering_needs_nothing_that_a_stock_blender_lacks(write_tiny_case, tmp_path):
     missing = ("av", "cv2", "skimage", "scipy", "yaml", "PIL", "trimesh", "OpenImageIO")

@@ -26,12 +26,11 @@ from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_ato
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, Candidates
-from ..pipeline.registration.film_change import FilmAgreement, FilmChange
 from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame, judged_together
 from ..pipeline.registration.register_frames import CaseRegistrar
 from ..pipeline.registration.report import registration_record
-from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
+from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame

@@ -7,8 +7,7 @@ from ..class_registration import at_end
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.alignment.landmarks.degeneracy import UndeterminedPose
 from ..pipeline.alignment.pose_uncertainty import PoseMode
-from ..pipeline.alignment.posterior.corners import WIDTH_PX, corners_in_view
-from ..pipeline.alignment.posterior.next_click import next_click, rough_mode
+from ..pipeline.alignment.posterior.next_click import WIDTH_PX, corners_in_view, next_click, rough_mode
 from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.surface.decimation import cluster_vertices
 from ..pipeline.surface.mesh import TriangleMesh

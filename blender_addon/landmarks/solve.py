@@ -17,8 +17,7 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
 from ..pipeline.alignment.landmarks.align_landmarks import off_surface as off_surface_warning
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
-from ..pipeline.alignment.posterior.pulls import pulls_px
-from ..pipeline.alignment.posterior.solve import pose_posterior
+from ..pipeline.alignment.posterior.solve import pose_posterior, pulls_px
 from ..pipeline.alignment.reprojection import twist_between
 from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -134,9 +133,9 @@ def solved(
     landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float, image: str
 ) -> Alignment | UndeterminedPose:
     """The pose from :data:`Evidence`, or why it determines none."""
-    others = (image_evidence.parsed(image)[0],) if image else ()
+    seen = image_evidence.parsed(image)[0] if image else None
     try:
-        return pose_posterior(landmarks, camera, others, click_sigma_px=click_sigma_px)
+        return pose_posterior(landmarks, camera, seen, click_sigma_px=click_sigma_px)
     except UndeterminedPose as refusal:
         return refusal.with_traceback(None)
 
@@ -156,8 +155,8 @@ def _pulls(
     found = solved(landmarks, camera, click_sigma_px, image)
     if isinstance(found, UndeterminedPose):
         return {}
-    others = (image_evidence.parsed(image)[0],) if image else ()
-    return pulls_px(found, others, found.estimate.uncertainty.points_around)
+    seen = image_evidence.parsed(image)[0] if image else None
+    return pulls_px(found, seen, found.estimate.uncertainty.points_around)
 
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:

@@ -3,8 +3,7 @@
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.confidence_region import ellipse_outlines
-from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
+from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, ellipse_outlines
 from ..pipeline.alignment.reprojection import apply_twist
 from ..pipeline.blender.alignment.surface_object import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera

@@ -9,8 +9,8 @@ import bpy
 from ..landmarks import solve
 from ..pipeline import __version__
 from ..pipeline.alignment.landmarks.report import alignment_record
-from ..pipeline.alignment.posterior.evidence import IMAGE
 from ..pipeline.alignment.posterior.report import joined_record
+from ..pipeline.alignment.posterior.solve import IMAGE
 from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, PROPOSED, is_a_start

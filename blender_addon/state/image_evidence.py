@@ -12,8 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
-from ..pipeline.alignment.posterior.evidence import IMAGE, PoseEvidence
+from ..pipeline.alignment.pose_uncertainty import PoseEvidence, PoseUncertainty
 from ..pipeline.alignment.posterior.report import image_evidence_of, image_table
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
 from ..pipeline.case.alignment_record import scaled_record
@@ -73,7 +72,7 @@ def parsed(text: str) -> tuple[PoseEvidence, dict[str, object]]:
     """The evidence, and the record of the refinement, from what :func:`held` returns."""
     stored = json.loads(text)
     uncertainty = uncertainty_from(stored["uncertainty"])
-    return PoseEvidence(IMAGE, np.array(stored["cam_from_model"]), uncertainty), stored["record"]
+    return PoseEvidence(np.array(stored["cam_from_model"]), uncertainty), stored["record"]
 
 
 def rescale(surface: bpy.types.Object, factor: float) -> None:

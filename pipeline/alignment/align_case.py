@@ -19,10 +19,8 @@ from .landmarks.align_landmarks import (
 from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
 from .landmarks.picture import marked
 from .landmarks.report import alignment_record, pose_lines, pose_table, report_lines, report_table
-from .pose_uncertainty import PoseMode
-from .posterior.corners import corners_in_view
-from .posterior.evidence import PoseEvidence
-from .posterior.next_click import next_click, rough_mode, visible_points
+from .pose_uncertainty import PoseEvidence, PoseMode
+from .posterior.next_click import corners_in_view, next_click, rough_mode, visible_points
 from .posterior.report import image_table, joined_record
 from .posterior.solve import pose_posterior
 from .proposal.propose import propose_poses
@@ -144,8 +142,8 @@ def align_case(
     alignment, refinement, image, took_refused = None, None, None, False
     start = case.cam_from_mesh if case.posed else None
 
-    def solved(*evidence: PoseEvidence) -> Alignment:
-        return pose_posterior(case.landmarks, case.camera, evidence, click_sigma_px=click_sigma_px, start=start)
+    def solved(image: PoseEvidence | None = None) -> Alignment:
+        return pose_posterior(case.landmarks, case.camera, image, click_sigma_px=click_sigma_px, start=start)
 
     mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
     # before the check of the pose, which would report landmarks of another mesh as a wrong pose

@@ -24,7 +24,7 @@ from ..dataset.run.work_folder import run_token
 from ..errors import InputError, RunError
 from ..progress import Progress
 from .on_worker import OnWorker, admit, do_order, leave
-from .sources import WorkerSource, losing_scheduler
+from .scheduler import Scheduler, losing_scheduler
 
 ORDER_SECONDS = 20.0
 FIRST_ITEMS, MOST_ITEMS = 2, 1000
@@ -55,14 +55,14 @@ class Orders:
 
     def __init__(
         self,
-        source: WorkerSource,
+        scheduler: Scheduler,
         plugin: OnWorker,
         items: Iterable[int],
         progress: Progress,
         case: Mapping[str, bytes] | None = None,
     ) -> None:
         """Prepare to do items by a plugin on workers, which get the files of a case if there are any."""
-        self._address, self._no_workers, self._client = source.address, source.no_workers, source.client
+        self._address, self._no_workers, self._client = scheduler.address, scheduler.no_workers, scheduler.client
         self._plugin, self._todo, self._progress = plugin, deque(items), progress
         self._case = case
         self._scattered: Future | None = None

@@ -18,12 +18,12 @@ from typing import Any
 
 from distributed import Worker
 
-from ..blender.dataset.render_process import AHEAD, RenderProcess
 from ..case.case_file import read_case
 from ..dataset.identity import description_bytes
 from ..dataset.layout import RECORD, ViewPaths
 from ..dataset.options import option_arguments
 from ..dataset.run.elsewhere import CASE, MissingViews, case_parcel, gather_view
+from ..dataset.run.render_processes import AHEAD, RenderProcess
 from ..dataset.run.survey import is_finished
 from ..errors import RunError
 from ..process.command_line import blender_command
@@ -31,7 +31,7 @@ from ..progress import Progress
 from .on_worker import LostError, OnWorker
 from .orders import Orders
 from .own_workers import FOUND_IN
-from .sources import WorkerSource
+from .scheduler import Scheduler
 
 IDLE_SECONDS = 120.0
 VIEW_SECONDS = 1800.0
@@ -175,11 +175,11 @@ class RenderOnWorker(OnWorker):
 
 @dataclass(frozen=True)
 class RenderPool:
-    """Renders views on the workers of a source: an :data:`.Elsewhere` of a run.
+    """Renders views on the workers of a scheduler: an :data:`.Elsewhere` of a run.
 
     Attributes
     ----------
-    source, own_command
+    scheduler, own_command
         The workers, and what starts the render command on this machine, for workers on it.
     send_case, gather
         Whether workers get the case, and whether they render into folders of their own, from which the views come here.
@@ -187,7 +187,7 @@ class RenderPool:
         A Blender program on the workers' machines that renders there.
     """
 
-    source: WorkerSource
+    scheduler: Scheduler
     own_command: Sequence[str]
     send_case: bool = False
     gather: bool = False
@@ -207,14 +207,14 @@ class RenderPool:
             run=secrets.token_hex(8),
             folder="" if self.gather else out,
             arguments=(case, *option_arguments(options), "--threads=1"),
-            command=tuple(self.own_command) if self.source.on_this_machine else (),
+            command=tuple(self.own_command) if self.scheduler.on_this_machine else (),
             blender=self.blender,
             identity=missing.identity,
             kinds=missing.kinds,
             damaged=missing.damaged,
             description=missing.description if self.gather else None,
         )
-        orders = Orders(self.source, plugin, missing.views, progress, files)
+        orders = Orders(self.scheduler, plugin, missing.views, progress, files)
         rendered = 0
         with closing(orders.outcomes()) as outcomes:
             for count, done in enumerate(outcomes, 1):

@@ -35,13 +35,10 @@ class Charts:
         ``(S, 3, 2)`` corners; frame pixels where ``aligned``.
     aligned
         ``(S,)`` bool: the chart is the projection to the frame, which is nearly affine on this face.
-    coarse
-        ``(S,)`` bool: less than one texel per frame pixel somewhere in the face.
     """
 
     texels: np.ndarray
     aligned: np.ndarray
-    coarse: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,6 @@ def affine_charts(points_cam: np.ndarray, camera: PinholeCamera) -> Charts:
     z_next = np.roll(z, -1, axis=1)
     edge = np.linalg.norm(np.roll(texels, -1, axis=1) - texels, axis=2)
     aligned = usable & (edge * np.abs(z_next - z) <= 2 * AFFINE_ERROR_PX * (z_next + z)).all(axis=1)
-    coarse = np.zeros(len(z), dtype=bool)
     others = np.flatnonzero(~aligned)
     if len(others):
         unrolled = ~usable[others]
@@ -97,8 +93,7 @@ def affine_charts(points_cam: np.ndarray, camera: PinholeCamera) -> Charts:
         wanted = SUPERSAMPLING * pixels_times_near / np.maximum(near, far / MAX_DEPTH_RATIO)
         scale = np.minimum(wanted, 2 * reach / shape.max(axis=(1, 2)))
         texels[others] = shape * scale[:, None, None]
-        coarse[others] = scale * near < pixels_times_near
-    return Charts(texels, aligned, coarse)
+    return Charts(texels, aligned)
 
 
 def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: PinholeCamera) -> FrameLayer:
@@ -112,7 +107,7 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
     Parameters
     ----------
     charts
-        Of S faces.
+        Those of S faces.
     depth
         ``(S, 3)`` depth of the corners, mm.
     fully

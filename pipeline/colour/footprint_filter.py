@@ -19,7 +19,7 @@ from functools import reduce
 import numpy as np
 
 LARGEST_SIDE = 32
-"""Of the squares, in texels: beyond, the frame covers only a few pixels of the view."""
+"""Largest side of the squares, in texels: beyond, the frame covers only a few pixels of the view."""
 
 
 def squares_for(scale: float) -> tuple[int, float]:
@@ -33,7 +33,7 @@ def squares_for(scale: float) -> tuple[int, float]:
     Returns
     -------
     side
-        Of the squares of :func:`averaged` to use, texels.
+        Side of the squares of :func:`averaged` to use, texels.
     offset
         Texels: the lookups are at -offset and +offset along either axis. A box of width w has variance w^2 / 12.
     """

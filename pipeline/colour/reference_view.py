@@ -13,11 +13,11 @@ import numpy as np
 
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
+from ..light.exposure import matched_exposures
 from ..projection.visible_surface import most_central
 from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid, transform_points
-from .exposure import matched_exposures
 from .fill import filled_colours
 from .ray_tracer import RayTracer
 from .shading import ColouredSurface, SurfaceColour
@@ -197,7 +197,7 @@ def baked_colour_of(
     faces_seen = list(map(classified, reference.views))
     baking = _Stage(report, 1.0, CLASSIFIED)
     atlas = bake_atlas(reference.mesh, reference.views, faces_seen, unseen=unseen, step=baking.step)
-    return atlas, atlas.messages()
+    return atlas, [atlas.summary()]
 
 
 class _Stage:

@@ -68,8 +68,6 @@ class TextureAtlas:
         Number of faces that the frame saw not at all, partly, and fully.
     separate_charts
         Number of faces with a separate rectangle.
-    coarse_charts
-        Number of those whose rectangle is too small for the frame's resolution.
     source
         The view that tells which points of the faces were seen, among those whose lookup has an observed texel.
         ``None``: points are if all texels are.
@@ -80,7 +78,6 @@ class TextureAtlas:
     observed: np.ndarray
     faces_seen: tuple[int, int, int]
     separate_charts: int
-    coarse_charts: int
     source: SourceView | None = None
 
     def premultiplied(self) -> np.ndarray:
@@ -88,20 +85,14 @@ class TextureAtlas:
         flag = self.observed[..., None]
         return np.concatenate([self.image * flag, flag], axis=2)
 
-    def messages(self) -> list[str]:
-        """Messages for the user: size, coverage, and loss of resolution."""
+    def summary(self) -> str:
+        """For the user: size and coverage."""
         height, width = self.observed.shape
         unseen, partly, fully = self.faces_seen
-        sentences = [
+        return (
             f"texture atlas: {width}x{height} texels, {self.observed.mean():.0%} observed; {fully} faces seen fully, "
             f"{partly} partly, {unseen} not at all; {self.separate_charts} separate charts"
-        ]
-        if self.coarse_charts:
-            sentences.append(
-                f"texture atlas: {self.coarse_charts} faces are too large for the frame's full resolution; "
-                "subdivide the mesh or use the projective colour mode"
-            )
-        return sentences
+        )
 
 
 def classify_faces(
@@ -191,8 +182,8 @@ def bake_atlas(
         part, own = (slice(y, y + size[1]), slice(x, x + size[0])), first == number
         image[part], flags[part] = atlas.image, atlas.observed
         uv[own] = (atlas.uv[own] * size + [x, height - y - size[1]]) / [width, height]
-    separate, coarse = sum(atlas.separate_charts for atlas in atlases), sum(atlas.coarse_charts for atlas in atlases)
-    return TextureAtlas(uv, image, flags, _counts(seen.max(axis=0)), separate, coarse)
+    separate = sum(atlas.separate_charts for atlas in atlases)
+    return TextureAtlas(uv, image, flags, _counts(seen.max(axis=0)), separate)
 
 
 def _counts(seen_faces: np.ndarray) -> tuple[int, int, int]:
@@ -273,7 +264,7 @@ def _baked(
     uv[seen] = texels
     uv = (uv + 0.5) / [width, height]
     uv[..., 1] = 1 - uv[..., 1]
-    return TextureAtlas(uv, baked, flags, _counts(seen_faces), len(separate), int(charts.coarse[separate].sum()))
+    return TextureAtlas(uv, baked, flags, _counts(seen_faces), len(separate))
 
 
 def _surface_points(

@@ -58,12 +58,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Write the evaluation and report its summary."""
     from ..blender.render.engines import RENDERERS
-    from ..evaluation.evaluation_run import evaluation_run, run_evaluation
+    from ..evaluation.evaluation_files import evaluation_run, run_evaluation
     from ..evaluation.methods import DEFAULT, chosen_methods
 
     methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
-    prepared, inputs = evaluation_run(
+    prepared = evaluation_run(
         [(arguments.case, arguments.photographs), *map(tuple, arguments.more)],
         arguments.out,
         methods,
@@ -72,4 +72,4 @@ def run(arguments: argparse.Namespace) -> None:
         inception=arguments.inception,
         pictures=arguments.pictures,
     )
-    output.writelines(f"{line}\n" for line in run_evaluation(prepared, inputs, stream=sys.stderr))
+    output.writelines(f"{line}\n" for line in run_evaluation(prepared, stream=sys.stderr))

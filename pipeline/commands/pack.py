@@ -84,10 +84,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     views, about = None, ""
     if arguments.split is not None:
-        from ..packing.source import open_source
         from ..packing.split import split_of_dataset
+        from ..packing.whole_dataset import open_whole_dataset
 
-        split = split_of_dataset(open_source(arguments.dataset), gap_px=arguments.split_gap_px)
+        split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
     manifest = pack_dataset(

@@ -13,9 +13,8 @@ from ..process.arguments import at_least
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
-    from ..case.case_file import Case
     from ..case.loaded_case import LoadedCase
-    from ..registration.evidence import RegistrationEvidence
+    from ..registration.report import RegistrationEvidence
 
 ABOUT = "Find the pose of further frames of a case, from a folder of images or a video, without any training."
 EPILOG = """examples:
@@ -62,9 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Register the frames, write the files and report what was found."""
     from ..case.case_file import read_case
+    from ..case.case_folder import remove_unnamed
     from ..case.case_update import other_inputs
+    from ..case.case_writer import write_case
     from ..case.loaded_case import load_case
-    from ..files.outputs import check_outputs, check_own_folder, write_output
+    from ..files.outputs import check_outputs, check_own_folder, write_output, writing
     from ..progress import ShareProgress
     from ..registration.pose_list import ESTIMATES, POSES
     from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
@@ -108,7 +109,9 @@ def run(arguments: argparse.Namespace) -> None:
         output.write("".join(f"{line}\n" for line in found.evidence.colour.lines()))
     if arguments.correct_source or arguments.colour_frames:
         further = (*loaded.case.frames, *found.sources)
-        _write_case(out / CASE, replace(loaded.case, frames=further), comment)
+        with writing(out / CASE):
+            write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
+        remove_unnamed(out)
         images = f", with {len(further)} further frames" if further else ""
         output.write(f"the case{images}: {out / CASE}\n")
     elif (out / CASE).exists():
@@ -156,16 +159,6 @@ def _write_film(
         drawing = marked_film(loaded, film, evidence.frames, text_mask)
         with Progress(drawing.count, "frames of the film", stream=output) as shown:
             stream_video(path, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
-
-
-def _write_case(path: Path, case: "Case", comment: str) -> None:
-    from ..case.case_folder import remove_unnamed
-    from ..case.case_writer import write_case
-    from ..files.outputs import writing
-
-    with writing(path):
-        write_case(path, case, comment=comment)
-    remove_unnamed(path.parent)
 
 
 def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:

@@ -200,8 +200,8 @@ def _elsewhere(arguments: argparse.Namespace, output: TextIO) -> "Iterator[Elsew
         yield None
         return
     from ..cluster.render_on_workers import RenderPool
-    from ..cluster.sources import open_source
+    from ..cluster.scheduler import open_scheduler
 
-    with open_source(arguments.cluster, insecure=arguments.insecure) as source:
-        output.write(f"{source.about}\n")
-        yield RenderPool(source, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)
+    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as scheduler:
+        output.write(f"{scheduler.about}\n")
+        yield RenderPool(scheduler, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)

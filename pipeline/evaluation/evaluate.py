@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -108,6 +109,27 @@ class Settings:
         """The leading method and a peer, else the second: the methods of the figure and of the gallery."""
         leading, *others = self.methods.running
         return [leading, *sorted(others, key=lambda method: not method.peer)[:1]]
+
+
+@dataclass(frozen=True)
+class EvaluationRun:
+    """What to evaluate, and where to write it.
+
+    Attributes
+    ----------
+    out, inputs
+        The folder, and all files that are read but the photographs, by what they are.
+    cases, settings
+        The cases; methods and seeds.
+    pictures
+        Number of photographs of each case of which pictures are written.
+    """
+
+    out: Path
+    inputs: Mapping[str, Path]
+    cases: Sequence[EvaluationCase]
+    settings: Settings
+    pictures: int
 
 
 @dataclass

@@ -33,7 +33,7 @@ from .manifest import Manifest, Plan
 from .pack_folder import PackFolder
 from .pack_info import pack_info
 from .shard import ShardOrder, pack_shard, writing_pack
-from .source import Source, open_source
+from .whole_dataset import WholeDataset, open_whole_dataset
 
 
 @dataclass(frozen=True)
@@ -93,32 +93,32 @@ def pack_dataset(
         raise InputError(f"--views-per-shard: expected 1 to {MOST_VIEWS} views, found {views_per_shard}")
     if jpeg_quality is not None and not 1 <= jpeg_quality <= 100:
         raise InputError(f"--jpeg: expected a quality from 1 to 100, found {jpeg_quality}")
-    source = open_source(root)
+    dataset = open_whole_dataset(root)
     plan = Plan(
-        identity=source.description.identity,
+        identity=dataset.description.identity,
         views_per_shard=views_per_shard,
         jpeg_quality=jpeg_quality,
         opencv=None if jpeg_quality is None else cv2.__version__,
-        views=_checked_views(views, source.description.count),
+        views=_checked_views(views, dataset.description.count),
     )
     with PackFolder(out, plan) as folder:
         shards = folder.finished()
         done = sum(len(views) for number, views in enumerate(plan.shards()) if number in shards)
-        orders = [order for order in shard_orders(source, out, plan) if order.number not in shards]
+        orders = [order for order in shard_orders(dataset, out, plan) if order.number not in shards]
         with Progress(len(plan.views), "views packed", finished=done, stream=stream) as progress:
             for number, known in _packed(orders, progress, workers):
                 with writing_pack(out / shard_name(number)):
                     folder.keep(number, known)
                 shards[number] = known
-        manifest = _write_tables(source, out, plan, [shards[number] for number in sorted(shards)], options.about)
+        manifest = _write_tables(dataset, out, plan, [shards[number] for number in sorted(shards)], options.about)
         folder.finish()
     return manifest
 
 
-def shard_orders(source: Source, out: Path, plan: Plan) -> list[ShardOrder]:
+def shard_orders(dataset: WholeDataset, out: Path, plan: Plan) -> list[ShardOrder]:
     """The orders of all shards of a pack."""
     return [
-        ShardOrder(source.root, out, number, views, plan.identity, source.description.camera, plan.jpeg_quality)
+        ShardOrder(dataset.root, out, number, views, plan.identity, dataset.description.camera, plan.jpeg_quality)
         for number, views in enumerate(plan.shards())
     ]
 
@@ -143,20 +143,20 @@ def _packed(orders: Sequence[ShardOrder], progress: Progress, workers: int) -> I
             pool.shutdown(cancel_futures=True)
 
 
-def _write_tables(source: Source, out: Path, plan: Plan, shards: Sequence[FileSum], about: str) -> Manifest:
+def _write_tables(dataset: WholeDataset, out: Path, plan: Plan, shards: Sequence[FileSum], about: str) -> Manifest:
     """Write everything but the shards; gives the manifest."""
     for name in COPIED:
         with writing_pack(out / name):
             create_folder((out / name).parent)
-            with (source.root / name).open("rb") as content, written_file(out / name) as stream:
+            with (dataset.root / name).open("rb") as content, written_file(out / name) as stream:
                 shutil.copyfileobj(content, stream)
     keys = {view_key(ViewPaths(out, view)): number for number, views in enumerate(plan.shards()) for view in views}
     with writing_pack(out / KEY_TO_SHARD):
         write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
     with writing_pack(out / TARGETS):
-        write_test_targets(out, sorted(source.targets.intersection(plan.views)))
+        write_test_targets(out, sorted(dataset.targets.intersection(plan.views)))
     with writing_pack(out / INFO):
-        write_bytes_atomically(out / INFO, pack_info(source.description, plan, about))
+        write_bytes_atomically(out / INFO, pack_info(dataset.description, plan, about))
     manifest = Manifest(plan, tuple(shards), {name: sum_of_file(out / name) for name in TABLES})
     with writing_pack(out / MANIFEST):
         write_json(out / MANIFEST, manifest.to_json())

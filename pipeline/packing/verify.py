@@ -21,7 +21,7 @@ from .manifest import Manifest, read_manifest
 from .pack import shard_orders
 from .pack_folder import is_own_name
 from .shard import ShardOrder, write_shard
-from .source import open_source
+from .whole_dataset import open_whole_dataset
 
 DAMAGED, FOREIGN, OTHER = "damaged files", "foreign files", "shards unlike the dataset"
 
@@ -106,15 +106,15 @@ def verify_pack(
 
 def _orders(folder: Path, root: Path, manifest: Manifest) -> list[ShardOrder]:
     """The orders that made a pack, from its dataset."""
-    source, plan = open_source(root), manifest.plan
-    if source.description.identity != plan.identity:
+    dataset, plan = open_whole_dataset(root), manifest.plan
+    if dataset.description.identity != plan.identity:
         raise InputError(f"{folder}: expected a pack of {root}, found one of another dataset; give the right folder")
     if plan.opencv not in (None, cv2.__version__):
         raise InputError(
             f"{folder}: OpenCV {plan.opencv} compressed its RGB, and {cv2.__version__} here may make other bytes: "
             "leave out the dataset to compare hashes alone, or install that version"
         )
-    return shard_orders(source, folder, plan)
+    return shard_orders(dataset, folder, plan)
 
 
 def _unlike(order: ShardOrder, known: FileSum, on_view: Callable[[], None]) -> str | None:

@@ -29,7 +29,7 @@ def visible_contours(
     Parameters
     ----------
     edges
-        Of the surface, in the model frame.
+        Those of the surface, in the model frame.
     camera, cam_from_model
         Intrinsics and pose (4x4, mm).
     depth_mm

@@ -21,7 +21,7 @@ class Solid:
     Attributes
     ----------
     edges
-        Of the mesh.
+        Those of the mesh.
     is_closed
         Whether it is closed with its fronts outside, so that no back face is ever seen from outside.
     """

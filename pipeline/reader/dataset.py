@@ -12,7 +12,7 @@ from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..packing.layout import MANIFEST, WORK, is_shard, shard_name
 from ..packing.manifest import read_manifest
-from ..packing.source import AGAIN
+from ..packing.whole_dataset import AGAIN
 from .folder_files import FolderFiles
 from .pack_files import PackFiles
 from .view import View, ViewFiles

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from ..colour.exposure import matched_exposures
 from ..colour.source_view import SourceView
 from ..images.pixel_values import sample_bilinear
+from ..light.exposure import matched_exposures
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from .register import RegisteredFrame
@@ -168,7 +168,7 @@ def chosen_sources(mesh: TriangleMesh, source: SourceView, candidates: Sequence[
         left.remove(at)
         judges.pop(at, None)
         frames.append(ColourFrame(clear[at][0], added, before, after, len(judges)))
-        judges = {of: judge.without(clear[at][1]) for of, judge in judges.items()}
+        judges = {of: judge.coloured_by(clear[at][1]) for of, judge in judges.items()}
     return ColourChoice(tuple(frames), len(candidates), states.count(BLURRED), states.count(COVERED))
 
 
@@ -232,26 +232,23 @@ def _detail(image: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Judge:
-    """A frame left out: what it shows of the surface that no frame colours yet, and its errors so far.
+    """A frame left out: what it shows of the surface, and the errors of the surface's colours there.
 
     Attributes
     ----------
     points, normals, codes
-        ``(N, 3)`` each: points without a colour, unit normals of their faces, and the frame's code values there.
+        ``(N, 3)`` each: points, unit normals of their faces, and the frame's code values there.
     errors
-        ``(N,)`` difference of these from the colour that stands for what is not seen.
-    coloured
-        Sum of the differences where the surface has a colour.
-    size
-        Number of all points.
+        ``(N,)`` difference of these from the surface's colours, or from the one that stands for what is not seen.
+    open
+        ``(N,)`` bool: no frame colours the point yet.
     """
 
     points: np.ndarray
     normals: np.ndarray
     codes: np.ndarray
     errors: np.ndarray
-    coloured: float
-    size: int
+    open: np.ndarray
 
     @classmethod
     def of(cls, face_normals: np.ndarray, source: SourceView, view: SourceView, faces: np.ndarray) -> "_Judge":
@@ -259,22 +256,15 @@ class _Judge:
         shown = view.depth_mm[::JUDGED_STEP_PX, ::JUDGED_STEP_PX] > 0
         codes = view.image[::JUDGED_STEP_PX, ::JUDGED_STEP_PX][shown]
         mean = source.image[source.inverse_depth > 0].mean(axis=0)
-        nothing = cls(
-            view.shown_points(JUDGED_STEP_PX), face_normals[faces[shown]], codes, _error(codes, mean), 0.0, len(codes)
-        )
-        return nothing.without(source)
+        points, normals = view.shown_points(JUDGED_STEP_PX), face_normals[faces[shown]]
+        return cls(points, normals, codes, _error(codes, mean), np.ones(len(codes), bool)).coloured_by(source)
 
-    def coloured_by(self, view: SourceView) -> tuple[np.ndarray, np.ndarray]:
-        """``(N,)`` bool: the points that a view colours, and the errors of these."""
-        seen = view.observed(self.points, self.normals)
-        return seen, _error(self.codes[seen], view.colours(view.project(self.points[seen])[0]))
-
-    def without(self, view: SourceView) -> "_Judge":
-        """The same once a view colours the surface."""
-        seen, errors = self.coloured_by(view)
-        rest = ~seen
-        coloured = self.coloured + float(errors.sum())
-        return _Judge(self.points[rest], self.normals[rest], self.codes[rest], self.errors[rest], coloured, self.size)
+    def coloured_by(self, view: SourceView) -> "_Judge":
+        """The same once a view colours what no frame before it does."""
+        seen, errors = self.open.copy(), self.errors.copy()
+        seen[seen] = view.observed(self.points[seen], self.normals[seen])
+        errors[seen] = _error(self.codes[seen], view.colours(view.project(self.points[seen])[0]))
+        return replace(self, errors=errors, open=self.open & ~seen)
 
 
 def _error(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -283,11 +273,8 @@ def _error(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 def _helped(judges: Sequence[_Judge], view: SourceView) -> tuple[float, float, float]:
     """Share of what judges show that a view adds, and their mean error without and with it."""
-    size = max(sum(judge.size for judge in judges), 1)
-    before = sum(judge.coloured + float(judge.errors.sum()) for judge in judges)
-    added, gain = 0, 0.0
-    for judge in judges:
-        seen, errors = judge.coloured_by(view)
-        added += len(errors)
-        gain += float(judge.errors[seen].sum() - errors.sum())
-    return added / size, before / size, (before - gain) / size
+    coloured = [judge.coloured_by(view) for judge in judges]
+    size = max(sum(len(judge.errors) for judge in judges), 1)
+    still_open = [sum(int(judge.open.sum()) for judge in each) for each in (judges, coloured)]
+    before, after = (sum(float(judge.errors.sum()) for judge in each) / size for each in (judges, coloured))
+    return (still_open[0] - still_open[1]) / size, before, after

@@ -12,19 +12,18 @@ from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.numbers import format_two_digits
 from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
-from .blocks import SPREAD
 from .flow_refinement import FlowFit
 from .register_frames import CaseRegistrar
 from .source_correction import SourceCorrection, SourceFit, Track
-from .verdict import ACCEPTED
+from .verdict import ACCEPTED, SPREAD
 
 MOST_FRAMES, LEAST_FRAMES = 24, 3
 MOST_PIXELS = 600
-"""Of a frame: more say nothing new."""
+"""Pixels of a frame: more say nothing new."""
 MOST_ROUNDS, SETTLED_PX = 6, 0.1
 """Rounds of flow and fit, and mean movement, at the size of registration, below which no further one follows."""
 LEAST_AGREEMENT = 0.6
-"""Of the pixels at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
+"""Share of the pixels that agree at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
 LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
 FOCAL_SPREAD = 1.5
@@ -155,7 +154,7 @@ def correct_source(
 
 
 def _uncertainty(fit: SourceFit, pivot_model: np.ndarray, points_model: np.ndarray) -> tuple[PoseUncertainty, float]:
-    """Of a pose, and the relative standard deviation of a focal length that was found with it, else 0."""
+    """A pose's uncertainty, and the relative standard deviation of a focal length that was found with it, else 0."""
     relative = FOCAL_SPREAD * float(np.sqrt(np.diag(fit.covariance)[6:].sum()))
     depth_mm = float(transform_points(fit.cam_from_model, pivot_model)[2])
     # how far the pose is off beside its K: a longer lens and a greater distance cancel

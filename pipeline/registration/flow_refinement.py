@@ -15,9 +15,9 @@ import numpy as np
 from ..alignment.levenberg_marquardt import Loss, fit_poses
 from ..alignment.reprojection import Correspondences, Poses
 from ..camera.pinhole import PinholeCamera
+from ..light.local_mean import without_light
 from ..transforms import transform_points
 from .known_views import KnownView, KnownViews
-from .light import without_light
 
 ROUNDS, STEPS = 4, 15
 """Rounds of flow and fit, and steps of a fit."""
@@ -44,7 +44,7 @@ class FlowFit:
     cam_from_model
         ``(4, 4)``, mm.
     camera
-        Of the frame.
+        That of the frame.
     pixels
         ``(N, 2)`` where the pose places textured points of the surface in the frame, inside of it.
     residuals_px

@@ -1,23 +1,126 @@
-"""Register frames: the pose of each, from the pose before it or from nothing, and whether to trust it."""
+"""Register frames: the pose of each, from the pose before it or from nothing, and whether to trust it.
 
+A frame may be zoomed: a longer lens looks like a nearer camera, but for the relief of the surface, which moves by other
+amounts in the image.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr
 
 from ..alignment.pose_uncertainty import PoseUncertainty
+from ..alignment.reprojection import apply_twist, twist_jacobians
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..errors import InputError
 from ..surface.mesh import TriangleMesh
-from .flow_refinement import FlowFit, refined_by_flow
-from .known_views import KnownViews
-from .localise import Localised, ViewBank, bank_of, localised
-from .verdict import ACCEPTED, DOUBTFUL, LEAST_ACCEPTED, LEAST_DOUBTFUL, REFUSED, Verdict, judge
-from .zoom import Zoom, at_same_focal_length, understated
+from ..transforms import transform_points
+from .flow_refinement import FITTED, FlowFit, refined_by_flow
+from .known_views import KnownViews, Localised, ViewBank, bank_of, localised
+from .verdict import (
+    ACCEPTED,
+    DOUBTFUL,
+    LEAST_ACCEPTED,
+    LEAST_DOUBTFUL,
+    REFUSED,
+    WITHIN_SHARE,
+    Verdict,
+    judge,
+    robust_step,
+)
 
 LEAST_FEATURES = 200
+
+STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
+"""Steps of the fit at most, how far one goes, and how small the last one is, as the logarithm of the focal length."""
+SOFTNESS = 0.03
+"""Standard deviation of what a surface, a K and a pose that are not exact add to the logarithm of a zoom, before other
+frames tell: it counts as much as one frame."""
+STEPS_APART, HALF_APART = 2.0, 2.5
+"""How much farther that reaches than from one frame to the next, and than among the half of them that lie closest."""
+HALF_WIDTH = 1.349
+"""Width of the middle half of a normal distribution, in standard deviations."""
+SHARE, SHARE_FRAMES, WIDTH = 0.01, 10, 0.15
+"""Share of frames that are zoomed, before a set tells, and how many frames that counts as much as; standard deviation
+of the logarithm of their zoom."""
+STATED_FRAMES = 3
+"""As how many frames it counts that standard deviations are as stated."""
+ROUNDS = 20
+"""Rounds of finding the share."""
+
+
+class Zoom(NamedTuple):
+    """The focal length of a frame relative to the aligned one's, and the standard deviation of its logarithm."""
+
+    factor: float
+    sigma: float
+
+
+def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
+    """The zoom that fits together with a pose; ``fit`` is at the aligned frame's, ``pivot_model`` ``(3,)`` mm."""
+    camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
+    used = fit.returning(FITTED)
+    points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
+    centre, sigma = np.array([camera.cx, camera.cy]), np.inf
+    for _ in range(STEPS):
+        zoomed = camera.zoomed(np.exp(zoom))
+        position = transform_points(pose, pivot_model[None])
+        offsets_cam = (points - pivot_model) @ pose[:3, :3].T
+        predicted = zoomed.project(offsets_cam + position)
+        jacobian = twist_jacobians(zoomed, offsets_cam[None], position)[0]
+        jacobian = np.concatenate([jacobian, (predicted - centre)[:, :, None]], axis=2)
+        step, covariance = robust_step(jacobian, moved - predicted, pixels)
+        step *= min(1.0, LARGEST_STEP / max(abs(step[6]), 1e-9))
+        pose, zoom, sigma = apply_twist(step[:6], pose, pivot_model), zoom + step[6], float(np.sqrt(covariance[6, 6]))
+        if abs(step[6]) < SETTLED_STEP:
+            break
+    return Zoom(float(np.exp(zoom)), sigma)
+
+
+def at_same_focal_length(zooms: Sequence[Zoom]) -> np.ndarray:
+    """Probability of each frame of a set, in their order, to be within 2 % of the aligned one's focal length, ``(N,)``.
+
+    A mixture: most frames are at that focal length, but what is not exact in the case shifts their estimates; how far
+    shows in their scatter. The others are zoomed; how many they are shows too (expectation maximisation).
+    """
+    logs, sigmas = np.log([zoom.factor for zoom in zooms]), np.array([zoom.sigma for zoom in zooms])
+    same = np.hypot(sigmas, _softness(logs))
+    zoomed = np.hypot(same, WIDTH)
+    likely, likely_zoomed = (np.exp(-0.5 * (logs / each) ** 2) / each for each in (same, zoomed))
+    share, is_zoomed = SHARE, np.zeros(len(logs))
+    for _ in range(ROUNDS):
+        is_zoomed = share * likely_zoomed / (share * likely_zoomed + (1 - share) * likely)
+        share = (SHARE_FRAMES * SHARE + is_zoomed.sum()) / (SHARE_FRAMES + len(logs))
+    # a zoom that is found is not the zoom that is
+    mean, deviation = logs * (WIDTH / zoomed) ** 2, same * WIDTH / zoomed
+    below, above = (ndtr((limit - mean) / deviation) for limit in (-WITHIN_SHARE, WITHIN_SHARE))
+    return 1 - is_zoomed * (1 - above + below)
+
+
+def understated(zooms: Sequence[Zoom], same: np.ndarray) -> float:
+    """By how much the standard deviations of a set are too small, at least 1: the zoom's, whose truth is known.
+
+    ``same`` ``(N,)`` is :func:`at_same_focal_length`.
+    """
+    squares = np.array([(math.log(zoom.factor) / zoom.sigma) ** 2 for zoom in zooms])
+    return max(1.0, math.sqrt((STATED_FRAMES + same @ squares) / (STATED_FRAMES + same.sum())))
+
+
+def _softness(logs: np.ndarray) -> float:
+    """How far what is not exact shifts zooms: by the steps between them, or by those that lie closest."""
+    count = len(logs)
+    if count < 3:
+        return SOFTNESS
+    ordered, half = np.sort(logs), (count + 1) // 2
+    closest = HALF_APART / HALF_WIDTH * float((ordered[half - 1 :] - ordered[: count - half + 1]).min())
+    # a slow zoom goes far in small steps
+    steps = STEPS_APART * math.sqrt((np.diff(logs) ** 2).mean() / 2)
+    return math.sqrt((SOFTNESS**2 + count * min(closest, steps) ** 2) / (1 + count))
 
 
 @dataclass(frozen=True)
@@ -31,7 +134,7 @@ class RegisteredFrame:
     cam_from_model
         ``(4, 4)`` the pose, mm.
     uncertainty
-        Of the pose, as far as the frame tells: for the error of the aligned frame's see :mod:`.source_uncertainty`.
+        That of the pose, as far as the frame tells: for the error of the aligned frame's see :func:`.with_case`.
     fit
         What the pose was found from.
     zoom
@@ -84,7 +187,7 @@ class Registrar:
 
     @property
     def camera(self) -> PinholeCamera:
-        """Of the frames."""
+        """The camera of the frames."""
         return self._views.source.camera
 
     @cached_property

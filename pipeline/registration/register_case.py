@@ -22,12 +22,11 @@ from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..video.film_reader import Film
 from .colour_sources import Candidates, chosen_sources
-from .evidence import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from .film_change import FilmAgreement
 from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
 from .register import RegisteredFrame, judged_together
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
-from .verdict import ACCEPTED
+from .report import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
+from .verdict import ACCEPTED, FilmAgreement
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
 HISTORY = history_path(Path(CASE)).name

@@ -26,10 +26,9 @@ from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
 from .colour_sources import Candidate
 from .known_views import grey_codes
-from .register import RegisteredFrame, Registrar
-from .source_uncertainty import doubt_of_source, with_case
+from .register import RegisteredFrame, Registrar, zoom_of
+from .source_correction import doubt_of_source, with_case
 from .verdict import ACCEPTED, REFUSED, Verdict
-from .zoom import zoom_of
 
 LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
@@ -48,7 +47,7 @@ class FurtherFrame:
     Attributes
     ----------
     name
-        Of its image; empty in a video.
+        That of its image; empty in a video.
     number
         Counted from 0, in the video or among the images.
     image, valid
@@ -239,7 +238,7 @@ def doubt_of_case(loaded: LoadedCase) -> str:
 
 
 def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty | None:
-    """Of the case's pose, about the pivot, if the case states it: that of the middle of what the frame shows."""
+    """How sure the case's pose is, if the case states it, about the pivot: the middle of what the frame shows."""
     pose = loaded.frame.cam_from_model
     own = PoseUncertainty.stated(loaded.case.alignment, view.view.shown_points(), pose, loaded.surface.mesh_from_model)
     return None if own is None else own.about(view.pivot_model, pose)

@@ -9,7 +9,7 @@ import numpy as np
 from ..colour.vertex_colours import colour_vertices
 from ..files.numbers import format_two_digits
 from ..registration.colour_sources import ColourChoice
-from ..registration.evidence import COLOURS, FrameEvidence, RegistrationEvidence
+from ..registration.report import COLOURS, FrameEvidence, RegistrationEvidence
 from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
 from .page import asset, escaped, html_page, page_footer, page_header, poses_section, spaced
 from .surface_sides import surface_sides

@@ -17,7 +17,7 @@ from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.errors import InputError
-from oneframe.evaluation.evaluation_run import evaluation_run, run_evaluation
+from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
 from oneframe.evaluation.methods import DEFAULT, chosen_methods
 from oneframe.files.temporary import temporary_folder
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
@@ -46,11 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Evaluate."""
     with temporary_folder() as folder:
-        prepared, inputs = evaluation_run(
+        prepared = evaluation_run(
             case_files(arguments, folder), arguments.out, chosen_methods(arguments.methods, RENDERERS),
             seed=arguments.seed, inception=arguments.inception, pictures=arguments.pictures,
         )  # fmt: skip
-        for line in run_evaluation(prepared, inputs, stream=sys.stderr):
+        for line in run_evaluation(prepared, stream=sys.stderr):
             report(line)
 
 

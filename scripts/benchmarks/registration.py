@@ -21,7 +21,7 @@ from oneframe.case.case_file import read_case
 from oneframe.case.frame import load_posed_frame
 from oneframe.case.loaded_case import load_case
 from oneframe.evaluation.conditions import current_conditions
-from oneframe.evaluation.evaluation_run import evaluation_run, run_evaluation
+from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
 from oneframe.evaluation.methods import chosen_methods
 from oneframe.files.temporary import temporary_folder
 from oneframe.registration.pose_list import read_photographs
@@ -125,8 +125,8 @@ def colour(arguments: argparse.Namespace, folder: Path, report: Callable[[str], 
     """Evaluate bloster's colours, from one frame and from three."""
     if arguments.bloster and not arguments.quick:
         pairs, methods = colour_cases(arguments.bloster, folder / "colour"), chosen_methods(METHODS, RENDERERS)
-        prepared, inputs = evaluation_run(pairs, arguments.out / "colour", methods, seed=arguments.seed)
-        for line in run_evaluation(prepared, inputs, stream=sys.stderr):
+        prepared = evaluation_run(pairs, arguments.out / "colour", methods, seed=arguments.seed)
+        for line in run_evaluation(prepared, stream=sys.stderr):
             report(line)
 
 

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from oneframe.errors import RunError
 from oneframe.files.temporary import temporary_folder
 
 from .figures import write_figures
-from .surface_accuracy import ACCURACY_HEAD, measure_shapes, write_synthetic_bone
+from .surface_accuracy import measure_shapes, write_synthetic_bone
 
 SPACING_MM = 0.4
 QUICK = {"size": 160, "rounds": 1, "whole": 96}
@@ -38,12 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Measure the shapes, then the whole run."""
-    for line in ACCURACY_HEAD:
-        report(line)
     shapes = measure_shapes(arguments.size, arguments.rounds, report)
     figures: dict[str, object] = {
         "machine": {"processors": os.cpu_count(), "python": platform.python_version(), "numpy": np.__version__},
-        "size": arguments.size, "rounds": arguments.rounds, "shapes": [asdict(shape) for shape in shapes],
+        "size": arguments.size, "rounds": arguments.rounds, "shapes": shapes,
     }  # fmt: skip
     if arguments.whole:
         figures["whole"] = whole_run(arguments.whole, report)

@@ -5,7 +5,6 @@ Errors are distances from the analytic surface in voxels: the largest distance b
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -45,30 +44,13 @@ def torus(points: np.ndarray) -> np.ndarray:
 SHAPES: Mapping[str, Distance] = {"sphere": sphere, "box": box, "torus": torus}
 
 
-@dataclass(frozen=True)
-class SurfaceAccuracy:
-    """A shape, extracted by one program.
+def measure_shapes(size: int, rounds: int, report: Callable[[str], None]) -> list[dict[str, object]]:
+    """Extract every shape from a volume of ``size`` voxels a side, by both programs in turn.
 
-    Attributes
-    ----------
-    shape, program
-        Names.
-    mean_voxels, p99_voxels, largest_voxels
-        Distances of the vertices from the analytic surface.
-    seconds
-        The median of the rounds.
+    Returns
+    -------
+    For each shape and program the distances of the vertices from the analytic surface, voxels, and the median time.
     """
-
-    shape: str
-    program: str
-    mean_voxels: float
-    p99_voxels: float
-    largest_voxels: float
-    seconds: float
-
-
-def measure_shapes(size: int, rounds: int, report: Callable[[str], None]) -> tuple[SurfaceAccuracy, ...]:
-    """Extract every shape from a volume of ``size`` voxels a side, by both programs in turn."""
     found = []
     grid = centred_grid(size, SPACING_MM)
     for shape, distance in SHAPES.items():
@@ -82,22 +64,13 @@ def measure_shapes(size: int, rounds: int, report: Callable[[str], None]) -> tup
                 seconds[program].append(time.perf_counter() - begin)
         for program in seconds:
             error: np.ndarray = np.abs(distance(vertices[program])) / max(SPACING_MM)
-            figures = float(error.mean()), float(np.percentile(error, 99)), float(error.max())
-            found.append(SurfaceAccuracy(shape, program, *figures, float(np.median(seconds[program]))))
-            report(accuracy_line(found[-1]))
-    return tuple(found)
-
-
-def accuracy_line(found: SurfaceAccuracy) -> str:
-    """A row of the table of :data:`ACCURACY_HEAD`."""
-    errors = f"{found.mean_voxels:.4f} | {found.p99_voxels:.3f} | {found.largest_voxels:.3f}"
-    return f"| {found.shape} | {found.program} | {errors} | {found.seconds:.2f} |"
-
-
-ACCURACY_HEAD = (
-    "| shape | program | mean error (voxels) | 99 % | largest | s |",
-    "|---|---|---|---|---|---|",
-)
+            figures = {
+                "mean_voxels": float(error.mean()), "p99_voxels": float(np.percentile(error, 99)),
+                "largest_voxels": float(error.max()), "seconds": float(np.median(seconds[program])),
+            }  # fmt: skip
+            found.append({"shape": shape, "program": program, **figures})
+            report(f"{shape}, {program}: " + ", ".join(f"{name} {value:.4f}" for name, value in figures.items()))
+    return found
 
 
 def centred_grid(size: int, spacing_mm: tuple[float, float, float]) -> VoxelGrid:

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from scipy.special import fdtri
 
-from oneframe.alignment.confidence_region import f_quantile, f_survival, pooled_survival
 from oneframe.alignment.landmarks.covariance import (
     REGION_PRIOR_DOF,
     NoiseEstimate,
+    pooled_survival,
     pose_uncertainty,
 )
 from oneframe.alignment.landmarks.solver import solve_pose
@@ -25,26 +24,12 @@ def uncertainty(covariance, pivot_cam=(0, 0, 300.0), dof=20.0):
     return PoseUncertainty(np.array([3.0, -2, 5]), covariance, dof, 2.0, 10.0, np.array(pivot_cam, float))
 
 
-# --- the F distribution ----------------------------------------------------------------------------------------------
-
-
-@given(st.floats(0.01, 50), st.sampled_from([2, 4, 6]), st.floats(0.5, 400))
-def test_the_closed_form_is_the_f_distribution(value, above, below):
-    stats = pytest.importorskip("scipy.stats")
-    assert f_survival(value, above, below) == pytest.approx(stats.f.sf(value, above, below), rel=1e-9, abs=1e-14)
-
-
-@given(st.floats(0.01, 0.999), st.sampled_from([2, 6]), st.floats(1, 400))
-def test_quantiles_undo_probabilities(level, above, below):
-    assert f_survival(f_quantile(level, above, below), above, below) == pytest.approx(1 - level, rel=1e-6)
-
-
 # --- covariance ------------------------------------------------------------------------------------------------------
 
 
 def test_the_covariance_is_the_scatter_of_the_poses():
     """For repeated clicks on the same pairs; the bound is that of a sample covariance at about the 1e-4 level."""
-    rng, draws = np.random.default_rng(1), 200
+    rng, draws = np.random.default_rng(1), 100
     trial = box_trial(rng, 12, 0.0)
     estimates = [
         solve_pose(trial.points_model, trial.pixels + rng.normal(size=trial.pixels.shape), MICROSCOPE, click_sigma_px=1)
@@ -65,18 +50,6 @@ def test_the_covariance_is_the_scatter_of_the_poses():
     assert np.mean([each.uncertainty.sigma_px for each in estimates]) == pytest.approx(1, abs=0.05)
 
 
-@pytest.mark.parametrize("count", [4, 10])
-def test_the_region_covers_the_truth_as_often_as_it_says(count):
-    rng, inside, draws = np.random.default_rng(20 + count), [], 160
-    while len(inside) < draws:
-        trial = box_trial(rng, count, 2.0)
-        # near the truth, where the linearised covariance holds; another test covers ambiguity
-        estimate = solve_pose(trial.points_model, trial.pixels, MICROSCOPE, start=trial.cam_from_model)
-        assert estimate.uncertainty.contains(estimate.cam_from_model, estimate.cam_from_model)
-        inside.append(estimate.uncertainty.contains(trial.cam_from_model, estimate.cam_from_model))
-    assert 0.95 - 4 * np.sqrt(0.05 * 0.95 / draws) <= np.mean(inside) <= 0.995
-
-
 def test_an_undetermined_direction_gets_a_huge_deviation_and_no_error():
     points = np.outer(np.linspace(-9, 9, 5), [1, 2, 0.5])
     pose = rigid(rotation_from_vector(np.array([0.3, 0.2, 0.1])), [0, 0, 300])
@@ -94,7 +67,7 @@ def test_the_region_grows_with_its_level_and_ends_where_it_says():
     direction = np.linalg.cholesky(found.covariance) @ rng.normal(size=6)
     direction /= np.sqrt(direction @ np.linalg.solve(found.covariance, direction))
     for level in (0.5, 0.95):
-        edge = np.sqrt(6 * f_quantile(level, 6, 7.5))
+        edge = np.sqrt(6 * fdtri(6, 7.5, level))
         assert found.contains(apply_twist(0.999 * edge * direction, pose, found.pivot_model), pose, level)
         assert not found.contains(apply_twist(1.001 * edge * direction, pose, found.pivot_model), pose, level)
 
@@ -195,5 +168,5 @@ def test_the_region_holds_the_truth_also_with_worse_clicks_than_stated(pairs, wo
     variance = np.array([NoiseEstimate.of(each, dof, 2.0, REGION_PRIOR_DOF).variance for each in squared[:3]])
     total = REGION_PRIOR_DOF + dof
     np.testing.assert_allclose(variance, (REGION_PRIOR_DOF * 2.0**2 + squared[:3]) / total)
-    inside = deviation / 6 <= f_quantile(0.95, 6, region_dof) * (REGION_PRIOR_DOF * 2.0**2 + squared) / total
+    inside = deviation / 6 <= fdtri(6, region_dof, 0.95) * (REGION_PRIOR_DOF * 2.0**2 + squared) / total
     assert least <= inside.mean() <= most

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from oneframe.alignment.confidence_region import ellipse_outlines
 from oneframe.alignment.manual.picking import is_unfinished, landmark_for, new_name
+from oneframe.alignment.pose_uncertainty import ellipse_outlines
 from oneframe.case.landmarks import Landmark
 
 VALUES = {"point": (1.0, 2.0, 3.0), "pixel": (4.0, 5.0)}

@@ -122,26 +122,13 @@ def test_pins_on_a_line_do_not_turn_about_it(camera):
     assert abs(rotation @ line) / np.linalg.norm(line) < np.radians(0.5)
 
 
-@settings(max_examples=40)
-@given(seeds, cameras, st.integers(2, 6))
-def test_wild_drags_end_in_front_of_the_camera(seed, camera, count):
-    rng, points, pose, pixels = scene(seed, camera, count)
-    pixels[0] = rng.random(2) * [1920, 1080]
-    pulled = pull_pins(points, pixels, camera, pose, PIVOT)
-    assert np.isfinite(pulled).all()
-    assert pulled[:3, :3] @ pulled[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
-    assert (transform_points(pulled, points)[:, 2] > 0).all()
-    farther = transform_points(pulled, PIVOT)[2] / transform_points(pose, PIVOT)[2]
-    assert 1 / MAX_DISTANCE_RATIO - 1e-9 <= farther <= MAX_DISTANCE_RATIO + 1e-9
-
-
 def test_random_drags_never_lose_the_surface(long_form):
     """Pins set where the surface is seen, dragged anywhere, again, and cleared: it stays whole before the lens."""
     rng = np.random.default_rng(5)
     surface = rng.normal(size=(500, 3))
     surface *= 20 / np.linalg.norm(surface, axis=1, keepdims=True)
     pose, pins = rigid(translation=[0.0, 0.0, DISTANCE[LONG]]), []
-    for _ in range(1000 if long_form else 120):
+    for _ in range(1000 if long_form else 60):
         seen = surface[((shown(LONG, pose, surface) - LONG.size_wh) * shown(LONG, pose, surface) <= 0).all(axis=1)]
         if rng.random() < 0.15:
             pins = []
@@ -152,6 +139,9 @@ def test_random_drags_never_lose_the_surface(long_form):
             held = int(rng.integers(len(pins)))
         pins[held] = pins[held][0], rng.random(2) * LONG.size_wh
         points, pixels = (np.array(each) for each in zip(*pins, strict=True))
-        pose = pull_pins(points, pixels, LONG, pose, seen.mean(axis=0), held=held, radius_mm=40.0)
+        pivot, before = seen.mean(axis=0), pose
+        pose = pull_pins(points, pixels, LONG, pose, pivot, held=held, radius_mm=40.0)
+        farther = transform_points(pose, pivot)[2] / transform_points(before, pivot)[2]
+        assert 1 / MAX_DISTANCE_RATIO - 1e-9 <= farther <= MAX_DISTANCE_RATIO + 1e-9
         assert shown(LONG, pose, points)[held] == pytest.approx(pixels[held], abs=1e-6)
         assert (transform_points(pose, surface)[:, 2] > 0).all()

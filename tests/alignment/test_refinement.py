@@ -147,7 +147,7 @@ def test_a_wrong_image_is_refused(mesh, frame, rng, kind):
 
 @pytest.mark.parametrize("wide", [480, 1920])
 @pytest.mark.parametrize(("across_px", "enough"), [(85.0, True), (22.0, True), (13.0, False)])
-def test_how_much_surface_is_enough_does_not_depend_on_the_size_of_the_image(mesh, wide, across_px, enough):
+def test_enough_surface_is_enough_in_an_image_of_any_size(mesh, wide, across_px, enough):
     """7000 and 480 px of it are enough in any image, 170 are in none; the image itself shows nothing."""
     across_mm = float(np.sqrt(np.prod(np.ptp(mesh.vertices, axis=0)[:2])))
     focal = across_px / across_mm * 300

@@ -1,6 +1,5 @@
 """The pose is recovered from its correspondences, whatever the lens, model frame and order; or it is refused."""
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -60,7 +59,7 @@ def test_twists_go_both_ways_and_their_jacobian_is_the_derivative():
 # --- recovery --------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(4, 14),
@@ -87,7 +86,7 @@ def test_exact_pairs_give_the_exact_pose(seed, count, focal_px, thickness):
     assert best[:3, :3] @ best[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.integers(0, 2**32 - 1), st.integers(5, 20), st.sampled_from([MICROSCOPE, WIDE]), st.booleans())
 def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, camera, wrong):
     rng = np.random.default_rng(seed)
@@ -123,29 +122,13 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
     assert np.array_equal(again.cam_from_model, one.cam_from_model)
 
 
-def test_opencv_finds_no_better_pose_nearby():
-    rng = np.random.default_rng(5)
-    for count in (4, 6, 12):
-        trial = box_trial(rng, count, 2.0)
-        estimate = solve_pose(trial.points_model, trial.pixels, MICROSCOPE)
-        turn, shift = cv2.Rodrigues(trial.cam_from_model[:3, :3])[0], trial.cam_from_model[:3, 3:].copy()
-        turn, shift = cv2.solvePnPRefineLM(
-            trial.points_model, trial.pixels, MICROSCOPE.k, np.zeros(4), turn, shift,
-            (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-15),
-        )  # fmt: skip
-        shown, _ = cv2.projectPoints(trial.points_model, turn, shift, MICROSCOPE.k, np.zeros(4))
-        reference = ((shown[:, 0] - trial.pixels) ** 2).sum()
-        assert (estimate.residuals_px**2).sum() <= reference * (1 + 1e-6)
-        assert estimate.rms_px == pytest.approx(np.sqrt((estimate.residuals_px**2).sum() / count))
-
-
 # --- wrong pairs -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("count", "wrong", "shift_px"), [(6, 1, 60), (8, 2, 60), (12, 4, 60), (20, 8, 150)])
 def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
     rng = np.random.default_rng(count)
-    exact, trials = 0, 15
+    exact, trials = 0, 8
     for _ in range(trials):
         trial = box_trial(rng, count, 2.0)
         bad = rng.choice(count, wrong, replace=False)
@@ -166,7 +149,7 @@ def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
 def test_right_pairs_are_kept():
     rng = np.random.default_rng(3)
     for count, sigma_px in ((5, 2.0), (6, 2.0), (8, 3.0), (12, 2.0), (20, 4.0)):
-        for _ in range(12):
+        for _ in range(4):
             trial = box_trial(rng, count, sigma_px)
             assert solve_pose(trial.points_model, trial.pixels, MICROSCOPE).inliers.all()
 
@@ -238,7 +221,7 @@ def test_nearly_collinear_points_are_recognised_by_the_click_noise():
     assert solve_pose(points, exact, MICROSCOPE, click_sigma_px=0.01).inliers.all()
 
 
-@settings(max_examples=25)
+@settings(max_examples=20)
 # a covariance that is singular in double precision
 @example(7, 7, 60.0, 1e-2, "line", 50.0)
 @given(
@@ -288,7 +271,7 @@ def test_any_pairs_are_solved_or_refused(seed, count, focal_px, extent, kind, si
 @pytest.mark.parametrize(("count", "rotation_deg", "mesh_px"), [(4, 0.60, 3.2), (10, 0.26, 1.5)])
 def test_noisy_clicks_give_the_accuracy_that_they_can(count, rotation_deg, mesh_px):
     """A short run of `benchmark.py landmarks`; the slack is that of a median over so few trials."""
-    rng, trials = np.random.default_rng(count), 120
+    rng, trials = np.random.default_rng(count), 50
     ours, peers = run_trials(lambda: box_trial(rng, count, 2.0), trials)
     slack = 1 + 2.5 / np.sqrt(trials)
     for accepted in (True, False):

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
-from oneframe.cluster.sources import open_source
+from oneframe.cluster.scheduler import open_scheduler
 from oneframe.errors import InputError, RunError
 from tests.cluster.strangers import check_closed, listeners
 from tests.cluster.test_cluster_render import render_processes, wait_until
@@ -36,15 +36,15 @@ def test_a_stranger_on_this_machine_stays_outside(tmp_path, write_tiny_case, ren
 
 @pytest.mark.parametrize("where", ["tcp://192.0.2.99:8786", "192.0.2.99:8786", "ws://[2001:db8::9]:8786"])
 def test_a_scheduler_elsewhere_that_lets_everybody_in_is_refused(where, monkeypatch):
-    monkeypatch.setattr("oneframe.cluster.sources.CONNECT_SECONDS", 0.1)
-    with pytest.raises(InputError, match=r"expected tls:// .*docs/cluster\.md.*--insecure"), open_source(where):
+    monkeypatch.setattr("oneframe.cluster.scheduler.CONNECT_SECONDS", 0.1)
+    with pytest.raises(InputError, match=r"expected tls:// .*docs/cluster\.md.*--insecure"), open_scheduler(where):
         pass
-    with pytest.raises(RunError, match="found none"), open_source(where, insecure=True):
+    with pytest.raises(RunError, match="found none"), open_scheduler(where, insecure=True):
         pass
 
 
 @pytest.mark.parametrize("where", ["tcp://localhost:9", "[::1]:9", "tls://192.0.2.99:9"])
 def test_one_here_or_with_certificates_is_asked(where, monkeypatch):
-    monkeypatch.setattr("oneframe.cluster.sources.CONNECT_SECONDS", 0.1)
-    with pytest.raises(RunError, match="found none"), open_source(where):
+    monkeypatch.setattr("oneframe.cluster.scheduler.CONNECT_SECONDS", 0.1)
+    with pytest.raises(RunError, match="found none"), open_scheduler(where):
         pass

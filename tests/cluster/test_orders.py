@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from oneframe.cluster import orders
 from oneframe.cluster.on_worker import LostError, OnWorker
 from oneframe.cluster.orders import MOST_ITEMS, ORDER_SECONDS, Orders, order_size
-from oneframe.cluster.sources import WorkerSource
+from oneframe.cluster.scheduler import Scheduler
 from oneframe.errors import InputError, RunError
 from oneframe.progress import Progress
 from tests.waiting import wait_until
@@ -79,9 +79,9 @@ class Run:
 
     def __init__(self, cluster: LocalCluster, plugin: OnWorker | None = None) -> None:
         self.client, self.text = Client(cluster, set_as_default=False), StringIO()
-        source = WorkerSource(self.client, cluster.scheduler_address, "", "start one")
+        scheduler = Scheduler(self.client, cluster.scheduler_address, "", "start one")
         progress = Progress(len(ITEMS), "views", stream=self.text)
-        self.orders = Orders(source, plugin or StandIn("0" * 16, ""), ITEMS, progress)
+        self.orders = Orders(scheduler, plugin or StandIn("0" * 16, ""), ITEMS, progress)
 
     @property
     def notes(self) -> list[str]:

@@ -190,7 +190,7 @@ def test_no_seam_along_a_crease_between_separate_charts(slope):
 
 
 def test_floor_that_passes_under_the_camera():
-    """Corners behind the camera have no projection: the chart is the unfolded face, and a message says so."""
+    """Corners behind the camera have no projection: the chart is the unfolded face."""
     rng = np.random.default_rng(8)
     vertices = np.array([[-900.0, 120, -600], [900, 120, -600], [900, 120, 900], [-900, 120, 900]])
     mesh = TriangleMesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
@@ -199,8 +199,6 @@ def test_floor_that_passes_under_the_camera():
     image = np.concatenate([u, 1 - u, 0.5 * u], axis=-1).astype(np.float32)  # smooth: survives coarse texels
     atlas, seen = bake(mesh, image, facing_rule(camera, CAM_FROM_MODEL), camera)
     assert (seen == 1).all()
-    assert atlas.coarse_charts == 2
-    assert "subdivide" in atlas.messages()[1]
     points = SurfacePoints(mesh, 30000, rng)
     colour, flag = points.look_up(atlas)
     expected, inside = points.sampled_directly(image, camera, CAM_FROM_MODEL)

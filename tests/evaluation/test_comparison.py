@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import oneframe.blender  # noqa: F401  # reads JPEG
 from oneframe.case.case_file import read_case
 from oneframe.case.frame import UnreadFrame, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase, load_case

@@ -13,8 +13,7 @@ from oneframe.blender.render.engines import RENDERERS
 from oneframe.blender.sample.sample_case import write_sample_case
 from oneframe.evaluation import evaluate, evaluation_files
 from oneframe.evaluation.conditions import Conditions
-from oneframe.evaluation.evaluation_files import write_evaluation
-from oneframe.evaluation.evaluation_run import evaluation_run
+from oneframe.evaluation.evaluation_files import evaluation_run, write_evaluation
 from oneframe.evaluation.finished_scores import FINISHED
 from oneframe.evaluation.methods import chosen_methods
 from oneframe.evaluation.record.evaluation_record import read_evaluation
@@ -122,7 +121,7 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch,
 
     def run(out: Path, until: float = 2.0, seed: int = 0) -> int:
         scored.clear()
-        prepared, inputs = evaluation_run(pairs, out, chosen_methods(methods, RENDERERS), seed=seed, pictures=1)
+        prepared = evaluation_run(pairs, out, chosen_methods(methods, RENDERERS), seed=seed, pictures=1)
         prepared = replace(prepared, settings=replace(prepared.settings, inception=lambda _: None, pose_error_px=1.0))
         monkeypatch.setattr(evaluation_files, "_conditions", lambda run: Conditions("", {}, {"seed": seed}))
 
@@ -130,7 +129,7 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch,
             if done > until:
                 raise Killed
 
-        write_evaluation(prepared, inputs, reach)
+        write_evaluation(prepared, reach)
         return len(scored)
 
     def results(out: Path) -> dict[str, bytes]:

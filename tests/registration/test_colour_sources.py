@@ -57,8 +57,8 @@ SPOILT = {
 }
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_spoilt_frames_are_not_taken_and_the_others_bring_the_surface_nearer(source, seed):
+@pytest.mark.parametrize("seed", range(2))
+def test_spoilt_frames_are_not_taken_and_others_bring_gain(source, seed):
     rng = np.random.default_rng(seed)
     clear = [candidate(number, *rng.uniform((-15, -40), (15, 40))) for number in range(4)]
     # in another light, which is matched

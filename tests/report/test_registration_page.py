@@ -7,7 +7,7 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.source_view import SourceView
 from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.registration.evidence import FrameEvidence, RegistrationEvidence
+from oneframe.registration.report import FrameEvidence, RegistrationEvidence
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from oneframe.report.registration_page import registration_page
 from oneframe.transforms import rigid, rotation_from_vector

@@ -71,7 +71,7 @@ class UndeterminedPose(InputError):
 
     @property
     def probabilities(self) -> tuple[float, ...]:
-        """Of the candidates, where several fit; otherwise empty."""
+        """The probabilities of the candidates, where several fit; otherwise empty."""
         return tuple(mode.probability for mode in self.modes) if len(self.modes) > 1 else ()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
 from ...transforms import transform_points
-from ..confidence_region import ellipse_outlines
+from ..pose_uncertainty import ellipse_outlines
 from .align_landmarks import Alignment, landmark_arrays
 
 MAGNIFIED = 10.0

@@ -65,7 +65,7 @@ class PoseEstimate:
     rms_px
         Root mean square length of the inliers' residuals.
     uncertainty
-        Of this pose.
+        That of this pose.
     messages
         Warnings for the user, full sentences.
     """

@@ -58,7 +58,7 @@ def pull_pins(
     held
         The pin in the hand: where pins contradict each other, it wins, and it is always where it is wanted.
     radius_mm
-        Of a ball about the pivot that holds the surface.
+        Radius of a ball about the pivot that holds the surface.
 
     Returns
     -------

@@ -1,5 +1,4 @@
-"""One posterior of the frame's pose: landmarks, image and priors are evidence in one solve.
+"""One posterior of the frame's pose: landmarks and image are evidence in one solve.
 
-:mod:`.evidence` is what they are, :mod:`.solve` the pose from all of them, :mod:`.next_click` where the next landmark
-gains most.
+:mod:`.solve` is the pose from both, :mod:`.next_click` where the next landmark gains most.
 """

@@ -10,8 +10,8 @@ from ...camera.pinhole import PinholeCamera
 from ...transforms import transform_points
 from ..landmarks.align_landmarks import LANDMARKS, Alignment
 from ..landmarks.report import alignment_record, pairs_record
-from ..pose_uncertainty import PoseUncertainty
-from .evidence import IMAGE, PoseEvidence
+from ..pose_uncertainty import PoseEvidence, PoseUncertainty
+from .solve import IMAGE
 
 _OF_THE_POSE = ("image", "checked", "pairs", "rms_px", "click_sigma_px")
 """Keys of a record that hold for its pose, and for none that landmarks and image give later."""
@@ -31,7 +31,7 @@ def joined_record(
     tool, date
         Program and version; day in ISO 8601.
     """
-    if image.kind not in found.kinds:
+    if IMAGE not in found.kinds:
         return alignment_record(found, tool, date)
     if LANDMARKS not in found.kinds:
         return dict(refinement)
@@ -79,4 +79,4 @@ def image_evidence_of(
     )
     own = {key: value for key, value in record.items() if key not in _OF_THE_POSE}
     own |= {"evidence": IMAGE, "error_px": table["error_px"], **uncertainty.record()}
-    return PoseEvidence(IMAGE, pose, uncertainty), own
+    return PoseEvidence(pose, uncertainty), own

@@ -1,8 +1,8 @@
-"""The pose from landmarks and all other evidence, in one solve. Needs ``cv2``.
+"""The pose from landmarks and image, in one solve. Needs ``cv2``.
 
-Where the landmarks alone allow several poses, each is weighed with the other evidence. That may be wrong altogether, as
-a search may have ended at another place: then the pose of the landmarks alone is the more probable one, and the other
-evidence is left out, like an outlier among the landmarks.
+Where the landmarks alone allow several poses, each is weighed with what the image says. That may be wrong altogether,
+as a search may have ended at another place: then the pose of the landmarks alone is the more probable one, and the
+image is left out, like an outlier among the landmarks.
 """
 
 import math
@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtrc
 
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
 from ...files.numbers import format_two_digits
 from ...transforms import transform_points
-from ..confidence_region import f_survival
 from ..landmarks.align_landmarks import LANDMARKS, Alignment, align_landmarks, complete_landmarks, landmark_arrays
 from ..landmarks.covariance import REGION_PRIOR_DOF, SELECTION_PRIOR_DOF, NoiseEstimate
 from ..landmarks.degeneracy import UndeterminedPose
@@ -23,22 +23,24 @@ from ..landmarks.hypotheses import NOISE_PRIOR_DOF
 from ..landmarks.outliers import FALSE_ALARM_PROBABILITY
 from ..landmarks.solver import RIVAL_ODDS, PoseEstimate, outlier_messages
 from ..levenberg_marquardt import PosePrior, fit_poses
-from ..pose_uncertainty import PoseMode, PoseUncertainty
+from ..pose_uncertainty import PoseEvidence, PoseMode, PoseUncertainty
 from ..reprojection import Correspondences, Poses, jacobian_at, twist_between
-from .evidence import PoseEvidence, fused, joint_dof
+
+IMAGE = "image"
+"""The kind of evidence besides landmarks."""
 
 WRONG_PROBABILITY, WRONG_DEG, WRONG_RELATIVE_DEPTH = 0.05, 5.0, 0.03
-"""Probability that the other evidence is wrong, and how much farther off it is then: standard deviations of rotations,
+"""Probability that the image's pose is wrong, and how much farther off it is then: standard deviations of rotations,
 of shifts across the view by as much of the surface's radius, and of the distance. Of 19 refinements accepted on LM-O,
 two were wrong."""
 
 NOISE_ROUNDS = 4
-"""Of estimating the click noise and the pose in turn."""
+"""Rounds of estimating the click noise and the pose in turn."""
 
 
 @dataclass(frozen=True)
 class _Weighed:
-    """A mode, the logarithm of its weight, and whether it leaves the other evidence out."""
+    """A mode, the logarithm of its weight, and whether it leaves the image out."""
 
     mode: PoseMode
     log_weight: float
@@ -48,12 +50,12 @@ class _Weighed:
 def pose_posterior(
     landmarks: Sequence[Landmark],
     camera: PinholeCamera,
-    evidence: Sequence[PoseEvidence] = (),
+    image: PoseEvidence | None = None,
     *,
     click_sigma_px: float,
     start: np.ndarray | None = None,
 ) -> Alignment:
-    """The pose from landmarks and other evidence.
+    """The pose from landmarks and image.
 
     Parameters
     ----------
@@ -61,9 +63,8 @@ def pose_posterior(
         Any number, in one frame of the surface; those that are disabled or incomplete take no part.
     camera
         Intrinsics of the undistorted frame.
-    evidence
-        All other evidence, the most certain first. Together it determines the pose; without any, the pose is that of
-        :func:`.align_landmarks`.
+    image
+        What the image says of the pose, which it determines; without, the pose is that of :func:`.align_landmarks`.
     click_sigma_px
         Standard deviation of a click, in each image direction.
     start
@@ -76,17 +77,16 @@ def pose_posterior(
     InputError
         Numbers that are not finite, a click noise that is not positive.
     """
-    if not evidence:
+    if image is None:
         return align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px, start=start)
-    used, given = complete_landmarks(landmarks), fused(evidence)
+    used = complete_landmarks(landmarks)
     names = [landmark.name for landmark in used.values()]
-    pairs = Correspondences.about(*landmark_arrays(tuple(used.values())), camera, given.uncertainty.pivot_model)
-    others = " and ".join(each.kind for each in evidence)
+    pairs = Correspondences.about(*landmark_arrays(tuple(used.values())), camera, image.uncertainty.pivot_model)
     modes, messages = _landmark_modes(landmarks, camera, click_sigma_px)
     if modes:
-        possible = _weighed(modes, pairs, given, click_sigma_px)
+        possible = _weighed(modes, pairs, image, click_sigma_px)
     else:
-        joint = _joined(pairs, given, given.cam_from_model, _explained(pairs, given, click_sigma_px), click_sigma_px)
+        joint = _joined(pairs, image, image.cam_from_model, _explained(pairs, image, click_sigma_px), click_sigma_px)
         possible = [_Weighed(joint, 0.0, is_alone=False)]
     if len(possible) > 1:
         weights = np.exp([each.log_weight - possible[0].log_weight for each in possible])
@@ -94,23 +94,23 @@ def pose_posterior(
         found = [replace(each.mode, probability=share) for each, share in zip(possible, shares, strict=True)]
         raise UndeterminedPose(
             "ambiguous",
-            f"landmarks and {others}: {len(found)} poses fit nearly equally well; add a pair where they lie farthest "
+            f"landmarks and image: {len(found)} poses fit nearly equally well; add a pair where they lie farthest "
             "apart, or switch off what is wrong",
             [mode.cam_from_model for mode in found],
             found,
         )
-    mode = possible[0].mode
+    mode, is_alone = possible[0].mode, possible[0].is_alone
+    kinds = tuple(kind for kind, counts in ((LANDMARKS, mode.inliers.any()), (IMAGE, not is_alone)) if counts)
     residuals_px = _residuals_px(pairs, mode.cam_from_model)
-    if possible[0].is_alone:
-        shown = transform_points(given.cam_from_model, pairs.offsets + pairs.pivot_model)
+    if is_alone:
+        shown = transform_points(image.cam_from_model, pairs.offsets + pairs.pivot_model)
         apart_px = np.linalg.norm(pairs.pixels - residuals_px - camera.project(shown), axis=1)
         left_out = (
-            f"The {others} is left out: its pose lies {format_two_digits(float(np.median(apart_px)))} px from that of "
+            f"The image is left out: its pose lies {format_two_digits(float(np.median(apart_px)))} px from that of "
             "the landmarks, more than the errors of both allow. Check the landmarks, or refine again from their pose."
         )
-        messages, kinds = (left_out, *messages), (LANDMARKS,)
+        messages = left_out, *messages
     else:
-        kinds = (*((LANDMARKS,) if mode.inliers.any() else ()), *(each.kind for each in evidence))
         messages = tuple(outlier_messages(residuals_px, mode.inliers, names))
     squared_px = (residuals_px[mode.inliers] ** 2).sum(axis=1)
     rms_px = float(np.sqrt(squared_px.mean())) if len(squared_px) else 0.0
@@ -134,21 +134,21 @@ def _landmark_modes(
 
 
 def _weighed(
-    modes: Sequence[PoseMode], pairs: Correspondences, given: PoseEvidence, click_sigma_px: float
+    modes: Sequence[PoseMode], pairs: Correspondences, image: PoseEvidence, click_sigma_px: float
 ) -> list[_Weighed]:
-    """The poses that landmarks and other evidence allow, the most probable first, and none twice."""
+    """The poses that landmarks and image allow, the most probable first, and none twice."""
     trials = []
     for mode in modes:
-        pivot = given.uncertainty.pivot_model
+        pivot = image.uncertainty.pivot_model
         spread = mode.uncertainty.about(pivot, mode.cam_from_model)
-        apart = twist_between(given.cam_from_model, mode.cam_from_model, pivot)
-        right = spread.covariance + given.uncertainty.covariance
-        wrong = right + np.diag(_wrong_deviations(given.uncertainty) ** 2)
+        apart = twist_between(image.cam_from_model, mode.cam_from_model, pivot)
+        right = spread.covariance + image.uncertainty.covariance
+        wrong = right + np.diag(_wrong_deviations(image.uncertainty) ** 2)
         shares = np.linalg.eigvals(np.linalg.solve(right, spread.covariance)).real
-        dof = joint_dof(np.stack([shares, 1 - shares]), [spread.dof, given.uncertainty.dof])
+        dof = joint_dof(np.stack([shares, 1 - shares]), [spread.dof, image.uncertainty.dof])
         log_right = _log_density(apart, right, dof)
         log_wrong = _log_density(apart, wrong, np.inf)
-        joint = _joined(pairs, given, mode.cam_from_model, mode.inliers, click_sigma_px)
+        joint = _joined(pairs, image, mode.cam_from_model, mode.inliers, click_sigma_px)
         log_share = math.log(max(mode.probability, 1e-300))
         trials += [
             _Weighed(joint, log_share + math.log(1 - WRONG_PROBABILITY) + log_right, is_alone=False),
@@ -165,7 +165,7 @@ def _weighed(
 
 
 def _wrong_deviations(uncertainty: PoseUncertainty) -> np.ndarray:
-    """``(6,)`` standard deviations of evidence that is wrong."""
+    """``(6,)`` standard deviations of an image's pose that is wrong."""
     angle = math.radians(WRONG_DEG)
     across, depth = angle * uncertainty.radius_mm, WRONG_RELATIVE_DEPTH * float(np.linalg.norm(uncertainty.pivot_cam))
     return np.array([across, across, depth, angle, angle, angle])
@@ -184,30 +184,30 @@ def _log_density(apart: np.ndarray, covariance: np.ndarray, dof: float) -> float
     return constant - half_log_det - (half + 3) * math.log1p(squared / dof)
 
 
-def _explained(pairs: Correspondences, given: PoseEvidence, click_sigma_px: float) -> np.ndarray:
-    """``(N,)`` bool: which of some correspondences the other evidence does not contradict."""
+def _explained(pairs: Correspondences, image: PoseEvidence, click_sigma_px: float) -> np.ndarray:
+    """``(N,)`` bool: which of some correspondences the image does not contradict."""
     points = pairs.offsets + pairs.pivot_model
-    spreads = given.uncertainty.pixel_covariances(points, pairs.camera, given.cam_from_model)
-    apart = np.nan_to_num(_residuals_px(pairs, given.cam_from_model), nan=np.inf)
+    spreads = image.uncertainty.pixel_covariances(points, pairs.camera, image.cam_from_model)
+    apart = np.nan_to_num(_residuals_px(pairs, image.cam_from_model), nan=np.inf)
     spreads = spreads + click_sigma_px**2 * np.eye(2)
     squared = np.einsum("ni,ni->n", apart, np.linalg.solve(spreads, apart[..., None])[..., 0])
     least = FALSE_ALARM_PROBABILITY / max(len(pairs), 1)
-    return np.array([f_survival(value / 2, 2, NOISE_PRIOR_DOF) >= least for value in squared], bool)
+    return fdtrc(2, NOISE_PRIOR_DOF, squared / 2) >= least
 
 
 def _joined(
-    pairs: Correspondences, given: PoseEvidence, start: np.ndarray, inliers: np.ndarray, click_sigma_px: float
+    pairs: Correspondences, image: PoseEvidence, start: np.ndarray, inliers: np.ndarray, click_sigma_px: float
 ) -> PoseMode:
-    """The pose from some of the correspondences and the other evidence, from a start ``(4, 4)``.
+    """The pose from some of the correspondences and the image, from a start ``(4, 4)``.
 
     The noise of both is estimated from how far they lie from the joint pose, together with what is stated of it. Of the
     six degrees of freedom of the pose, each has determined its share, and keeps the rest for its noise.
     """
     if not inliers.any():
-        return PoseMode(given.cam_from_model, given.uncertainty, 1.0, inliers)
-    chosen, pivot, stated = pairs[inliers], pairs.pivot_model, given.uncertainty
+        return PoseMode(image.cam_from_model, image.uncertainty, 1.0, inliers)
+    chosen, pivot, stated = pairs[inliers], pairs.pivot_model, image.uncertainty
     points, precision = chosen.offsets + pivot, np.linalg.inv(stated.covariance)
-    root, mean, pose = np.linalg.cholesky(precision).T, Poses.of(given.cam_from_model[None], pivot), start
+    root, mean, pose = np.linalg.cholesky(precision).T, Poses.of(image.cam_from_model[None], pivot), start
     noise, scale = NoiseEstimate(click_sigma_px**2, 0, SELECTION_PRIOR_DOF), 1.0
     for _ in range(NOISE_ROUNDS):
         prior = PosePrior(mean, noise.sigma_px / math.sqrt(scale) * root)
@@ -220,14 +220,57 @@ def _joined(
         squared_px = float((_residuals_px(chosen, pose) ** 2).sum())
         noise = NoiseEstimate.of(squared_px, 2 * len(chosen) - 6 * share, click_sigma_px, SELECTION_PRIOR_DOF)
         if math.isfinite(stated.dof):
-            apart = twist_between(given.cam_from_model, pose, pivot)
+            apart = twist_between(image.cam_from_model, pose, pivot)
             scale = (stated.dof + float(apart @ precision @ apart)) / (stated.dof + 6 * share)
     # the region allows for a stated noise that is wrong
     noise = NoiseEstimate.of(squared_px, 2 * len(chosen) - 6 * share, click_sigma_px, REGION_PRIOR_DOF)
     covariance = np.linalg.inv(normal / noise.variance + precision / scale)
     shares = np.linalg.eigvals(covariance @ normal).real / noise.variance
-    # where the other evidence decides alone, nothing was learned of its noise
+    # where the image decides alone, nothing was learned of its noise
     dof = joint_dof(np.stack([shares, 1 - shares]), [noise.region_dof, stated.dof])
     pivot_cam = transform_points(pose, pivot)
     uncertainty = replace(stated, covariance=covariance, dof=dof, sigma_px=noise.sigma_px, pivot_cam=pivot_cam)
     return PoseMode(pose, uncertainty, 1.0, inliers)
+
+
+def joint_dof(shares: np.ndarray, dofs: Sequence[float]) -> float:
+    """Degrees of freedom of a sum of covariances, each estimated with its own: Welch and Satterthwaite's.
+
+    Parameters
+    ----------
+    shares
+        ``(K, D)`` fractions of the sum, 0..1, in each of D directions; the inverses of theirs are averaged.
+    dofs
+        ``(K,)`` of each.
+    """
+    total = float((shares**2 / np.array(dofs)[:, None]).sum(axis=0).mean())
+    return 1 / total if total > 0 else np.inf
+
+
+def pulls_px(found: Alignment, image: PoseEvidence | None, points_model: np.ndarray) -> dict[str, float | None]:
+    """Kind of evidence -> median shift of surface points in the image when this kind is left out.
+
+    ``None`` where the rest determines no pose.
+
+    Parameters
+    ----------
+    found
+        The pose from all evidence.
+    image
+        What the image says of it.
+    points_model
+        ``(N, 3)`` points of the visible surface, mm.
+    """
+    shown = found.camera.project(transform_points(found.estimate.cam_from_model, points_model))
+    pulls: dict[str, float | None] = {}
+    for kind, landmarks, rest in ((LANDMARKS, (), image), (IMAGE, found.landmarks, None)):
+        if not (found.landmarks if kind == LANDMARKS else image):
+            continue
+        try:
+            pose = pose_posterior(landmarks, found.camera, rest, click_sigma_px=found.click_sigma_px)
+        except UndeterminedPose:
+            pulls[kind] = None
+            continue
+        moved = found.camera.project(transform_points(pose.estimate.cam_from_model, points_model)) - shown
+        pulls[kind] = float(np.nanmedian(np.linalg.norm(moved, axis=1)))
+    return pulls

@@ -37,7 +37,7 @@ APART_DEG, APART_SHARE = 12.0, 0.1
 """Two poses are distinct if they differ by this rotation, or by this share of the distance or of the image's side."""
 
 SEARCH_SHARE, REFINED_SHARES = 0.45, (0.4, 0.15)
-"""Of the time, about."""
+"""Shares of the time, about."""
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,11 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...light.local_mean import without_local_mean
 from ...transforms import rigid, rotation_between, rotation_from_vector
 from ..refinement.image_pyramid import reduced_image
-from ..refinement.shading_features import Surface, appearance, without_local_mean
+from ..refinement.masked_correlation import Spectra, correlated, spectrum
+from ..refinement.shading_features import Surface, appearance
 
 DIRECTIONS = 150
 """View directions, about 17° apart."""
@@ -47,12 +49,11 @@ class Found(NamedTuple):
 
 
 class _TurnedImage(NamedTuple):
-    """The image at a roll on a square canvas: packed Fourier transforms ``(P, P)``, and the warp ``(2, 3)`` to it."""
+    """The image at a roll on a square canvas of ``size`` px: its transforms, and the warp ``(2, 3)`` to it."""
 
-    mask: np.ndarray
-    values: np.ndarray
-    squares: np.ndarray
+    spectra: Spectra
     canvas_from_image: np.ndarray
+    size: int
 
 
 def search_everywhere(
@@ -89,10 +90,10 @@ def search_everywhere(
         peaks = []
         for span, images in zip(SPANS, turned, strict=True):
             region, planes = _template(*rendered, span)
-            transforms = [_transform(plane, len(images[0].mask)) for plane in (region, *planes)]
+            transforms = [spectrum(plane, (images[0].size,) * 2) for plane in (region, *planes)]
             shown_px = float(region.sum())
             for turned_image in images:
-                scores = _scores(transforms, turned_image, shown_px, MIN_OVERLAP * min(shown_px, image_px))
+                scores = _scores(transforms, turned_image.spectra, shown_px, MIN_OVERLAP * min(shown_px, image_px))
                 _, score, _, place = cv2.minMaxLoc(scores)
                 peaks.append((score, span, turned_image, place))
         peaks.sort(key=lambda peak: -peak[0])
@@ -170,29 +171,19 @@ def _turned_images(grey: np.ndarray, valid: np.ndarray, diameter_px: float) -> l
         warp[:, 2] = warp[:, 2] + (size - 1) / 2 - np.array([width - 1, height - 1]) / 2
         mask = cv2.warpAffine(valid.astype(np.float32), warp, (size, size))
         values = cv2.warpAffine(detail, warp, (size, size))
-        turned.append(_TurnedImage(_transform(mask, size), _transform(values, size), _transform(values**2, size), warp))
+        turned.append(_TurnedImage(Spectra.of(mask, [values], (size, size)), warp, size))
     return turned
 
 
-def _transform(plane: np.ndarray, size: int) -> np.ndarray:
-    """The packed Fourier transform of a plane in the corner of a square canvas."""
-    canvas = np.zeros((size, size), np.float32)
-    canvas[: plane.shape[0], : plane.shape[1]] = plane
-    return cv2.dft(canvas)
-
-
-def _scores(transforms: list[np.ndarray], image: _TurnedImage, whole_px: float, least_px: float) -> np.ndarray:
+def _scores(transforms: list[np.ndarray], image: Spectra, whole_px: float, least_px: float) -> np.ndarray:
     """``(P, P)`` log-likelihood ratios by shift (y, x), cyclic, of the template from the canvas's corner.
 
     The features count as orthonormal on the part of the template in the image, too.
     """
 
-    def correlated(template: np.ndarray, plane: np.ndarray) -> np.ndarray:
-        return cv2.idft(cv2.mulSpectrums(plane, template, 0, conjB=True), flags=cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
-
-    shown = correlated(transforms[0], image.mask)
-    variation = correlated(transforms[0], image.squares)
-    explained = sum(correlated(each, image.values) ** 2 for each in transforms[1:])
+    shown = correlated(image.region, transforms[0])
+    variation = correlated(image.products[0, 0], transforms[0])
+    explained = sum(correlated(image.planes[0], each) ** 2 for each in transforms[1:])
     enough = shown >= least_px
     shown = np.maximum(shown, 1.0)
     share = explained * whole_px / shown / np.maximum(variation, 1e-9)
@@ -208,7 +199,7 @@ def _pose(
     place: Sequence[int],
 ) -> np.ndarray:
     """The pose of a peak, whose place is (x, y)."""
-    size, canvas = _template_px(span), len(image.mask)
+    size, canvas = _template_px(span), image.size
     x, y = (value - canvas if value > canvas - size // 2 else value for value in place)
     warp = image.canvas_from_image
     pixel = np.linalg.solve(warp[:, :2], np.array([x, y]) + (size - 1) / 2 - warp[:, 2])

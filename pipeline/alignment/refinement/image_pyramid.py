@@ -70,7 +70,7 @@ def pyramid(
     image, valid
         ``(H, W, C)`` the part of the image around the surface, and ``(H, W)`` bool: pixels that may be used.
     camera, surface
-        Of this part, and at full resolution.
+        Those of this part, at full resolution.
     sides
         Increasing. Levels are never upsampled: those finer than the image are replaced by one at its resolution.
     depth_mm

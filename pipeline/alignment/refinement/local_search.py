@@ -13,10 +13,11 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...light.local_mean import image_without_local_mean
 from ...transforms import rigid, se3_exp, transform_points
 from .canonical_correlation import CanonicalCorrelation, best_mixture
 from .image_pyramid import PyramidLevel
-from .shading_features import Appearance, appearance, image_without_local_mean
+from .shading_features import Appearance, appearance
 
 MAX_POINTS = 16000
 """Most points used on a level (cv2.remap takes 32767)."""

@@ -1,9 +1,8 @@
 """Pose search around a rough pose: renderings at several tilts, correlated with the image over all shifts at once.
 
 Only tilts need renderings. A shift in the image is, to first order, a rotation of the camera about its centre, which
-leaves the rendering unchanged. Rolls and changes of distance are warps of the image. For each tilt and warp, Fourier
-transforms give the correlation of features and channels at all shifts, each over its own overlap of valid pixels
-(Padfield, "Masked object registration in the Fourier domain", 2012).
+leaves the rendering unchanged. Rolls and changes of distance are warps of the image. For each tilt and warp,
+:mod:`.masked_correlation` gives the correlation of features and channels at all shifts.
 """
 
 from collections.abc import Callable
@@ -13,10 +12,11 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...light.local_mean import without_local_mean
 from ...transforms import rigid, rotation_between, rotation_from_vector, turned_about
-from .canonical_correlation import summed_correlation
 from .image_pyramid import PyramidLevel
-from .shading_features import Appearance, appearance, without_local_mean
+from .masked_correlation import Spectra, correlation_scores
+from .shading_features import Appearance, appearance
 
 MIN_OVERLAP = 0.6
 """Fraction of the surface, or of the image if that is smaller, that a candidate must overlap."""
@@ -45,22 +45,12 @@ class Candidate(NamedTuple):
 
 
 class _WarpedImage(NamedTuple):
-    """The image rotated and scaled: its Fourier transforms, the affine warp, its scale and its area in px."""
+    """The image rotated and scaled: its transforms, the affine warp ``(2, 3)``, its scale and its area in px."""
 
-    mask: np.ndarray
-    channels: list[np.ndarray]
-    products: dict[tuple[int, int], np.ndarray]
+    spectra: Spectra
     canvas_from_image: np.ndarray
     scale: float
     area: float
-
-
-class _Transforms(NamedTuple):
-    """Fourier transforms of a rendering: of its region, its features, and their products."""
-
-    region: np.ndarray
-    features: list[np.ndarray]
-    products: dict[tuple[int, int], np.ndarray]
 
 
 def search_poses(
@@ -90,10 +80,10 @@ def search_poses(
         seen = appearance(level.surface, canvas, tilted, window_px=level.window_px, brief=True)
         if seen is None:
             continue
-        transforms = _transforms(seen, shape)
+        features = _spectra(seen, shape)
         area = float(np.count_nonzero(seen.region))
         for warped in warped_images:
-            scores = _scores(transforms, warped, reach, shape, MIN_OVERLAP * min(area, warped.area))
+            scores = correlation_scores(features, warped.spectra, reach, MIN_OVERLAP * min(area, warped.area))
             for score, shift in _peaks(scores, reach):
                 found.append((score, shift, warped, tilted))
     found.sort(key=lambda entry: -entry[0])
@@ -116,7 +106,7 @@ def second_peak_ratio(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
         return np.inf
     warped = _warped_image(level, 0.0, 1.0, reach, shape)
     least_area = MIN_OVERLAP * min(float(np.count_nonzero(seen.region)), warped.area)
-    scores = _scores(_transforms(seen, shape), warped, reach, shape, least_area)
+    scores = correlation_scores(_spectra(seen, shape), warped.spectra, reach, least_area)
     shift_px = np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1])
     here = scores[shift_px <= 2].max()
     elsewhere = scores[shift_px > max(2 * level.window_px, 4)].max(initial=0.0)
@@ -140,55 +130,12 @@ def _warped_image(
     image = without_local_mean(level.image, level.valid, level.window_px)
     mask = cv2.warpAffine(level.valid.astype(np.float32), canvas_from_image, size)
     rotated = cv2.warpAffine(image, canvas_from_image, size).reshape(*mask.shape, -1)
-    planes = np.moveaxis(rotated, 2, 0)
-    pairs = [(c, d) for c in range(len(planes)) for d in range(c, len(planes))]
-    return _WarpedImage(
-        mask=np.conj(np.fft.rfft2(mask, shape)),
-        channels=[np.conj(np.fft.rfft2(plane, shape)) for plane in planes],
-        products={(c, d): np.conj(np.fft.rfft2(planes[c] * planes[d], shape)) for c, d in pairs},
-        canvas_from_image=canvas_from_image,
-        scale=scale,
-        area=float(mask.sum()),
-    )
+    spectra = Spectra.of(mask, np.moveaxis(rotated, 2, 0), shape)
+    return _WarpedImage(spectra, canvas_from_image, scale, float(mask.sum()))
 
 
-def _transforms(seen: Appearance, shape: tuple[int, int]) -> _Transforms:
-    planes = np.moveaxis(seen.features, 2, 0)
-    pairs = [(k, m) for k in range(len(planes)) for m in range(k, len(planes))]
-    return _Transforms(
-        np.fft.rfft2(seen.region.astype(np.float32), shape),
-        [np.fft.rfft2(plane, shape) for plane in planes],
-        {(k, m): np.fft.rfft2(planes[k] * planes[m], shape) for k, m in pairs},
-    )
-
-
-def _scores(
-    transforms: _Transforms, warped: _WarpedImage, reach: int, shape: tuple[int, int], least_area: float
-) -> np.ndarray:
-    """``(2 reach + 1, 2 reach + 1)`` scores by shift (y, x) of the canvas against the image, from -reach."""
-    region, features, products = transforms
-    rows, columns = (np.r_[size - reach : size, 0 : reach + 1] for size in shape)
-
-    def correlated(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.fft.irfft2(a * b, shape)[rows][:, columns]
-
-    area = correlated(region, warped.mask)
-    count = np.maximum(area, 1.0)
-    mean_p = np.stack([correlated(feature, warped.mask) for feature in features], axis=-1) / count[..., None]
-    mean_y = np.stack([correlated(region, channel) for channel in warped.channels], axis=-1) / count[..., None]
-    within_p = np.empty((*area.shape, len(features), len(features)))
-    for (k, m), product in products.items():
-        within_p[..., k, m] = within_p[..., m, k] = correlated(product, warped.mask) / count
-    within_y = np.empty((*area.shape, len(warped.channels), len(warped.channels)))
-    for (c, d), product in warped.products.items():
-        within_y[..., c, d] = within_y[..., d, c] = correlated(region, product) / count
-    between = np.stack(
-        [np.stack([correlated(feature, channel) for channel in warped.channels], -1) for feature in features], axis=-2
-    )
-    within_p -= mean_p[..., :, None] * mean_p[..., None, :]
-    within_y -= mean_y[..., :, None] * mean_y[..., None, :]
-    between = between / count[..., None, None] - mean_p[..., :, None] * mean_y[..., None, :]
-    return np.where(area >= least_area, summed_correlation(within_y, within_p, between), 0.0)
+def _spectra(seen: Appearance, shape: tuple[int, int]) -> Spectra:
+    return Spectra.of(seen.region, np.moveaxis(seen.features, 2, 0), shape)
 
 
 def _peaks(scores: np.ndarray, reach: int) -> list[tuple[float, np.ndarray]]:

@@ -20,6 +20,8 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...light.directional_light import DirectionalLight
+from ...light.local_mean import without_local_mean
 from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...transforms import inverse_rigid, transform_points
@@ -29,25 +31,6 @@ RIM = 0.1
 
 GRAZING = 0.1
 """Cosine of the incidence below which a light fades out: so a small turn of a face changes its features by little."""
-
-MAX_DEVIATION = 3.0
-"""Bound on the deviation of an image from its local mean, in standard deviations."""
-
-
-@dataclass(frozen=True)
-class DirectionalLight:
-    """A light far away from a surface.
-
-    Attributes
-    ----------
-    towards_light
-        ``(3,)`` unit vector, model frame.
-    lit
-        ``(F,)`` 0..1: how much of each face the light reaches past the other faces.
-    """
-
-    towards_light: np.ndarray
-    lit: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -136,38 +119,6 @@ def appearance(
     stack = np.dstack([feature.astype(np.float32) for feature in features])
     points_model = transform_points(inverse_rigid(cam_from_model), points_cam.reshape(-1, 3)).reshape(points_cam.shape)
     return Appearance(region, without_local_mean(stack, region, window_px), points_model)
-
-
-def without_local_mean(image: np.ndarray, mask: np.ndarray, window_px: float) -> np.ndarray:
-    """``(H, W)`` or ``(H, W, C)`` less its Gaussian-weighted mean over the mask; float32, 0 outside the mask.
-
-    The weights are those of the mask's pixels only (normalised convolution, Knutsson & Westin 1993).
-    """
-    result = _minus_local_mean(image, mask, window_px)
-    result[~mask] = 0
-    return result
-
-
-def image_without_local_mean(image: np.ndarray, valid: np.ndarray, mask: np.ndarray, window_px: float) -> np.ndarray:
-    """The image ``(H, W, C)`` less its local mean over ``mask & valid``, also beyond the mask; 0 outside ``valid``.
-
-    Values are clipped to :data:`MAX_DEVIATION`, to limit the influence of highlights and instruments.
-    """
-    result = _minus_local_mean(image, mask & valid, window_px)
-    result[~valid] = 0
-    spread = np.sqrt(np.mean(result[mask & valid] ** 2, axis=0)) if (mask & valid).any() else 0.0
-    return np.clip(result, -MAX_DEVIATION * spread, MAX_DEVIATION * spread).astype(np.float32)
-
-
-def _minus_local_mean(image: np.ndarray, mask: np.ndarray, window_px: float) -> np.ndarray:
-    weight = mask.astype(np.float32)
-    total = np.maximum(cv2.GaussianBlur(weight, (0, 0), window_px, borderType=cv2.BORDER_CONSTANT), 1e-6)
-    planes = image.astype(np.float32).reshape(*image.shape[:2], -1)
-    mean = [
-        cv2.GaussianBlur(plane * weight, (0, 0), window_px, borderType=cv2.BORDER_CONSTANT) / total
-        for plane in np.moveaxis(planes, 2, 0)
-    ]
-    return (planes - np.dstack(mean)).reshape(image.shape)
 
 
 def _with_rim(inverse_depth: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
-from ..pose_uncertainty import PoseUncertainty
-from ..posterior.evidence import IMAGE, PoseEvidence
+from ..pose_uncertainty import PoseEvidence, PoseUncertainty
 from .image_pyramid import PyramidLevel
 from .local_search import score
 from .verification import ImageAgreement, Verification, jackknife, mean_distance_px, verify
@@ -88,7 +87,7 @@ class Refinement:
         """What the image says of the pose, to be solved together with landmarks; ``None`` if it was refused."""
         if not self.accepted or self.uncertainty is None:
             return None
-        return PoseEvidence(IMAGE, self.found, self.uncertainty)
+        return PoseEvidence(self.found, self.uncertainty)
 
     @property
     def can_be_taken(self) -> bool:

@@ -20,12 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...light.local_mean import without_local_mean
 from ...transforms import inverse_rigid, transform_points
 from ..pose_uncertainty import PoseUncertainty
 from .image_pyramid import PyramidLevel
 from .local_search import Linearisation, linearised, refine_on_level
 from .pose_search import second_peak_ratio
-from .shading_features import without_local_mean
 
 FIELDS = 6
 """Fields along the side of a square with the area of the surface's bounding box in the image."""

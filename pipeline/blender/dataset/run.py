@@ -10,6 +10,7 @@ from typing import TextIO
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files
 from ...dataset.run.elsewhere import Elsewhere, MissingViews
+from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished, report_ready
 from ...dataset.run.run_folder import RunFolder
 from ...dataset.run.same_run import check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
@@ -19,9 +20,7 @@ from ...progress import LINE_SECONDS, Progress
 from ..render.engines import engine_named, keep_freed_memory
 from . import finish
 from .job import Job, OpenJob, open_job, render_views, write_error
-from .render_process import assigned_views, report_finished, report_ready
 from .view_renderer import ViewRenderer
-from .workers import WorkerPool
 
 
 def run(

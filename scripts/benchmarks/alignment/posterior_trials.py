@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose
-from oneframe.alignment.pose_uncertainty import PoseMode, PoseUncertainty
-from oneframe.alignment.posterior.evidence import PoseEvidence
+from oneframe.alignment.pose_uncertainty import PoseEvidence, PoseMode, PoseUncertainty
 from oneframe.alignment.posterior.next_click import next_click, rough_mode
 from oneframe.alignment.posterior.solve import pose_posterior
 from oneframe.alignment.refinement.verification import QUARTERS_DOF
@@ -39,8 +38,8 @@ def coverages(
                 for _ in range(trials):
                     trial = draw(rng, count, sigma_px)
                     trial = _flattened(trial, camera, flatness)
-                    evidence = [_image(rng, trial.cam_from_model)] if with_image else []
-                    modes = _modes(trial, camera, evidence)
+                    image = _image(rng, trial.cam_from_model) if with_image else None
+                    modes = _modes(trial, camera, image)
                     refused += not modes
                     if modes:
                         inside.append(_holds(modes, trial.cam_from_model))
@@ -94,11 +93,11 @@ def _click_on(rng: np.random.Generator, surface: VisibleSurface, errors: np.ndar
             errors[count] = np.linalg.norm(shown - seen, axis=1).mean()
 
 
-def _modes(trial: LandmarkTrial, camera: PinholeCamera, evidence: Sequence[PoseEvidence]) -> Sequence[PoseMode]:
+def _modes(trial: LandmarkTrial, camera: PinholeCamera, image: PoseEvidence | None) -> Sequence[PoseMode]:
     pairs = zip(trial.points_model.tolist(), trial.pixels.tolist(), strict=True)
     landmarks = [Landmark(str(number), tuple(point), tuple(pixel)) for number, (point, pixel) in enumerate(pairs)]
     try:
-        found = pose_posterior(landmarks, camera, evidence, click_sigma_px=ASSUMED_SIGMA_PX).estimate
+        found = pose_posterior(landmarks, camera, image, click_sigma_px=ASSUMED_SIGMA_PX).estimate
     except UndeterminedPose as refusal:
         return refusal.modes
     return [PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers)]
@@ -116,7 +115,7 @@ def _image(rng: np.random.Generator, true: np.ndarray) -> PoseEvidence:
     stated = PoseUncertainty(
         pivot, scale * np.diag(deviations**2), QUARTERS_DOF, np.nan, 10.0, transform_points(pose, pivot)
     )
-    return PoseEvidence("image", pose, stated)
+    return PoseEvidence(pose, stated)
 
 
 def _deviations(angle_deg: float, relative_depth: float, pose: np.ndarray, pivot: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -41,6 +42,8 @@ UNTIMED_VIEWS = 4
 FEWEST_OBSERVED = 1000
 """Pixels of the observed surface in a photograph that is compared."""
 BARE = "Cycles alone: 1 ray, no colour, nothing read or written"
+Timed = tuple[float, list[np.ndarray]]
+"""Seconds a view, and the views to judge."""
 
 
 @dataclass(frozen=True)
@@ -139,18 +142,38 @@ def measure_scene(
     RunError
         A configuration failed.
     """
-    with SceneTrials(scene, reference, folder) as trials:
+    faces, cores = len(scene.loaded.surface.mesh.faces), available_cores()
+    np.save(folder / "poses.npy", scene.written_poses())
+    finer = {each.mesh_px for each in configurations} - {0.0}
+    cases = {0.0: (scene.case, faces)} | {px: scene.simplified_case(folder, px) for px in finer}
+    rows: dict[str, tuple[object, ...]] = {}
+    ways: dict[str, Callable[[Sequence[int]], Timed]] = {}
+    for name, render in peers.items():
+        rows[name] = PEER, name, "PyVista", 1 if name == PLAIN_PEER else 8, "vertex", "", faces, 1
+        ways[name] = partial(_timed, scene, render)
+    with CyclesScene(ColouredSurface(scene.source.mesh), scene.camera) as bare:
+        rows[BARE] = FLOOR, BARE, "Cycles", 1, "none", "", faces, 1
+        ways[BARE] = lambda _: _timed(scene, partial(_render_bare, bare), ())
+        for each in configurations:
+            (case, triangles), more = (
+                cases[each.mesh_px],
+                " ".join(f"{key}={value}" for key, value in each.more.items()),
+            )
+            engine, processes = ENGINE_NAMES[each.engine], each.processes or cores
+            rows[each.name] = OURS, each.name, engine, each.samples, each.colour, more, triangles, processes
+            ways[each.name] = partial(_dataset, scene, case, folder, each.flags(cores))
+        seconds: dict[str, list[float]] = {name: [] for name in ways}
+        scores: dict[str, dict[str, float]] = {name: {} for name in ways}
         for number in range(rounds):
-            judge = reference is not None and number == rounds - 1
-            for name, render in peers.items():
-                trials.run_peer(name, render, judge=judge)
+            indices = reference.indices if reference is not None and number == rounds - 1 else ()
+            for name, run in ways.items():
+                took, views = run(indices)
+                seconds[name].append(took)
+                if reference is not None and views:
+                    scores[name] = _judged(reference, views)
                 advance()
-            trials.run_bare()
-            advance()
-            for configuration in configurations:
-                trials.run(configuration, judge=judge)
-                advance()
-        return trials.points()
+    quantiles = {name: (1e3 * np.quantile(each, [0.5, 0, 1])).tolist() for name, each in seconds.items()}
+    return [SpeedPoint(scene.name, *row, *quantiles[name], **scores[name]) for name, row in rows.items()]  # type: ignore[arg-type]
 
 
 def render_command(case: Path, out: Path, *flags: str) -> list[str]:
@@ -158,110 +181,50 @@ def render_command(case: Path, out: Path, *flags: str) -> list[str]:
     return [sys.executable, str(RENDER_SCRIPT), str(case), "--out", str(out), *flags]
 
 
-class SceneTrials:
-    """Runs and judges configurations, peers and the floor in one scene; use as a context manager."""
+def _dataset(scene: RenderScene, case: Path, folder: Path, flags: Sequence[str], indices: Sequence[int]) -> Timed:
+    """Seconds a view of the whole command, and some of its views."""
+    out, own = folder / "out", (f"--poses={folder / 'poses.npy'}", f"--scale={1 / scene.factor!r}")
+    command = render_command(case, out, *own, *flags)
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    if ended.returncode:
+        raise RunError(f"render_dataset.py: expected a dataset, it failed: {ended.stderr.strip()[-300:]}")
+    paths = [ViewPaths(out, index) for index in range(len(scene.poses))]
+    written = sorted(path.file("frame").stat().st_mtime for path in paths)[UNTIMED_VIEWS:-UNTIMED_VIEWS]
+    views = [read_image(paths[index].file("rgb"))[0] for index in indices]
+    shutil.rmtree(out)
+    return (written[-1] - written[0]) / (len(written) - 1), views
 
-    def __init__(self, scene: RenderScene, reference: Reference | None, folder: Path) -> None:
-        """Prepare; ``folder`` is for temporary files."""
-        self._scene, self._reference, self._folder = scene, reference, folder
-        self._poses = folder / "poses.npy"
-        np.save(self._poses, scene.written_poses())
-        self._cases: dict[float, tuple[Path, int]] = {0.0: (scene.case, len(scene.loaded.surface.mesh.faces))}
-        self._bare = CyclesScene(ColouredSurface(scene.source.mesh), scene.camera)
-        self._seconds: dict[str, list[float]] = {}
-        self._points: dict[str, Callable[[Sequence[float]], SpeedPoint]] = {}
-        self._judged: dict[str, dict[str, float]] = {}
 
-    def __enter__(self) -> "SceneTrials":
-        return self
+def _timed(scene: RenderScene, render: Callable[[np.ndarray], np.ndarray | None], indices: Sequence[int]) -> Timed:
+    """Seconds a view of a function from ``cam_from_model`` to an ``(H, W, 3)`` uint8 image, and some of its views."""
+    poses = [scene.cam_from_model(index) for index in range(scene.planned)]
+    # the first view after another program's has cold caches
+    render(poses[0])
+    start = time.perf_counter()
+    for pose in poses:
+        render(pose)
+    took = (time.perf_counter() - start) / len(poses)
+    images = [render(scene.cam_from_model(index)) for index in indices]
+    return took, [image.astype(np.float32) / 255 for image in images if image is not None]
 
-    def __exit__(self, *_: object) -> None:
-        self._bare.__exit__()
 
-    def run(self, configuration: Configuration, *, judge: bool) -> None:
-        """Run the command once, and judge its views if asked.
+def _render_bare(bare: CyclesScene, cam_from_model: np.ndarray) -> None:
+    bare.look_from(cam_from_model)
+    bpy.ops.render.render(scene=bare.scene.name)
 
-        Raises
-        ------
-        RunError
-            It failed.
-        """
-        if configuration.mesh_px not in self._cases:
-            self._cases[configuration.mesh_px] = self._scene.simplified_case(self._folder, configuration.mesh_px)
-        case, triangles = self._cases[configuration.mesh_px]
-        out, cores = self._folder / "out", available_cores()
-        scale = f"--scale={1 / self._scene.factor!r}"
-        command = render_command(case, out, f"--poses={self._poses}", scale, *configuration.flags(cores))
-        ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-        if ended.returncode:
-            raise RunError(f"render_dataset.py: expected a dataset, it failed: {ended.stderr.strip()[-300:]}")
-        paths = [ViewPaths(out, index) for index in range(len(self._scene.poses))]
-        written = sorted(path.file("frame").stat().st_mtime for path in paths)[UNTIMED_VIEWS:-UNTIMED_VIEWS]
-        self._add(configuration.name, (written[-1] - written[0]) / (len(written) - 1))
-        if judge:
-            self._judge(configuration.name, lambda index: read_image(paths[index].file("rgb"))[0])
-        shutil.rmtree(out)
-        self._points[configuration.name] = lambda ms: SpeedPoint(
-            self._scene.name, OURS, configuration.name, ENGINE_NAMES[configuration.engine], configuration.samples,
-            configuration.colour, " ".join(f"{name}={value}" for name, value in configuration.more.items()),
-            triangles, configuration.processes or cores, *ms, **self._judged.get(configuration.name, {}),
-        )  # fmt: skip
 
-    def run_bare(self) -> None:
-        """Time Cycles alone."""
-        self._time(BARE, self._render_bare)
-        self._points[BARE] = lambda ms: SpeedPoint(
-            self._scene.name, FLOOR, BARE, "Cycles", 1, "none", "", len(self._scene.loaded.surface.mesh.faces), 1, *ms
-        )
-
-    def _render_bare(self, cam_from_model: np.ndarray) -> None:
-        self._bare.look_from(cam_from_model)
-        bpy.ops.render.render(scene=self._bare.scene.name)
-
-    def run_peer(self, name: str, render: Callable[[np.ndarray], np.ndarray], *, judge: bool) -> None:
-        """Time a peer's function from ``cam_from_model`` to an ``(H, W, 3)`` uint8 image, and judge its views."""
-        self._time(name, render)
-        if judge:
-            self._judge(name, lambda index: render(self._scene.cam_from_model(index)).astype(np.float32) / 255)
-        self._points[name] = lambda ms: SpeedPoint(
-            self._scene.name, PEER, name, "PyVista", 1 if name == PLAIN_PEER else 8, "vertex", "",
-            len(self._scene.loaded.surface.mesh.faces), 1, *ms, **self._judged.get(name, {}),
-        )  # fmt: skip
-
-    def _time(self, name: str, render: Callable[[np.ndarray], object]) -> None:
-        poses = [self._scene.cam_from_model(index) for index in range(self._scene.planned)]
-        # the first view after another program's has cold caches
-        render(poses[0])
-        start = time.perf_counter()
-        for pose in poses:
-            render(pose)
-        self._add(name, (time.perf_counter() - start) / len(poses))
-
-    def _add(self, name: str, seconds: float) -> None:
-        self._seconds.setdefault(name, []).append(seconds)
-
-    def _judge(self, name: str, view_of: Callable[[int], np.ndarray]) -> None:
-        reference = self._reference
-        assert reference is not None
-        judged, views = reference.judged, [view_of(index) for index in reference.indices]
-        observed = list(map(similarity, reference.views, views, reference.observed))
-        surface = list(map(similarity, reference.views[judged:], views[judged:], reference.surface[judged:]))
-        scores = {"error": _mean(observed[:judged], "mean_error"), "ssim": _mean(observed[:judged], "ssim")}
-        if surface:
-            scores |= {
-                "photograph_error": _mean(observed[judged:], "mean_error"),
-                "photograph_ssim": _mean(observed[judged:], "ssim"),
-                "photograph_ssim_surface": _mean(surface, "ssim"),
-            }
-        self._judged[name] = scores
-
-    def points(self) -> list[SpeedPoint]:
-        """What was measured so far."""
-        found = []
-        for name, seconds in self._seconds.items():
-            median, least, most = 1e3 * np.quantile(seconds, [0.5, 0, 1])
-            found.append(self._points[name]([float(median), float(least), float(most)]))
-        return found
+def _judged(reference: Reference, views: Sequence[np.ndarray]) -> dict[str, float]:
+    judged = reference.judged
+    observed = list(map(similarity, reference.views, views, reference.observed))
+    surface = list(map(similarity, reference.views[judged:], views[judged:], reference.surface[judged:]))
+    scores = {"error": _mean(observed[:judged], "mean_error"), "ssim": _mean(observed[:judged], "ssim")}
+    if surface:
+        scores |= {
+            "photograph_error": _mean(observed[judged:], "mean_error"),
+            "photograph_ssim": _mean(observed[judged:], "ssim"),
+            "photograph_ssim_surface": _mean(surface, "ssim"),
+        }
+    return scores
 
 
 def scene_peers(scene: RenderScene) -> Mapping[str, Callable[[np.ndarray], np.ndarray]]:

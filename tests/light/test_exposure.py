@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.exposure import matched_exposures
 from oneframe.colour.source_view import SourceView
+from oneframe.light.exposure import matched_exposures
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.alignment.test_refinement import hills

@@ -8,12 +8,11 @@ differences determine it, so that highlights, which move too, do not count.
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from .source_view import SourceView
 
 STEP_PX = 4
 """Between the pixels that are compared."""
@@ -24,7 +23,25 @@ LEAST_PIXELS = 100
 PRIOR = (1e-3, 1e-2, 1e-2)
 """Weights of a gain of 1 that is the same everywhere, relative to the pixels: for frames that share little."""
 ROUNDS, LEAST_DIFFERENCE = 12, 0.02
-"""Of reweighting; logarithms of gains that differ by less count as in least squares."""
+"""Rounds of reweighting; logarithms of gains that differ by less count as in least squares."""
+
+
+class View(Protocol):
+    """A frame at its pose, as :class:`oneframe.colour.source_view.SourceView` is."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def image(self) -> np.ndarray: ...
+    @property
+    def camera(self) -> PinholeCamera: ...
+    def shown_points(self, step: int, /) -> np.ndarray: ...
+    def unoccluded(self, points_model: np.ndarray, /) -> np.ndarray: ...
+    def project(self, points_model: np.ndarray, /) -> tuple[np.ndarray, np.ndarray]: ...
+    def colours(self, pixels: np.ndarray, /) -> np.ndarray: ...
+
+
+AnyView = TypeVar("AnyView", bound=View)
 
 
 class _Shared(NamedTuple):
@@ -38,7 +55,7 @@ class _Shared(NamedTuple):
     log_ratios: np.ndarray
 
 
-def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
+def matched_exposures(views: Sequence[AnyView]) -> tuple[AnyView, ...]:
     """The same views in the exposure and white balance of the first one."""
     if len(views) == 1:
         return tuple(views)
@@ -62,7 +79,7 @@ def matched_exposures(views: Sequence[SourceView]) -> tuple[SourceView, ...]:
     return views[0], *(_brighter(view, each) for view, each in zip(views[1:], gains[1:], strict=True))
 
 
-def _brighter(view: SourceView, log_gain: np.ndarray) -> SourceView:
+def _brighter(view: AnyView, log_gain: np.ndarray) -> AnyView:
     gain = np.exp(_terms(view.camera.pixel_grid(), view.camera) @ log_gain)
     return replace(view, image=np.clip(view.image * gain, 0, 1).astype(np.float32))
 
@@ -73,7 +90,7 @@ def _terms(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
     return np.concatenate([np.ones_like(across[..., :1]), across], axis=-1)
 
 
-def _shared(views: Sequence[SourceView], a: int, b: int, points_model: np.ndarray) -> _Shared:
+def _shared(views: Sequence[View], a: int, b: int, points_model: np.ndarray) -> _Shared:
     points = points_model[views[a].unoccluded(points_model) & views[b].unoccluded(points_model)]
     pixels_a, pixels_b = (views[each].project(points)[0] for each in (a, b))
     colours_a, colours_b = views[a].colours(pixels_a), views[b].colours(pixels_b)

@@ -19,7 +19,7 @@ CONNECT_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
-class WorkerSource:
+class Scheduler:
     """A scheduler, and what is known about its workers.
 
     Attributes
@@ -42,7 +42,7 @@ class WorkerSource:
 
 
 @contextmanager
-def open_source(where: str, *, insecure: bool = False) -> Iterator[WorkerSource]:
+def open_scheduler(where: str, *, insecure: bool = False) -> Iterator[Scheduler]:
     """Workers from the value of ``--cluster``; those that were started for it end with the context.
 
     ``insecure`` takes a scheduler of another machine that admits anyone.
@@ -57,27 +57,27 @@ def open_source(where: str, *, insecure: bool = False) -> Iterator[WorkerSource]
     # whatever matters to the user is said in OneFrame's words
     logging.disable(logging.CRITICAL)
     try:
-        with warnings.catch_warnings(), _source(where, insecure=insecure) as source:
+        with warnings.catch_warnings(), _scheduler(where, insecure=insecure) as scheduler:
             warnings.filterwarnings("ignore", module=r"distributed\b.*")
-            yield source
+            yield scheduler
     finally:
         logging.disable(logging.NOTSET)
 
 
 @contextmanager
-def _source(where: str, *, insecure: bool) -> Iterator[WorkerSource]:
+def _scheduler(where: str, *, insecure: bool) -> Iterator[Scheduler]:
     kind, _, number = where.partition(":")
     if kind == "local":
         if not number.isdecimal() or not 1 <= int(number) <= 1024:
             raise InputError(f"--cluster: expected local:N with N from 1 to 1024, found {where}")
         with own_workers(int(number)) as started, _connected(*started) as client:
             about, again = f"{number} workers on this machine", "they are started again by themselves"
-            yield WorkerSource(client, started[0], about, again, on_this_machine=True)
+            yield Scheduler(client, started[0], about, again, on_this_machine=True)
     else:
         _check_address(where, insecure=insecure)
         with _connected(where) as client:
             about, start = f"workers of the scheduler {where}", f"start one on any machine: dask worker {where}"
-            yield WorkerSource(client, where, about, start)
+            yield Scheduler(client, where, about, start)
 
 
 def _check_address(address: str, *, insecure: bool) -> None:

@@ -1,6 +1,6 @@
-"""A child process that renders views of one job: numbers go in, and come back as each view is on disk.
+"""Processes that render views of one job: numbers go in, and come back as each view is on disk.
 
-The process is the render command with ``--worker``. It reads one number a line. It answers "ready" when its scene is
+A process is the render command with ``--worker``. It reads one number a line. It answers "ready" when its scene is
 built, and "finished: number" when that view is on disk; other lines of its output come from Blender. When its input
 ends, which also happens if its parent dies in any way, it ends at once.
 """
@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TextIO
@@ -183,3 +183,78 @@ def assigned_views(stream: TextIO = sys.stdin) -> Iterator[int | None]:
                 yield None
 
     return views()
+
+
+class WorkerPool:
+    """Workers that take views from a common queue; the parent process takes views from it as well."""
+
+    def __init__(self, views: Sequence[int], finished: Callable[[int], None]) -> None:
+        """Prepare the queue, without starting workers; ``finished`` is called from any thread with a view's number."""
+        self._views = deque(views)
+        self._finished = finished
+        self._threads: list[threading.Thread] = []
+        self._processes: list[RenderProcess] = []
+        self._failure: Exception | None = None
+        self.messages: list[str] = []
+
+    def start(self, command: Sequence[str], count: int) -> None:
+        """Start ``count`` workers, each with the command."""
+        for number in range(count):
+            process = RenderProcess(command)
+            thread = threading.Thread(target=self._feed, args=(process, number + 1), daemon=True)
+            self._processes.append(process)
+            self._threads.append(thread)
+            thread.start()
+
+    def views(self) -> Iterator[int]:
+        """Views for the parent process, until none is left and no worker holds one."""
+        while True:
+            self._check()
+            try:
+                yield self._views.popleft()
+                continue
+            except IndexError:
+                pass
+            for thread in self._threads:
+                thread.join()
+            self._check()
+            if not self._views:
+                return
+
+    def stop(self) -> None:
+        """End all workers at once."""
+        self._views.clear()
+        for process in self._processes:
+            process.kill()
+        for thread in self._threads:
+            thread.join()
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
+    def _feed(self, process: RenderProcess, number: int) -> None:
+        self._assign(process)
+        while not process.has_ended:
+            index = process.wait_for_view()
+            if index is not None:
+                self._finished(index)
+                self._assign(process)
+        ending = process.ending()
+        # its unfinished views go back to the queue
+        self._views.extendleft(reversed(process.assigned))
+        if ending.error is not None:
+            self._failure = ending.error
+        elif ending.code != 0:
+            last = f"({ending.last})" if ending.last else ""
+            self.messages.append(f"worker {number} {ending.how}; the others continue {last}".rstrip())
+
+    def _assign(self, process: RenderProcess) -> None:
+        while len(process.assigned) < AHEAD:
+            try:
+                index = self._views.popleft()
+            except IndexError:
+                if not process.assigned:
+                    process.close_input()
+                return
+            process.assign(index)

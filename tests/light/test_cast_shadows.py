@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from oneframe.alignment.refinement.refine import refine_pose
-from oneframe.alignment.refinement.side_light import directional_light
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.light.directional_light import directional_light
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_from_vector, transform_points

@@ -16,7 +16,7 @@ AGAIN = "run the command that rendered it again"
 
 
 @dataclass(frozen=True)
-class Source:
+class WholeDataset:
     """A dataset that is complete, as far as names and the files beside its views tell.
 
     Attributes
@@ -35,7 +35,7 @@ class Source:
     targets: frozenset[int]
 
 
-def open_source(root: Path) -> Source:
+def open_whole_dataset(root: Path) -> WholeDataset:
     """Open the folder of a dataset.
 
     Raises
@@ -67,7 +67,7 @@ def open_source(root: Path) -> Source:
             raise InputError(
                 f"{root}: expected the files that {CHECKSUMS} lists, but {why}; remove the file, and {AGAIN}"
             )
-    return Source(root, description, sums, _targets(root))
+    return WholeDataset(root, description, sums, _targets(root))
 
 
 def _targets(root: Path) -> frozenset[int]:

@@ -39,7 +39,7 @@ INDEX = "Index in the list, counted from 0; -1 for the active landmark"
 class _HasLandmarks(NeedsAlignment):
     """Mixin: available once there are landmarks."""
 
-    needs = (lambda context: len(context.scene.oneframe.landmarks), "Pick a landmark first")
+    needs = (lambda context: bool(context.scene.oneframe.landmarks), "Pick a landmark first")
 
 
 class _PointAndPixel(bpy.types.Operator):

@@ -26,12 +26,15 @@ Messages = Iterable[str] | None
 OperatorResult = set[Literal["RUNNING_MODAL", "CANCELLED", "FINISHED", "PASS_THROUGH", "INTERFACE"]]
 """What Blender expects an operator's callbacks to return: one of these, in a set."""
 
+Needs = tuple[Callable[[bpy.types.Context], object], str]
+"""Whether something is there, and what a tooltip says while it is not."""
+
 
 class Available(bpy.types.Operator):
     """Mixin: available while there is what it and its mixins need; else the button's tooltip says what is missing."""
 
-    needs: tuple[Callable[[bpy.types.Context], object], str]
-    """Whether it is there, and what the tooltip says if not; those of mixins come first."""
+    needs: Needs
+    """What it needs besides; what its mixins need comes first."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -150,7 +153,7 @@ class SavesFile(ReportingFile, ExportHelper):
 class NeedsAlignment(Available):
     """Mixin: available once camera and surface are set up."""
 
-    needs = (lambda context: from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
+    needs: Needs = (lambda context: from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
 
 
 def call(name: str, context: str = "EXEC_DEFAULT", *, undo: bool = False, **settings: object) -> None:

@@ -1,6 +1,7 @@
 """Surfaces, cameras, independent oracles and a tiny case that several tests share."""
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -16,13 +17,14 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface
+from oneframe.files.lock import alone
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
 # a machine may be slow: no test measures time
-hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.register_profile("any machine", deadline=None, max_examples=40)
 hypothesis.settings.load_profile("any machine")
 
 # before any import of bpy: a user's own Blender configuration must not reach the tests
@@ -80,18 +82,42 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session")
-def extension_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], None]], Path]:
+    """Has a folder of this name filled by the first process of a run that asks; the others wait for it, and share it.
+
+    No test may change what is in it. What fails is tried again by the next one.
+    """
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def filled(name: str, fill: Callable[[Path], None]) -> Path:
+        folder, done = base / name, base / f"{name}.done"
+        with alone(base / f"{name}.lock"):
+            if not done.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                folder.mkdir()
+                fill(folder)
+                done.touch()
+        return folder
+
+    return filled
+
+
+@pytest.fixture(scope="session")
+def extension_zip(once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
     """The extension, built for this computer by the command that users have."""
-    out = tmp_path_factory.mktemp("extension")
-    script = Path(__file__).resolve().parents[1] / "scripts" / "dev" / "build_extension.py"
-    ended = subprocess.run(
-        [sys.executable, script, "--platform", "current", "--out", out], capture_output=True, text=True, check=False
-    )
-    if ended.returncode == 3:
-        pytest.skip(ended.stderr.strip())
-    assert ended.returncode == 0, ended.stderr
-    assert ended.stderr == ""
-    (path,) = out.glob("*.zip")
+
+    def build(out: Path) -> None:
+        script = Path(__file__).resolve().parents[1] / "scripts" / "dev" / "build_extension.py"
+        ended = subprocess.run(
+            [sys.executable, script, "--platform", "current", "--out", out], capture_output=True, text=True, check=False
+        )
+        if ended.returncode == 3:
+            pytest.skip(ended.stderr.strip())
+        assert ended.returncode == 0, ended.stderr
+        assert ended.stderr == ""
+
+    (path,) = once("extension", build).glob("*.zip")
     return path
 
 

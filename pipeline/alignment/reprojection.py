@@ -136,6 +136,15 @@ def jacobian_at(
     return twist_jacobians(camera, offsets_cam[None], transform_points(cam_from_model, pivot_model)[None])[0]
 
 
+def zoom_jacobian_at(
+    points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray, pivot_model: np.ndarray
+) -> np.ndarray:
+    """``(N, 2, 7)``: :func:`jacobian_at`, then the derivatives by the logarithm of the focal length."""
+    from_centre = camera.project(transform_points(cam_from_model, points_model)) - [camera.cx, camera.cy]
+    by_twist = jacobian_at(points_model, camera, cam_from_model, pivot_model)
+    return np.concatenate([by_twist, from_centre[:, :, None]], axis=2)
+
+
 def apply_twist(twist: np.ndarray, cam_from_model: np.ndarray, pivot_model: np.ndarray) -> np.ndarray:
     """The pose ``(4, 4)`` after a twist ``(6,)`` about a pivot ``(3,)`` of the model."""
     rotation = rotation_from_vector(np.asarray(twist[3:], float)) @ cam_from_model[:3, :3]

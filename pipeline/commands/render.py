@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
         "with their sizes; what has changed is rendered again"
     )  # fmt: skip
-    add_cluster_arguments(machines, "render")
+    add_cluster_arguments(machines)
     machines.add_argument(
         "--blender-on-workers", metavar="PROGRAM", help="with --cluster ADDRESS: the Blender program that renders on "
         "the workers' machines (default: the bpy module in the workers' Python)"

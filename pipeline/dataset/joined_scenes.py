@@ -7,13 +7,12 @@ numbers of objects where there are several. K and the size of a frame are those 
 import json
 import os
 import shutil
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..files.content import create_folder
+from ..files.lock import alone
 from ..files.tables import write_csv, write_json
 from .dataset_file import read_description
 from .layout import (
@@ -26,7 +25,6 @@ from .layout import (
     TARGETS,
     scene_folder,
 )
-from .run.lock import Busy, FileLock
 from .truths import TRUTHS
 
 
@@ -41,7 +39,7 @@ def join_scenes(datasets: Mapping[str, Path], out: Path) -> None:
     out
         The folder to write. ``scenes.csv`` beside it says which scene is whose: names may be those of patients.
     """
-    with _alone(out):
+    with alone(out.with_name(f".{out.name}.lock")):
         partial = out.with_name(f".partial-{out.name}")
         shutil.rmtree(partial, ignore_errors=True)
         for folder in (*MODEL_FOLDERS, SPLIT):
@@ -67,24 +65,6 @@ def join_scenes(datasets: Mapping[str, Path], out: Path) -> None:
         shutil.rmtree(out, ignore_errors=True)
         os.replace(partial, out)
         write_csv(table, ("scene_id", "obj_id", "case"), [(scene, *owner) for scene, owner in enumerate(owners)])
-
-
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Wait until no other process joins datasets here, and keep others waiting."""
-    path = out.with_name(f".{out.name}.lock")
-    lock = None
-    while lock is None:
-        with suppress(Busy, FileNotFoundError):
-            lock = FileLock(path, shared=False)
-            break
-        time.sleep(0.1)
-    try:
-        yield
-    finally:
-        with suppress(OSError):  # Windows removes no open files
-            path.unlink()
-        lock.release()
 
 
 def _add_model(dataset: Path, to: Path, number: int) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import InputError
-from .system_lock import BUSY, lock_by_system
+from .lock import BUSY, lock_by_system
 
 LARGEST_TEXT = 1 << 20
 """Bytes; a longer file cannot be one of settings, so the user chose it by mistake."""

@@ -7,17 +7,13 @@ of it, become val and test. Views of the rest that are nearer than a gap to one 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..camera.pinhole import PinholeCamera
-from ..dataset.checksums import damaged_file
 from ..dataset.layout import VIEWS_PER_SCENE, scene_count, scene_folder
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, read_content
-from ..files.tables import parsed_json
 from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from .whole_dataset import WholeDataset
 
@@ -65,7 +61,7 @@ class Split:
 
     def part(self, name: str) -> tuple[int, ...]:
         """The views of ``"train"``, ``"val"`` or ``"test"``."""
-        return {"train": self.train, "val": self.val, "test": self.test}[name]
+        return tuple(getattr(self, name))
 
     def text(self) -> str:
         """Sizes and distances in one sentence."""
@@ -94,28 +90,16 @@ def split_of_dataset(dataset: WholeDataset, *, gap_px: float | None = None) -> S
     count = dataset.description.count
     poses = np.empty((count, 4, 4))
     for scene in range(scene_count(count)):
-        for image, truths in _table(dataset, f"{scene_folder(scene)}/scene_gt.json").items():
+        for image, truths in dataset.table(f"{scene_folder(scene)}/scene_gt.json").items():
             (truth,) = truths
             poses[scene * VIEWS_PER_SCENE + int(image)] = rigid(
                 np.reshape(truth["cam_R_m2c"], (3, 3)), np.array(truth["cam_t_m2c"], float)
             )
-    (model,) = _table(dataset, "models/models_info.json").values()
+    (model,) = dataset.table("models/models_info.json").values()
     low = np.array([model[f"min_{axis}"] for axis in "xyz"])
     size = np.array([model[f"size_{axis}"] for axis in "xyz"])
     corners = low + size * np.stack(np.meshgrid(*[(0, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     return split_of_views(poses, corners, dataset.description.camera, gap_px=gap_px)
-
-
-def _table(dataset: WholeDataset, name: str) -> dict[str, Any]:
-    path = dataset.root / name
-    known = dataset.sums.files.get(name)
-    problem = f"{name} is not among them" if known is None else damaged_file(dataset.root, name, known, hashes=True)
-    if problem is not None:
-        raise InputError(
-            f"{dataset.root}: expected the tables that a run has written, but {problem}; remove the file and run the "
-            "render command again"
-        )
-    return dict(parsed_json(read_content(path, "a table of the dataset", most=LARGEST_FILE), str(path)))
 
 
 def split_of_views(

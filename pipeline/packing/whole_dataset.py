@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.dataset_file import Description, read_description
@@ -25,14 +26,28 @@ class WholeDataset:
         Its folder.
     description, sums
         ``dataset.json`` and ``checksums.json``.
-    targets
-        The views that ``test_targets_bop19.json`` names.
     """
 
     root: Path
     description: Description
     sums: Checksums
-    targets: frozenset[int]
+
+    @property
+    def targets(self) -> frozenset[int]:
+        """The views that ``test_targets_bop19.json`` names."""
+        per_scene = len(scene_views(0, MOST_VIEWS))
+        return frozenset(entry["scene_id"] * per_scene + entry["im_id"] for entry in self.table(TARGETS))
+
+    def table(self, name: str) -> Any:
+        """The value in a JSON file beside the views.
+
+        Raises
+        ------
+        InputError
+            It is not the file that the run has written.
+        """
+        _check_sum(self.root, self.sums, name)
+        return parsed_json(read_content(self.root / name, "a table of the dataset"), name)
 
 
 def open_whole_dataset(root: Path) -> WholeDataset:
@@ -61,17 +76,15 @@ def open_whole_dataset(root: Path) -> WholeDataset:
             f"{root}: expected a complete dataset, found no {CHECKSUMS} of it, which is written last; {AGAIN}"
         )
     for name in (*COPIED, TARGETS):
-        problem = damaged_file(root, name, sums.files[name], hashes=True) if name in sums.files else None
-        if problem is not None or name not in sums.files:
-            why = problem or f"{name} is not among them"
-            raise InputError(
-                f"{root}: expected the files that {CHECKSUMS} lists, but {why}; remove the file, and {AGAIN}"
-            )
-    return WholeDataset(root, description, sums, _targets(root))
+        _check_sum(root, sums, name)
+    return WholeDataset(root, description, sums)
 
 
-def _targets(root: Path) -> frozenset[int]:
-    """The views of the table; its hash has been checked."""
-    entries = parsed_json(read_content(root / TARGETS, "the targets of a dataset"), TARGETS)
-    per_scene = len(scene_views(0, MOST_VIEWS))
-    return frozenset(entry["scene_id"] * per_scene + entry["im_id"] for entry in entries)
+def _check_sum(root: Path, sums: Checksums, name: str) -> None:
+    """Check that a file is the one that ``checksums.json`` lists; InputError if not."""
+    known = sums.files.get(name)
+    problem = f"{name} is not among them" if known is None else damaged_file(root, name, known, hashes=True)
+    if problem is not None:
+        raise InputError(
+            f"{root}: expected the files that {CHECKSUMS} lists, but {problem}; remove the file, and {AGAIN}"
+        )

@@ -144,10 +144,10 @@ def resumable() -> Iterator[None]:
         raise KeyboardInterrupt("stopped; run the same command again to continue") from None
 
 
-def add_cluster_arguments(group: argparse._ArgumentGroup, verb: str) -> None:
+def add_cluster_arguments(group: argparse._ArgumentGroup) -> None:
     """Add the options of a command that gives its work to a Dask cluster."""
     group.add_argument(
-        "--cluster", metavar="ADDRESS|local:N", help=f"{verb} on the workers of a Dask cluster: the address "
+        "--cluster", metavar="ADDRESS|local:N", help="render on the workers of a Dask cluster: the address "
         "of its scheduler, such as tls://host:8786, or N workers on this machine"
     )  # fmt: skip
     group.add_argument(

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import IO, NoReturn, TextIO
 
-from ..files.system_lock import lock_by_system
+from ..files.lock import lock_by_system
 
 STOPPING_SECONDS = 5.0
 """Time that a stopped process has to finish the file that it is writing."""

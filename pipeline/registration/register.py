@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..alignment.reprojection import apply_twist, twist_jacobians
+from ..alignment.reprojection import apply_twist, zoom_jacobian_at
 from ..camera.pinhole import PinholeCamera
 from ..colour.source_view import SourceView
 from ..errors import InputError
@@ -66,15 +66,11 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
     used = fit.returning(FITTED)
     points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
-    centre, sigma = np.array([camera.cx, camera.cy]), np.inf
+    sigma = np.inf
     for _ in range(STEPS):
         zoomed = camera.zoomed(np.exp(zoom))
-        position = transform_points(pose, pivot_model[None])
-        offsets_cam = (points - pivot_model) @ pose[:3, :3].T
-        predicted = zoomed.project(offsets_cam + position)
-        jacobian = twist_jacobians(zoomed, offsets_cam[None], position)[0]
-        jacobian = np.concatenate([jacobian, (predicted - centre)[:, :, None]], axis=2)
-        step, covariance = robust_step(jacobian, moved - predicted, pixels)
+        residuals_px = moved - zoomed.project(transform_points(pose, points))
+        step, covariance = robust_step(zoom_jacobian_at(points, zoomed, pose, pivot_model), residuals_px, pixels)
         step *= min(1.0, LARGEST_STEP / max(abs(step[6]), 1e-9))
         pose, zoom, sigma = apply_twist(step[:6], pose, pivot_model), zoom + step[6], float(np.sqrt(covariance[6, 6]))
         if abs(step[6]) < SETTLED_STEP:

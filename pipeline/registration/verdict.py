@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..alignment.reprojection import twist_jacobians
+from ..alignment.reprojection import jacobian_at
 from ..camera.pinhole import PinholeCamera
 from ..transforms import camera_centre, transform_points
 from .flow_refinement import FITTED, FlowFit
@@ -168,12 +168,11 @@ def within(uncertainty: PoseUncertainty, camera: PinholeCamera) -> float:
 
 def _uncertainty(fit: FlowFit, pivot_model: np.ndarray) -> PoseUncertainty:
     used = fit.returning(FITTED)
-    position = transform_points(fit.cam_from_model, pivot_model[None])
-    offsets_cam = (fit.points_model[used] - pivot_model) @ fit.cam_from_model[:3, :3].T
-    jacobian = twist_jacobians(fit.camera, offsets_cam[None], position)[0]
-    residuals = fit.moved[used] - fit.camera.project(offsets_cam + position)
-    _, covariance = robust_step(jacobian, residuals, fit.pixels[used])
-    return PoseUncertainty.about_points(pivot_model, covariance, fit.points_model, fit.cam_from_model)
+    points, pose = fit.points_model[used], fit.cam_from_model
+    residuals_px = fit.moved[used] - fit.camera.project(transform_points(pose, points))
+    jacobian = jacobian_at(points, fit.camera, pose, pivot_model)
+    _, covariance = robust_step(jacobian, residuals_px, fit.pixels[used])
+    return PoseUncertainty.about_points(pivot_model, covariance, fit.points_model, pose)
 
 
 MOST_FRAMES = 300

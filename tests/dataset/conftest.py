@@ -8,7 +8,7 @@ import pytest
 
 from oneframe.dataset import layout
 from tests.dataset.blank_dataset import write_blank_dataset
-from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset
+from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset, write_sums, write_video
 
 
 @pytest.fixture(scope="session")
@@ -27,11 +27,13 @@ def small_scenes() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
-def sound(small_scenes: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A dataset with nothing wrong, made without Blender."""
+@pytest.fixture(scope="session")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset with nothing wrong, made without Blender, and without a video: a process decodes that."""
     root = tmp_path_factory.mktemp("sound") / "dataset"
-    make_dataset(root)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(layout, "VIEWS_PER_SCENE", PER_SCENE)
+        make_dataset(root, video=False)
     return root
 
 
@@ -39,3 +41,11 @@ def sound(small_scenes: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def copied(sound: Path, tmp_path: Path) -> Path:
     """A copy of it for a test to change."""
     return Path(shutil.copytree(sound, tmp_path / "dataset"))
+
+
+@pytest.fixture
+def filmed(copied: Path) -> Path:
+    """Such a copy with a video."""
+    write_video(copied / "video")
+    write_sums(copied)
+    return copied

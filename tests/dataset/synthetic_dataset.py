@@ -79,9 +79,12 @@ def cast_rays(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndar
     """
     a, b, c = np.moveaxis(transform_points(cam_from_model, mesh.vertices)[mesh.faces], 1, 0)
     across, down = b - a, c - a
-    v, u = np.mgrid[
-        -beyond * camera.height : (1 + beyond) * camera.height, -beyond * camera.width : (1 + beyond) * camera.width
-    ]
+    depth = np.zeros(((1 + 2 * beyond) * camera.height, (1 + 2 * beyond) * camera.width))
+    # no ray meets a triangle outside the box of the projected corners
+    at = camera.project(np.concatenate([a, b, c]))
+    places = np.stack([at.min(axis=0) - 1, at.max(axis=0) + 2]).astype(int) + beyond * np.array(camera.size_wh)
+    (left, top), (right, bottom) = places.clip(0, depth.shape[::-1])
+    v, u = np.mgrid[top:bottom, left:right] - beyond * np.array([camera.height, camera.width])[:, None, None]
     rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], -1).reshape(-1, 3)
     normal = np.cross(across, down)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -91,7 +94,8 @@ def cast_rays(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndar
         second = -(rays @ np.cross(across, a).T) / along
         hit = (first >= 0) & (second >= 0) & (first + second <= 1) & (z > 0)
     nearest = np.where(hit, z, np.inf).min(axis=1)
-    return np.where(np.isfinite(nearest), nearest, 0).reshape(u.shape)
+    depth[top:bottom, left:right] = np.where(np.isfinite(nearest), nearest, 0).reshape(u.shape)
+    return depth
 
 
 def pose_of(index: int) -> np.ndarray:
@@ -130,7 +134,7 @@ def description_of() -> dict:
     }
 
 
-def make_dataset(root: Path) -> None:
+def make_dataset(root: Path, *, video: bool = True) -> None:
     """What render_dataset.py would have written."""
     root.mkdir()
     description = description_of()
@@ -141,16 +145,21 @@ def make_dataset(root: Path) -> None:
     sheet = contact_sheet([to_uint8(colour) / 255 for colour in colours], columns=COUNT, tile_width=240)
     (root / "contact_sheet.png").write_bytes(encode_png(to_uint8(sheet)))
     (root / "overlay.png").write_bytes(encode_png(np.zeros((*CAMERA.shape_hw, 3), np.uint8)))
-    (root / "video").mkdir()
-    video = cv2.VideoWriter(str(root / "video/trajectory.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 24, CAMERA.size_wh)
-    for index in range(VIDEO_FRAMES):
-        mask = cast_rays(MESH, CAMERA, video_pose(index)) > 0
+    if video:
+        write_video(root / "video")
+    write_sums(root)
+
+
+def write_video(folder: Path) -> None:
+    folder.mkdir()
+    video = cv2.VideoWriter(str(folder / "trajectory.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 24, CAMERA.size_wh)
+    poses = [video_pose(index) for index in range(VIDEO_FRAMES)]
+    for pose in poses:
+        mask = cast_rays(MESH, CAMERA, pose) > 0
         video.write(np.repeat(np.where(mask, np.uint8(180), np.uint8(0))[..., None], 3, axis=2))
     video.release()
-    poses = [video_pose(index) for index in range(VIDEO_FRAMES)]
     rows = [[number, repr(number / 24), *pose_cells(pose)] for number, pose in enumerate(poses)]
-    write_csv(root / "video/poses.csv", ("frame", "time_s", *POSE_COLUMNS), rows)
-    write_sums(root)
+    write_csv(folder / "poses.csv", ("frame", "time_s", *POSE_COLUMNS), rows)
 
 
 def write_sums(root: Path) -> None:

@@ -26,7 +26,6 @@ def random_view(rng: np.random.Generator, nearest: float) -> tuple[TriangleMesh,
     return mesh, camera, pose
 
 
-@settings(max_examples=60)
 @given(seeds, st.sampled_from([3.5, -1.0]))
 def test_projected_triangles_have_the_depths_of_cast_rays(rng, nearest):
     """Also from inside the surface: triangles that reach behind the camera are cut, not lost."""

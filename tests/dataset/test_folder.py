@@ -17,10 +17,11 @@ from oneframe.dataset import layout
 from oneframe.dataset.checksums import Checksums, read_checksums, sum_of
 from oneframe.dataset.identity import identity_of
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.run import lock, run_folder
+from oneframe.dataset.run import run_folder
 from oneframe.dataset.run.run_folder import RunFolder, Shard
 from oneframe.dataset.view import write_view
 from oneframe.errors import InputError, RunError
+from oneframe.files import lock
 from oneframe.files.content import partial_name
 from tests.dataset.blank_dataset import record_of
 

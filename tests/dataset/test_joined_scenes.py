@@ -20,7 +20,7 @@ from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid
 from tests.tree import different_files, tree
 
-OPTIONS = ("--count", "2", "--workers", "2", "--engine", "raster", "--cone-deg", "20")
+OPTIONS = ("--count", "2", "--workers", "1", "--engine", "raster", "--cone-deg", "20")
 
 
 @pytest.fixture
@@ -39,11 +39,11 @@ def queue(write_tiny_case, tmp_path):
 
 
 @pytest.mark.render
-def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_command, render_command):
-    ended = run_command(render_command(queue, "--out", tmp_path / "out", *OPTIONS))
+def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_oneframe):
+    ended = run_oneframe("render", queue, "--out", tmp_path / "out", *OPTIONS)
     assert ended.returncode == 0, ended.stderr
     assert "c: left out, it is new" in ended.stdout
-    alone = run_command(render_command(queue / "b" / "case.toml", "--out", tmp_path / "alone", *OPTIONS))
+    alone = run_oneframe("render", queue / "b" / "case.toml", "--out", tmp_path / "alone", *OPTIONS)
     assert alone.returncode == 0, alone.stderr
     assert different_files(tmp_path / "out" / "cases" / "b", tmp_path / "alone") == []
 
@@ -80,7 +80,7 @@ def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_comman
 
 
 @pytest.mark.render
-def test_another_surface_is_another_object(queue, tmp_path, run_command, render_command):
+def test_another_surface_is_another_object(queue, tmp_path, run_oneframe):
     """Of the same vertices, and so of the same box: other faces, which depth shows."""
     case = read_case(queue / "b" / "case.toml")
     mesh = read_mesh(case.mesh)[0]
@@ -89,7 +89,7 @@ def test_another_surface_is_another_object(queue, tmp_path, run_command, render_
     (queue / "c" / "case.toml").write_bytes((queue / "b" / "case.toml").read_bytes().replace(b"b.png", b"a.png"))
     shutil.copytree(queue / "a", queue / ".hidden")
     bop = tmp_path / "out" / "bop"
-    ended = run_command(render_command(queue, "--out", tmp_path / "out", *OPTIONS))
+    ended = run_oneframe("render", queue, "--out", tmp_path / "out", *OPTIONS)
     assert ended.returncode == 0, ended.stderr
     rows = (tmp_path / "out" / "scenes.csv").read_text().split()
     assert rows == ["scene_id,obj_id,case", "0,1,a", "1,2,b", "2,2,c"]
@@ -113,7 +113,7 @@ def test_another_surface_is_another_object(queue, tmp_path, run_command, render_
 
 
 @pytest.mark.render
-def test_a_queue_is_read_before_anything_is_rendered(queue, tmp_path, run_command, render_command):
+def test_a_queue_is_read_before_anything_is_rendered(queue, tmp_path, run_oneframe):
     for change, message in (
         (lambda text: text.replace("size = [", "size = [1"), "error: b: case.toml: "),
         (lambda text: text.replace("../../case/b.png", "../../case/missing.png"), "error: b: "),
@@ -122,7 +122,7 @@ def test_a_queue_is_read_before_anything_is_rendered(queue, tmp_path, run_comman
         path = queue / "b" / "case.toml"
         text = path.read_text()
         path.write_text(change(text))
-        ended = run_command(render_command(queue, "--out", tmp_path / "out", *OPTIONS[2:]))
+        ended = run_oneframe("render", queue, "--out", tmp_path / "out", *OPTIONS[2:])
         path.write_text(text)
         assert ended.returncode == 2
         assert ended.stderr.startswith(message), ended.stderr

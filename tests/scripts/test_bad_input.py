@@ -146,23 +146,9 @@ def test_explicit_poses_that_miss_the_surface_are_rendered_and_reported(case, tm
 # --- end to end -----------------------------------------------------------------------------------------------------
 
 
-def damaged_frame(folder: Path) -> None:
-    (folder / "frame.png").write_bytes((folder / "frame.png").read_bytes()[:900])
-
-
-RUNS = {
-    "a damaged frame": (damaged_frame, (), "the file is cut off"),
-    "a mistyped option": (None, ("--conut", "3"), "command line: unknown argument '--conut'; did you mean '--count'?"),
-}
-
-
-@pytest.mark.parametrize("what", RUNS)
-def test_the_script_prints_one_line_and_exits_with_2(case, tmp_path, render_command, run_command, what):
-    damage, arguments, message = RUNS[what]
-    if damage:
-        damage(case.parent)
-    ended = run_command(render_command(case, "--out", tmp_path / "deep" / "out", *arguments))
-    assert_refused(ended, message)
+def test_the_command_prints_one_line_and_exits_with_2(case, tmp_path, run_oneframe):
+    (case.parent / "frame.png").write_bytes((case.parent / "frame.png").read_bytes()[:900])
+    assert_refused(run_oneframe("render", case, "--out", tmp_path / "deep" / "out"), "the file is cut off")
     assert not (tmp_path / "deep").exists()
 
 

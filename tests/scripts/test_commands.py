@@ -120,7 +120,7 @@ def test_the_program_renders_what_the_script_renders(
 ):
     """With workers, which are started through the package and through the script."""
     case = write_tiny_case(tmp_path / "case")
-    arguments = ["--count", "8", "--workers", "2"]
+    arguments = ["--count", "4", "--workers", "2", "--engine", "raster"]
     program = [sys.executable, "-m", "oneframe.commands", "render", str(case), "--out", str(tmp_path / "program")]
     script = render_command(case, "--out", tmp_path / "script")
     for command in (program, script):
@@ -130,7 +130,7 @@ def test_the_program_renders_what_the_script_renders(
     assert files_of(tmp_path / "program") == files_of(tmp_path / "script")
     checked = run_oneframe("check", tmp_path / "program")
     assert (checked.returncode, checked.stderr) == (0, "")
-    assert "dataset of 8 views: complete and consistent" in checked.stdout
+    assert "dataset of 4 views: complete and consistent" in checked.stdout
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
 from ...errors import InputError
 from ...transforms import rigid, transform_points
-from ..reprojection import jacobian_at
+from ..reprojection import zoom_jacobian_at
 from .align_landmarks import complete_landmarks, landmark_arrays
 from .covariance import SELECTION_PRIOR_DOF, NoiseEstimate, inverse_normal_matrix
 
@@ -91,10 +91,7 @@ def focal_length(landmarks: Sequence[Landmark], camera: PinholeCamera, *, click_
             f"landmarks: expected clicks that a pose explains within {click_sigma_px:g} px at some focal length, found "
             f"{rms_px:.1f} px at best; correct the wrong ones first"
         )
-    pivot = points.mean(axis=0)
-    seen = found.project(transform_points(pose, points)) - [found.cx, found.cy]
-    # the last column: by the logarithm of the focal length
-    jacobian = np.hstack([jacobian_at(points, found, pose, pivot).reshape(-1, 6), seen.reshape(-1, 1)])
+    jacobian = zoom_jacobian_at(points, found, pose, points.mean(axis=0)).reshape(-1, 7)
     relative = float(np.sqrt(noise.variance * inverse_normal_matrix(jacobian)[6, 6]))
     if relative > WORST_RELATIVE:
         raise InputError(

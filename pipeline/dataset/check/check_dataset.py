@@ -191,7 +191,7 @@ class _Check:
                 check_tables(root, description, self._finest_scale, findings)
             if (root / "video").exists():
                 with findings.collecting("damaged files"):
-                    check_video(root, description, mesh)
+                    check_video(root, description)
         hashed += len(self._poses) * len(description.kinds) * self._hashes
         return CheckReport(count, findings, hashed, tuple(self._compared))
 

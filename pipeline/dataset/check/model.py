@@ -13,11 +13,7 @@ from ..model_file import read_model
 from .comparison import read_table, require_equal
 from .findings import Findings
 
-MODEL, MODELS_INFO, REDUCED, REDUCED_INFO = MODEL_FILES
-REDUCED_VERTICES = 10_000
-"""Most vertices of the model for errors of poses."""
-ROUNDING = 2.0**-24
-"""Largest relative error of a number stored in single precision."""
+MODEL, MODELS_INFO, _, REDUCED_INFO = MODEL_FILES
 
 
 def check_model(root: Path, description: Description, findings: Findings) -> TriangleMesh | None:
@@ -34,26 +30,12 @@ def check_model(root: Path, description: Description, findings: Findings) -> Tri
             raise InputError(f"{MODEL}: expected the mean of the vertices at the origin, it is {off:.2g} mm off")
     if mesh is None:
         return None
-    with findings.collecting("damaged files"):
-        _check_reduced(root, mesh)
     for name in (MODELS_INFO, REDUCED_INFO):
         with findings.collecting("tables that disagree"):
             # of the model whose coordinates were rounded
             relative = 2e-6 * max(mesh.radius, 1.0)
             require_equal(read_table(root, name), {str(OBJECT_ID): _info(mesh)}, name, relative=relative)
     return mesh
-
-
-def _check_reduced(root: Path, mesh: TriangleMesh) -> None:
-    """Check the model for errors of poses: the model itself if it is small, else fewer vertices inside its box."""
-    reduced, _ = read_model(root, REDUCED)
-    if len(mesh.vertices) <= REDUCED_VERTICES:
-        if not (np.array_equal(reduced.vertices, mesh.vertices) and np.array_equal(reduced.faces, mesh.faces)):
-            raise InputError(f"{REDUCED}: expected the surface of {MODEL}, found another")
-        return
-    low, high = mesh.bounds + np.array([[-1.0], [1.0]]) * 2 * ROUNDING * mesh.radius
-    if not ((reduced.vertices >= low) & (reduced.vertices <= high)).all():
-        raise InputError(f"{REDUCED}: expected vertices within the box of {MODEL}, found others")
 
 
 def _info(mesh: TriangleMesh) -> dict[str, object]:

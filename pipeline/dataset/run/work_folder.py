@@ -13,8 +13,8 @@ from typing import Self
 
 from ...errors import RunError
 from ...files.content import create_folder, names_in, partial_name
+from ...files.lock import Busy, FileLock
 from ..layout import WORK
-from .lock import Busy, FileLock
 
 LOCK_FILES = r"lock(-[0-9]+-of-[0-9]+)?|run-[0-9a-f]{16}"
 """Files in ``.work`` of every run; the last ones are those of :func:`run_token`."""

@@ -15,7 +15,7 @@ from ..state import from_scene
 from ..state.scene_files import forget_stamps
 from ..ui.background_operator import NAVIGATION, InBackground, Work, show_status
 from ..ui.keymap import TOOLS, Key, keys
-from ..ui.operator import Available, Messages, OperatorResult
+from ..ui.operator import Available, Messages, Needs, OperatorResult
 from ..video import session, shown_frame, strip_layout
 from ..video.frame_fetcher import AHEAD
 from ..video.operators import NeedsFilm
@@ -45,7 +45,7 @@ class NeedsFrames(NeedsFilm):
 class NeedsFound(NeedsFilm):
     """Mixin: available once frames of the film are registered."""
 
-    needs = (lambda context: found.of(context.scene) is not None, "Press Register Frames first")
+    needs: Needs = (lambda context: found.of(context.scene) is not None, "Press Register Frames first")
 
 
 class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):

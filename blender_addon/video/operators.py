@@ -11,7 +11,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.video.frame_folder import film_notes
 from ..state import camera_view, from_scene, workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
-from ..ui.operator import Available, Messages, Reporting
+from ..ui.operator import Available, Messages, Needs, Reporting
 from ..view.zoom import fit_soon
 from . import session, shown_frame
 from .session import FilmSession
@@ -22,7 +22,7 @@ VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm;*.ts;*.mts;*.wmv;*.m
 class NeedsFilm(Available):
     """Mixin: available once a video is scored."""
 
-    needs = (lambda context: session.of(context.scene) is not None, "Open a video first")
+    needs: Needs = (lambda context: session.of(context.scene) is not None, "Open a video first")
 
 
 class ONEFRAME_OT_open_video(OpensInBackground):

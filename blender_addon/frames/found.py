@@ -7,7 +7,7 @@ found again when the case is opened or its pose comes back, and never taken for 
 import os
 import time
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import astuple, dataclass, field
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -27,10 +27,10 @@ from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, Candidates
 from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
-from ..pipeline.registration.register import RegisteredFrame, judged_together
-from ..pipeline.registration.register_frames import CaseRegistrar
+from ..pipeline.registration.register import RegisteredFrame
+from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames
 from ..pipeline.registration.report import registration_record
-from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
+from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame
@@ -90,41 +90,28 @@ class FoundFrames:
         left = numbers - self.frames.keys()
         if not left:
             left, self.candidates = numbers, Candidates()
-        alone, written_s = dict[int, RegisteredFrame](), time.monotonic()
-        agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
+        run, written_s = RegistrationRun(registrar, is_film=True, candidates=self.candidates), time.monotonic()
         try:
             with registrar.frames(film.path) as opened:
                 for frame in opened.frames:
                     if frame.number not in left:
                         continue
-                    found = registrar.register(frame)
-                    self.candidates.add(frame.number, frame.image, frame.valid, found)
-                    if found.fit is not None and found.verdict.state == ACCEPTED:
-                        agreement.add(frame.number, found.fit)
-                    alone[frame.number] = self.frames[frame.number] = replace(found, fit=None)
-                    progress(len(alone) / len(left))
+                    run.register(frame)
+                    self.frames[frame.number] = run.alone[frame.number]
+                    progress(len(run.alone) / len(left))
                     # a long list takes long to judge and to write
                     if (began_s := time.monotonic()) - written_s > WRITTEN_EVERY_S:
-                        self._judge(alone)
+                        self.frames |= run.judged()
                         self.write()
                         written_s = time.monotonic() + 20 * (time.monotonic() - began_s)
-            self.change = agreement.change()
+            self.change = run.change()
         finally:
-            self._judge(alone)
+            self.frames |= run.judged()
             self.write()
-
-    def _judge(self, alone: dict[int, RegisteredFrame]) -> None:
-        """Judge the frames of a run together, given what each of them tells alone."""
-        self.frames |= zip(alone, judged_together(list(alone.values())), strict=True)
 
     def colouring(self) -> list[Candidate]:
         """The frames that are accepted, and show the surface as the case's frame does."""
-        since = np.inf if self.change is None else self.change.since
-        return [
-            each
-            for each in self.candidates.frames
-            if each.number < since and self.frames[each.number].verdict.state == ACCEPTED
-        ]
+        return colouring_frames(self.candidates, self.frames, self.change)
 
     def write(self) -> None:
         """Keep them in their file.

@@ -32,7 +32,7 @@ COLMAP_PARAMETERS = {
 """Parameters of COLMAP's camera models, in the order of its files (src/colmap/sensor/models.h)."""
 
 MOST_ARRAYS, LONGEST_ARRAY = 1000, 4096
-"""Of an ``.npz``; numbers of an array that may be K, and its longest side (that of an empty array may be any)."""
+"""Arrays of an ``.npz``; numbers of an array that may be K, and its longest side (an empty one may have any)."""
 
 
 def content_table(data: bytes, path: Path) -> object:
@@ -101,10 +101,6 @@ def _arrays(data: bytes, name: str) -> object:
                 raise InputError(
                     f"{name}: expected a camera, found {len(members)} arrays; the limits are {MOST_ARRAYS}, and "
                     f"{LARGEST_FILE >> 20} MB in all"
-                )
-            if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members):
-                raise InputError(
-                    f"{name}: expected an .npz as NumPy writes it, found another compression; save it again"
                 )
             return {
                 member.filename[:-4]: _lists(npy_array(files.read(member), f"{name}: {member.filename[:50]}"))

@@ -14,7 +14,7 @@ from .table_values import LONGEST_NAME, number_of, numbers_of, plain_key
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 """In OpenCV's order, which lists of them have."""
 LIST_LENGTHS = (4, 5, 8, 12, 14)
-"""Of OpenCV's lists of coefficients."""
+"""Lengths of OpenCV's lists of coefficients."""
 BY_KIND = {"radial": ("k1", "k2", "k3", "k4", "k5", "k6"), "tangential": ("p1", "p2")}
 """What lists of one kind hold (MATLAB's among others)."""
 

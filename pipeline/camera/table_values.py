@@ -6,7 +6,7 @@ from typing import Any
 from ..files.numbers import number_rows
 
 MOST_NUMBERS = 100
-"""Of a list; no K, size or distortion has more."""
+"""Numbers of a list; no K, size or distortion has more."""
 
 LONGEST_NAME = 60
 """Characters of a key or a model's name that messages show."""

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..files.tables import check_levels
 
 MOST_VALUES = 1_000_000
-"""Of a file in all; a list that is named twice counts twice."""
+"""Values of a file in all; a list that is named twice counts twice."""
 
 
 class _Loader(yaml.CSafeLoader):

@@ -128,7 +128,7 @@ FOUND = ("refined", FURTHER_FRAMES, REGISTERED)
 """Methods of poses that the image or other frames have found: neither landmarks nor hands replace them unasked."""
 
 ENTRY_SHAPES: dict[str, tuple[int, ...]] = {"covariance_mm_rad": (6, 6), "pivot_mesh_mm": (3,), "radius_mm": ()}
-"""Of what determines the uncertainty of a pose that does not come from clicks, in the frame of the mesh."""
+"""Shapes of what determines the uncertainty of a pose that does not come from clicks, in the frame of the mesh."""
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 

@@ -35,7 +35,7 @@ class Frame:
 
     @property
     def name(self) -> str:
-        """Of its file, for messages."""
+        """The name of its file, for messages."""
         return self.path.name
 
     @property

@@ -21,7 +21,7 @@ LONGEST_EXACT_FOCAL_PX = EXACT_PX / UNIT_ROUNDOFF
 """Focal length beyond which edges may be further off, for a surface nearer to its middle than to the camera."""
 
 STORED_EXACTLY = 1e-3
-"""Of a step of single precision: coordinates this near to one all come from it."""
+"""Share of a step of single precision: coordinates this near to one all come from it."""
 
 
 def precision_doubts(

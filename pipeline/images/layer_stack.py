@@ -135,6 +135,6 @@ class LayerStack:
 
     @property
     def median_depth_mm(self) -> float | None:
-        """Of all structures that are seen; ``None`` without any."""
+        """The median depth of all structures that are seen; ``None`` without any."""
         depth = self.depth_mm[self.number >= 0]
         return float(np.median(depth)) if len(depth) else None

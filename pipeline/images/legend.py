@@ -17,9 +17,9 @@ LINE_SPACING = 1.2
 WIDEST_NOTE = "100 % visible, to 00.0 mm deep"
 """Room is left for it, so that the legend of a film keeps its size."""
 WIDEST_FRACTION = 0.62
-"""Of the image's width that a panel may take; letters get smaller instead."""
+"""Share of the image's width that a panel may take; letters get smaller instead."""
 TALLEST_FRACTION = 0.6
-"""The same of its height."""
+"""Share of its height."""
 LEAST_LETTER_PX = 5.0
 """Smaller letters cannot be read."""
 BORDER_FRACTION = 0.009

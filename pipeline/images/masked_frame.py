@@ -17,7 +17,7 @@ _BYTE_STEP = DEEP // 255
 """Between the code values of 8 bits, in those of 16."""
 
 _ROUNDING = 0.05
-"""Of code values of 16 bits, from their conversion to single precision."""
+"""Error of code values of 16 bits, from their conversion to single precision."""
 
 
 def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndarray:

@@ -14,7 +14,7 @@ from .strokes import coverage, dashed, line_distance
 
 VISIBLE_OPACITY = 0.8
 HIDDEN_OPACITY, DEEPEST_OPACITY = 0.5, 0.1
-"""Of what lies just below the surface, and of what lies :data:`DEEPEST_MM` or more below it."""
+"""Opacity of what lies just below the surface, and of what lies :data:`DEEPEST_MM` or more below it."""
 DEEPEST_MM = 10.0
 DARKEST = 0.35
 """Brightness of what is seen edge-on, as a fraction of its colour."""

@@ -64,7 +64,7 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
 
 
 def _radius(reach_px: float, length_px: float) -> int:
-    """Of the square of pixels around the middle of a piece in which all within reach lie."""
+    """Half the side of the square of pixels around the middle of a piece in which all within reach lie."""
     return int(np.ceil(reach_px + length_px / 2 + 0.5))
 
 

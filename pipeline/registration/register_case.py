@@ -1,8 +1,8 @@
 """Register further frames to a case, and write their poses and a sheet of the frames; and draw the film of a video."""
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import cv2
@@ -21,12 +21,12 @@ from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..video.film_reader import Film
-from .colour_sources import Candidates, chosen_sources
+from .colour_sources import chosen_sources
 from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
-from .register import RegisteredFrame, judged_together
-from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, frame_files
+from .register import RegisteredFrame
+from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, RegistrationRun, colouring_frames, frame_files
 from .report import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from .verdict import ACCEPTED, FilmAgreement
+from .verdict import ACCEPTED
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
 HISTORY = history_path(Path(CASE)).name
@@ -84,35 +84,26 @@ def register_case(
     """
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(frames))
     registrar, is_film = CaseRegistrar(loaded), not frames.is_dir()
-    registered, evidence, candidates = list[RegisteredFrame](), list[FrameEvidence](), Candidates()
-    agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
+    run, evidence = RegistrationRun(registrar, is_film=is_film), list[FrameEvidence]()
     drawn, usable = _drawn_points(loaded), False
     with registrar.frames(frames, every) as opened:
         pictures = _Pictures(loaded, registrar, opened.count)
         for done, frame in enumerate(opened.frames):
-            found, usable = registrar.register(frame), usable or not frame.problem
-            registered.append(replace(found, fit=None))
-            if found.fit is not None and found.verdict.state == ACCEPTED and is_film:
-                agreement.add(frame.number, found.fit)
-            if colour_frames:
-                candidates.add(frame.number, frame.image, frame.valid, found)
+            found, usable = run.register(frame), usable or not frame.problem
             points = drawn if len(drawn) or found.fit is None else found.fit.points_model
             picture = pictures.of(done, frame, found)
             evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
             progress((done + 1) / opened.count)
-    if not registered:
+    if not evidence:
         raise InputError(f"{frames.name}: expected frames, cannot decode any; copy it again")
     if not usable:
         one = evidence[0]
         raise InputError(f"{one.name or frames.name}: {one.verdict.reason}; nor can any other frame be used")
-    registered = judged_together(registered)
-    evidence = [each.judged(found) for each, found in zip(evidence, registered, strict=True)]
-    _write_lists(loaded, frames, out, evidence, registered)
+    judged, change = run.judged(), run.change()
+    evidence = [each.judged(judged[each.number]) for each in evidence]
+    _write_lists(loaded, frames, out, evidence, judged)
     write_output(out / SHEET, pictures.sheet(evidence))
-    change = agreement.change()
-    since = np.inf if change is None else change.since
-    accepted = {each.number for each in evidence if each.verdict.state == ACCEPTED and each.number < since}
-    colouring = [each for each in candidates.frames if each.number in accepted]
+    colouring = colouring_frames(run.candidates, judged, change)
     choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
     known = RegistrationEvidence(
@@ -154,14 +145,16 @@ def _write_lists(
     frames: Path,
     out: Path,
     evidence: Sequence[FrameEvidence],
-    registered: Sequence[RegisteredFrame],
+    judged: Mapping[int, RegisteredFrame],
 ) -> None:
     """Write the lists of poses, after removing what shows other ones."""
     entries = []
-    for each, found in zip(evidence, registered, strict=True):
+    for each in evidence:
         # as in a list of photographs: from the folder of the list
         image = relative_name(frames / each.name, out) if each.name else ""
-        entries.append(pose_entry(image, each.number, found, loaded.surface.mesh_from_model, loaded.case.mm_per_unit))
+        entries.append(
+            pose_entry(image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
+        )
     if frames.is_dir() and loaded.case.distortion is not None:
         entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
     made_folder(out / POSES)

@@ -1,6 +1,6 @@
 """Register the frames of a folder or a video to a case, one after the other."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,11 +24,11 @@ from ..transforms import inverse_rigid
 from ..video.denoise import denoised
 from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
-from .colour_sources import Candidate
+from .colour_sources import Candidate, Candidates
 from .known_views import grey_codes
-from .register import RegisteredFrame, Registrar, zoom_of
+from .register import RegisteredFrame, Registrar, judged_together, zoom_of
 from .source_correction import doubt_of_source, with_case
-from .verdict import ACCEPTED, REFUSED, Verdict
+from .verdict import ACCEPTED, REFUSED, FilmAgreement, FilmChange, Verdict
 
 LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
@@ -228,6 +228,49 @@ class CaseRegistrar:
         if self._straight is not None:
             image = self._straight(image)
         return FurtherFrame(name, number, image, self._inside)
+
+
+class RegistrationRun:
+    """Registers frames one after the other, and keeps what each tells alone, and what all tell together.
+
+    Attributes
+    ----------
+    alone
+        Number of a frame -> what was found in it, without the fit.
+    candidates
+        Those that may colour the surface.
+    """
+
+    def __init__(self, registrar: CaseRegistrar, *, is_film: bool, candidates: Candidates | None = None) -> None:
+        """Begin without frames; ``candidates`` may hold those of an earlier run."""
+        self._registrar, self._is_film = registrar, is_film
+        self._agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
+        self.alone, self.candidates = dict[int, RegisteredFrame](), candidates or Candidates()
+
+    def register(self, frame: FurtherFrame) -> RegisteredFrame:
+        """Register the next frame, see :meth:`CaseRegistrar.register`."""
+        found = self._registrar.register(frame)
+        self.candidates.add(frame.number, frame.image, frame.valid, found)
+        if self._is_film and found.fit is not None and found.verdict.state == ACCEPTED:
+            self._agreement.add(frame.number, found.fit)
+        self.alone[frame.number] = replace(found, fit=None)
+        return found
+
+    def judged(self) -> dict[int, RegisteredFrame]:
+        """The frames, judged together."""
+        return dict(zip(self.alone, judged_together(list(self.alone.values())), strict=True))
+
+    def change(self) -> FilmChange | None:
+        """What a film no longer shows as the case's frame does."""
+        return self._agreement.change()
+
+
+def colouring_frames(
+    candidates: Candidates, judged: Mapping[int, RegisteredFrame], change: FilmChange | None
+) -> list[Candidate]:
+    """The candidates that are accepted, and show the surface as the case's frame does."""
+    since = np.inf if change is None else change.since
+    return [each for each in candidates.frames if each.number < since and judged[each.number].verdict.state == ACCEPTED]
 
 
 def doubt_of_case(loaded: LoadedCase) -> str:

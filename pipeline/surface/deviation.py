@@ -23,7 +23,7 @@ _BLOCK = 1 << 13
 _ROUNDED = 1 + 1e-12
 """Leaves room for rounding where a box that decides must not be left out."""
 _CELLS = 1 << 20
-"""Of the Z curve along an axis."""
+"""Cells of the Z curve along an axis."""
 _BESIDE = (0, -1, 1, -2, 2, -3)
 """Triangles beside a point on the curve that are tried first."""
 

@@ -14,10 +14,10 @@ LARGEST_COORDINATE = 1e9
 """1000 km in mm; larger coordinates mean a damaged file, and their products may overflow."""
 
 MOST_FACES = MOST_VERTICES = 10_000_000
-"""Of a mesh; a temporal bone at the resolution of its CT has two million."""
+"""Largest mesh; a temporal bone at the resolution of its CT has two million."""
 
 BALL_DECIMALS = 3
-"""Of a ball in a file: to a micrometre."""
+"""Decimals of a ball in a file: to a micrometre."""
 
 _BLOCK = 1 << 18
 """Faces that are computed at a time, which bounds the memory that it takes."""
@@ -125,7 +125,7 @@ class Ball:
     radius_mm: float
 
     def rounded(self) -> "Ball":
-        """As files hold it: to a micrometre."""
+        """The ball as files hold it: to a micrometre."""
         return Ball(np.round(self.centre, BALL_DECIMALS), round(self.radius_mm, BALL_DECIMALS))
 
 

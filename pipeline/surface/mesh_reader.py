@@ -25,7 +25,7 @@ LARGEST_MESH = 768 << 20
 """Bytes of a file: three million triangles as text, many more as numbers."""
 
 MOST_CORNERS = 10_000
-"""Of a polygon."""
+"""Corners of the largest polygon."""
 
 SPACES = ("LPS", "RAS")
 """Patient coordinates: x to the left and y to the back (DICOM), or to the right and the front (NIfTI)."""

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..files.numbers import parsed_numbers, unfinished_warnings, with_nan
 
 _AFTER_SLASH = re.compile(rb"(?<=[0-9])/\S*")
-"""Of a corner v/vt/vn."""
+"""What follows the vertex of a corner v/vt/vn."""
 
 
 def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:

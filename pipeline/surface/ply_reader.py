@@ -29,7 +29,7 @@ LONGEST_HEADER = 256 << 10
 """Bytes."""
 
 MOST_UNEVEN_ROWS = 3_000_000
-"""Of an element whose lists differ in length; these are followed one by one."""
+"""Rows of an element whose lists differ in length; these are followed one by one."""
 
 _HEADER_END = re.compile(rb"[\r\n]end_header[ \t]*(?:\r\n|\n|\r)")
 

@@ -27,7 +27,7 @@ FREQUENCY_WEIGHT, COLOUR_WEIGHT, CONTINUITY_WEIGHT, DETAIL_WEIGHT, BURNT_WEIGHT 
 _BURNT_LIGHTNESS, _BURNT_CHROMA = 95.0, 6.0
 
 _BINS, _BIN = 24, 5.0
-"""Of the histogram of the tissue's a* and b*, and their width."""
+"""Bins of the histogram of the tissue's a* and b*, and their width."""
 
 
 def clear_view(samples: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,7 +30,7 @@ _NO_FILM = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition
 """Streams of pictures that no player shows as a film: a cover, above all."""
 
 _MOST_ERRORS = 100
-"""Of reading a damaged container."""
+"""Errors after which a damaged container is read no further."""
 
 _LOOKED_AT = 1024
 
@@ -81,13 +81,21 @@ def packets_of(container: InputContainer, stream: VideoStream) -> Iterator[Packe
 
 
 def frames_of(container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
-    """Frames in display order; those that cannot be decoded are left out."""
+    """Frames in display order, without those that cannot be decoded.
+
+    What follows one of these is left out up to the next key frame: FFmpeg makes it up from other pictures.
+    """
+    is_whole = True
     for packet in packets_of(container, stream):
         try:
             frames = packet.decode()
         except av.FFmpegError:
+            is_whole = False
             continue
-        yield from frames
+        for frame in frames:
+            is_whole = (is_whole or frame.key_frame) and not frame.is_corrupt
+            if is_whole:
+                yield frame
 
 
 def _shown_stream(container: InputContainer, path: Path) -> VideoStream:

@@ -137,7 +137,7 @@ class _Survey:
         return first, last
 
     def checked(self, first: int, last: int) -> tuple[int, int]:
-        """The same two numbers."""
+        """Two numbers as :meth:`between` gives them, checked."""
         frames = len(self.times_s)
         if not 0 <= first < last <= frames:
             wrong = first if not 0 <= first < frames else last - 1

@@ -24,7 +24,7 @@ MOST = 200
 """Thumbnails that are kept."""
 
 MOST_PIXELS = 320 * 180
-"""Of one thumbnail: all of them take 35 MB."""
+"""Pixels of one thumbnail: all of them take 35 MB."""
 
 
 @dataclass(frozen=True)

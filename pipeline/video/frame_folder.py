@@ -201,7 +201,7 @@ def _picture(video: Path, score: FrameScore) -> np.ndarray:
 
 
 def _shown(pixels: np.ndarray, score: FrameScore) -> np.ndarray:
-    """Of an interlaced frame the upper field."""
+    """The pixels, of an interlaced frame as its upper field shows them."""
     return without_combs(pixels) if score.comb > COMBED else pixels
 
 

@@ -26,7 +26,7 @@ BURNT_OUT = 250.0
 _MOTION_LUMA = 110.0
 
 _LIT = 0.1
-"""Of the brightest part; what is darker is the black around the view."""
+"""Share of the brightest part that is lit; what is darker is the black around the view."""
 
 _STRONGEST_EDGE = 0.5
 """In units of the frame's brightness; highlights have stronger ones."""

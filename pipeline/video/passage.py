@@ -18,12 +18,12 @@ SAMPLES = 36
 """Frames of which a clear view is made."""
 
 EARLIER_SAMPLES = 5
-"""As many samples an earlier passage's clear view of the same scene counts."""
+"""Samples as which an earlier passage's clear view of the same scene counts."""
 
 _ROUNDS = 3
 
 _BURNT_OUT_WORTH, _LEAST_WORTH = 0.1, 0.15
-"""Of an overexposed frame as a sample, and of any sample relative to the best."""
+"""Weight of an overexposed frame as a sample, and least weight of a sample relative to the best."""
 
 CLEAREST, MOST_DIFFERENT = 0.25, 0.01
 """If all but this share of a scene's frames differ from its clear view over more than that share of it, the camera goes

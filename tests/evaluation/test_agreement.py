@@ -31,40 +31,34 @@ def middle_of(loaded):
     return transform_points(loaded.frame.cam_from_model, loaded.surface.mesh.vertices.mean(axis=0))
 
 
-def moved(case, vector, shift_mm):
+def moved(loaded, vector, shift_mm):
     """The case, turned about the middle of its surface and shifted, in camera axes."""
-    middle = middle_of(load_case(case))
-    twist = (
-        rigid(np.eye(3), middle + shift_mm)
-        @ rigid(rotation_from_vector(vector), np.zeros(3))
-        @ rigid(np.eye(3), -middle)
-    )
-    return replace(case, cam_from_mesh=twist @ case.cam_from_mesh)
+    middle, turn = middle_of(loaded), rotation_from_vector(vector)
+    twist = rigid(turn, middle + shift_mm - turn @ middle)
+    return loaded.posed(twist @ loaded.case.cam_from_mesh, loaded.case.alignment)
 
 
 def test_apart_as_it_was_moved(case):
-    camera = case.camera
-    other = moved(case, np.zeros(3), np.array([1.0, 0.0, 0.0]))
-    found = agreement("a", load_case(case), load_case(other))
+    loaded = load_case(case)
+    found = agreement("a", loaded, moved(loaded, np.zeros(3), np.array([1.0, 0.0, 0.0])))
     assert found.angle_deg == pytest.approx(0, abs=1e-6)
     assert found.shift_mm == pytest.approx(1, abs=1e-6)
-    depth = middle_of(load_case(case))[2]
-    assert found.px == pytest.approx(camera.fx / depth, rel=0.2)
+    assert found.px == pytest.approx(case.camera.fx / middle_of(loaded)[2], rel=0.2)
     assert np.isnan(found.expected_px)
-    turned = moved(case, np.radians([0.0, 0.0, 3.0]), np.zeros(3))
-    assert agreement("a", load_case(case), load_case(turned)).angle_deg == pytest.approx(3)
+    turned = moved(loaded, np.radians([0.0, 0.0, 3.0]), np.zeros(3))
+    assert agreement("a", loaded, turned).angle_deg == pytest.approx(3)
 
 
 def test_errors_as_stated_are_what_is_expected(case):
     """Two annotators whose errors follow their stated deviations are apart by the expected distance."""
     rng = np.random.default_rng(4)
-    stated = replace(case, alignment=DEVIATIONS)
+    stated = load_case(replace(case, alignment=DEVIATIONS))
     squares = []
     for _ in range(60):
         drawn = []
         for _ in range(2):
             angles = rng.normal(0, np.radians(DEVIATIONS["standard_deviation_deg"]))
-            drawn.append(load_case(moved(stated, angles, rng.normal(0, DEVIATIONS["standard_deviation_mm"]))))
+            drawn.append(moved(stated, angles, rng.normal(0, DEVIATIONS["standard_deviation_mm"])))
         found = agreement("a", *drawn)
         squares.append((found.px / found.expected_px) ** 2)
     assert np.mean(squares) == pytest.approx(1, abs=0.35)
@@ -77,7 +71,7 @@ def test_queues_are_paired_by_name_where_both_have_a_pose(case, tmp_path, run_on
         images[-1].image.write_bytes(case.image.read_bytes())
     queues = tmp_path / "anna", tmp_path / "ben"
     for queue, shift in zip(queues, (0.0, 0.5), strict=True):
-        posed = moved(case, np.zeros(3), np.array([shift, 0.0, 0.0]))
+        posed = moved(load_case(case), np.zeros(3), np.array([shift, 0.0, 0.0])).case
         for path in add_frames(queue, case, images)[: 3 - (queue == queues[1])]:
             update_case(path, replace(read_case(path, posed=False), cam_from_mesh=posed.cam_from_mesh, posed=True))
     assert [name for name, _, _ in paired_cases(*queues)] == ["a", "b"]

@@ -3,14 +3,13 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
 from oneframe.images.masked_frame import encoded_frame, joined_mask, painted, shown_by_mask
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([255, 65535]), st.booleans())
 def test_the_values_are_those_of_the_frame(seed, largest, masked):
     rng = np.random.default_rng(seed)
@@ -53,7 +52,6 @@ def test_a_mask_is_its_alpha_or_else_its_grey_values():
         joined_mask(expected, expected.T, "f", "m")
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_a_brush_changes_what_lies_within_its_radius_of_its_way(seed):
     rng = np.random.default_rng(seed)

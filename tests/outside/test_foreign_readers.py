@@ -159,7 +159,7 @@ def test_targets_are_the_images_that_the_toolkit_would_choose(dataset):
     assert expected
 
 
-def test_info_of_the_models_is_what_the_toolkit_computes_and_tells_where_the_box_is(dataset):
+def test_info_of_the_models_is_what_the_toolkit_computes(dataset):
     """As its calc_model_info.py; readers of symmetries find none."""
     mesh, _ = read_mesh(dataset / "models" / "obj_000001.ply")
     for folder in ("models", "models_eval"):

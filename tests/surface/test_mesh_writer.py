@@ -19,7 +19,7 @@ from oneframe.surface.mesh_writer import material_path, texture_path, write_obj,
 from oneframe.surface.winding import consistent_winding
 
 SHARED_DATA = Path(__file__).parents[3] / "shared" / "data"
-quick = settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+quick = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @st.composite

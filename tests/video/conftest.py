@@ -1,10 +1,25 @@
 """Pictures of the sample case to make films of."""
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
+from oneframe.video import decoder
+
 SIZE_WH = (320, 240)
+
+
+@pytest.fixture
+def decoded_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Films are decoded in this process: a process for each takes longer than its film."""
+
+    def parts(path: Path, *arguments: object) -> Iterator[bytes]:
+        return (part for part in decoder.film(path, *arguments) if part)
+
+    monkeypatch.setattr("oneframe.video.film_reader.decoded_apart", parts)
 
 
 @pytest.fixture(scope="session")

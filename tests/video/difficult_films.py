@@ -5,6 +5,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 from av.stream import Disposition
 
@@ -110,4 +111,22 @@ def copied(
                     out.mux(packet)
     for film in films:
         film.close()
+    return path
+
+
+def with_uneven_times(source: Path, path: Path, size_wh: tuple[int, int] = (128, 96)) -> Path:
+    """The same packets with increasing gaps between their timestamps."""
+    packets = cv2.VideoCapture(str(source), cv2.CAP_FFMPEG)
+    fps, fourcc = packets.get(cv2.CAP_PROP_FPS), int(packets.get(cv2.CAP_PROP_FOURCC))
+    packets.set(cv2.CAP_PROP_FORMAT, -1)
+    settings = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, fps, size_wh, settings)
+    while True:
+        ok, packet = packets.read()
+        if not ok:
+            break
+        shown = int(packets.get(cv2.CAP_PROP_PTS))
+        writer.set(cv2.VIDEOWRITER_PROP_PTS, shown + shown // 3 + shown**2 // 20)
+        writer.write(packet)
+    writer.release()
     return path

@@ -9,11 +9,11 @@ from oneframe.errors import InputError
 from oneframe.video import decoding_process
 from oneframe.video.decoding_process import DecodingError, decoded_apart
 from oneframe.video.film_reader import Film, read_video_frame
-from tests.video.test_frame_reader import write_video
+from tests.video.difficult_films import write_frames
 
 
 def test_a_decoder_that_dies_at_once_gets_a_sentence(tmp_path, monkeypatch):
-    path = write_video(tmp_path / "film.mkv", "FFV1")
+    path = write_frames(tmp_path / "film.mkv", 20)
     monkeypatch.setattr(sys, "executable", shutil.which("false"))
     with pytest.raises(InputError, match=r"film.mkv: expected a video, cannot decode it \(its decoder crashes"):
         read_video_frame(path, 3)
@@ -22,7 +22,7 @@ def test_a_decoder_that_dies_at_once_gets_a_sentence(tmp_path, monkeypatch):
 
 
 def test_of_a_decoder_that_dies_on_its_way_the_frames_are_used(tmp_path, monkeypatch):
-    path = write_video(tmp_path / "film.mkv", "FFV1")
+    path = write_frames(tmp_path / "film.mkv", 20)
 
     def dying(*arguments):
         parts = decoded_apart(*arguments)
@@ -36,7 +36,7 @@ def test_of_a_decoder_that_dies_on_its_way_the_frames_are_used(tmp_path, monkeyp
 
 
 def test_a_decoder_that_hangs_ends_itself(tmp_path, monkeypatch):
-    path = write_video(tmp_path / "film.mkv", "FFV1")
+    path = write_frames(tmp_path / "film.mkv", 20)
     copied = tmp_path / "pipeline"
     shutil.copytree(
         decoding_process._PACKAGE, copied, ignore=lambda folder, names: {"blender", "__pycache__"} & {*names}

@@ -7,6 +7,8 @@ from oneframe.errors import InputError
 from oneframe.video.film_reader import WIDEST, Film, read_video_frame
 from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, write_frames
 
+pytestmark = pytest.mark.usefixtures("decoded_here")
+
 B_FRAMES = {"bf": "3", "g": "12"}
 ALTERNATE = {"auto-alt-ref": "1", "lag-in-frames": "16", "b": "1000000"}
 WAYS = {
@@ -17,6 +19,9 @@ WAYS = {
     "open.mkv": ("libx265", {"x265-params": "log-level=error:keyint=10:open-gop=1"}),
     "refreshed.mp4": ("libx264", {"x264-params": "intra-refresh=1:keyint=30"}),
     "a.mpg": ("mpeg2video", {"bf": "2"}),
+    "lossless.mkv": ("ffv1", {}),
+    "motion.avi": ("mjpeg", {"strict": "-1"}),
+    "vp9.mkv": ("libvpx-vp9", {}),
     "hidden.webm": ("libvpx", ALTERNATE),
     "av1.mp4": ("libsvtav1", {"preset": "12", "svtav1-params": "fast-decode=1"}),
 }
@@ -49,8 +54,20 @@ def test_what_an_edit_list_hides_is_no_frame(tmp_path, suffix):
     assert [number_of(frame.image) for frame in frames] == list(range(23, 60))
     assert [frame.index for frame in frames] == list(range(37))
     assert number_of(read_video_frame(path, 7)) == 30
-    with pytest.raises(InputError, match="expected a frame from 0 to 36"):
-        read_video_frame(path, 37)
+    for index in (-1, 37):
+        with pytest.raises(InputError, match=f"expected a frame from 0 to 36, found {index}; the file has 37"):
+            read_video_frame(path, index)
+
+
+@pytest.mark.parametrize(("name", "codec"), [("a.mov", "libx264"), ("a.avi", "mpeg4")])
+def test_no_picture_is_made_up_after_a_damaged_one(tmp_path, name, codec, rng):
+    whole = write_frames(tmp_path / name, 80, codec, **B_FRAMES).read_bytes()
+    for place in rng.integers(len(whole) // 5, len(whole) * 4 // 5, 6):
+        damage = rng.integers(0, 256, 60, np.uint8).tobytes()
+        (tmp_path / name).write_bytes(whole[:place] + damage + whole[place + 60 :])
+        shown = [number_of(frame.image) for frame in frames_of(tmp_path / name)]
+        assert shown == sorted(set(shown))
+        assert len(shown) > 40
 
 
 @pytest.mark.parametrize("suffix", ["mkv", "ts", "flv"])

@@ -15,7 +15,7 @@ from oneframe.video.frame_scores import best_frames, score_frames
 from oneframe.video.view_circle import Circle
 from tests.video.surgical_film import Event, surgical_film, write_film
 
-pytestmark = pytest.mark.render
+pytestmark = [pytest.mark.render, pytest.mark.usefixtures("decoded_here")]
 
 KINDS = ("clear", "tool", "clear", "glove", "blur", "clear")
 

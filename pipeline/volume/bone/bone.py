@@ -19,7 +19,7 @@ AIR_HU = -500
 LEAST_WIDTH_MM = 150.0
 """A narrower volume shows a part of the patient, and no couch that could be told from it."""
 LEAST_SHARE = 0.9
-"""Of the slices in which a pixel of the couch is solid."""
+"""Share of the slices in which a pixel of the couch is solid."""
 
 
 def bone_voxels(

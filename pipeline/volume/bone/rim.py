@@ -20,14 +20,14 @@ _FARTHEST = 2.0
 """How far a vertex goes from the middle of its edge, in distances of voxels."""
 
 _STEPS = 4
-"""Of spacing the vertices evenly along the crease."""
+"""Steps of spacing the vertices evenly along the crease."""
 
 _ON_DRILLED = 0.1
 """Distances of voxels within which a vertex lies on what was drilled. Where no crease could be found, it may lie on
 bone that the drill did not reach, nearer to a structure than its margin."""
 
 _TRIALS = 6
-"""Of going half as far, where a face would turn over."""
+"""Times that a vertex goes half as far, where a face would turn over."""
 
 
 @dataclass(frozen=True)

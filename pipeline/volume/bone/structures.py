@@ -150,7 +150,7 @@ def _mesh(labels: LabelMap, label: int, layers: tuple[int, int]) -> TriangleMesh
 
 
 def _volume_mm3(mesh: TriangleMesh) -> float:
-    """Of a closed mesh, by the divergence theorem."""
+    """The volume of a closed mesh, by the divergence theorem."""
     # from a corner: far from the origin the sum would lose digits
     return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]] - mesh.vertices[0], mesh.face_cross)) / 6
 

@@ -17,7 +17,7 @@ FAR_MM = 1e3
 """Distance where nothing is removed."""
 
 _SLOPE = 0.5
-"""Of a mask, averaged over a voxel and its neighbours, at its border: its share of a voxel per voxel."""
+"""Slope at the border of a mask averaged over a voxel and its neighbours: its share of a voxel per voxel."""
 
 _HU_PER_VOXEL = 1000.0
 """Slope of grey values at the surface of bone; it only weighs this field against others."""

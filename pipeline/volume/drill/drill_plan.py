@@ -31,9 +31,9 @@ from .filled import index_points
 LARGEST_RADIUS_MM = 50.0
 LARGEST_MARGIN_MM = 20.0
 MOST_MM = 1e5
-"""Of a coordinate: 100 m."""
+"""Largest coordinate: 100 m."""
 MOST_POINTS = 10_000
-"""Of all strokes together; so many are always shorter than the longest text that is read."""
+"""Points of all strokes together; so many are always shorter than the longest text that is read."""
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,11 @@ from ...transforms import transform_points
 from ..volume import box_corners
 
 SMALLEST_SPACING_MM, LARGEST_SPACING_MM = 0.005, 20.0
-"""Of voxels; others mean another unit than mm."""
+"""Plausible distances of voxels; others mean another unit than mm."""
 
 _SAME_PLACE_VOXELS, _SAME_TURN = 0.1, 1e-3
-"""Of two transforms of a header; near half turns, a quaternion in single precision is off by up to 8e-4 radians."""
+"""How far apart two transforms of a header may be; near half turns, a quaternion in single precision is off by up to
+8e-4 radians."""
 
 
 def check_axes(mesh_from_index: np.ndarray, where: str) -> None:

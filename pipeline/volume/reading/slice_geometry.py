@@ -16,10 +16,10 @@ from ..volume import VoxelGrid
 FEWEST_SLICES = 3
 
 LARGEST_DEVIATION = 0.05
-"""Of a slice from its place in equal steps, in steps; headers round to 0.1 mm or less."""
+"""How far a slice may lie from its place in equal steps, in steps; headers round to 0.1 mm or less."""
 
 LARGEST_DRIFT = 0.1
-"""Of the stack across its normal, in pixels; more is the tilt of the gantry."""
+"""How far the stack may shift across its normal, in pixels; more is the tilt of the gantry."""
 
 
 @dataclass(frozen=True)

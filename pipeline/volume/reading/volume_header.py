@@ -35,7 +35,7 @@ _NIFTI_UNITS = {0: 1.0, 1: 1000.0, 2: 1.0, 3: 0.001}
 _NIFTI_FLOATS = {16: "f4", 64: "f8"}
 
 _SPACES = ("left-posterior-superior", "lps", "right-anterior-superior", "ras", "left-anterior-superior", "las")
-"""Of NRRD, those that ITK takes to LPS."""
+"""Spaces of NRRD that ITK takes to LPS."""
 
 _SKIPS = ("lineskip", "byteskip", "headersize")
 

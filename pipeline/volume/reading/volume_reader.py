@@ -17,7 +17,7 @@ from .volume_header import VolumeHeader, check_stored, read_header, unreadable, 
 from .voxel_values import ValueSurvey
 
 _COPIES = 2
-"""Of the file's voxels that ITK holds for a moment: its own, and those of the library of the format."""
+"""Copies of the file's voxels that ITK holds for a moment: its own, and those of the library of the format."""
 
 _SLAB = 16
 """Slices that are converted at a time."""

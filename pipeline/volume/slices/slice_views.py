@@ -11,7 +11,7 @@ from ..bone.isosurface import RemovedField
 from ..volume import LabelMap, Sampler, Volume
 
 WIDTH_PX = 1800
-"""Of the three slices together, if they are not too high."""
+"""Width of the three slices together, if they are not too high."""
 HEIGHT_PX = 900
 BONE_COLOUR = (1.0, 0.85, 0.1)
 DRILL_COLOUR = (0.95, 0.25, 0.15)

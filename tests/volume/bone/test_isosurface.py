@@ -42,7 +42,7 @@ def torus(points: np.ndarray) -> np.ndarray:
     return np.hypot(np.hypot(x, y) - 7, z) - 2.6
 
 
-def test_every_case_of_a_cell_crosses_each_edge_that_leaves_the_material_once():
+def test_a_cell_crosses_each_edge_that_leaves_the_material_once():
     table = cell_table()
     for case in range(256):
         triangles = table.triangles[table.first[case] :][: table.count[case]]

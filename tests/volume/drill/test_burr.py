@@ -14,7 +14,7 @@ TOWARD = np.array([0.0, 0.0, -1.0])
 
 
 @given(st.floats(3.5, 6), st.floats(0.5, 2))
-def test_a_structure_before_the_bone_stops_no_burr_behind_it_and_one_around_it_leaves_no_room(height, margin):
+def test_structures_stop_a_burr_only_where_it_is(height, margin):
     room = BurrRoom({"incus": ball(0.8, np.array([0, 0, height + margin]), 3)}, {"incus": margin})
     end = np.array([0.0, 0.0, 1.0])
     assert room.reached(end - 9 * TOWARD, end, 1.5) == pytest.approx(end)
@@ -34,7 +34,7 @@ PLACES = st.tuples(st.floats(-300, 300), st.floats(-120, 120)).map(np.array)
 
 
 @given(PLACES, PLACES, st.floats(0.3, 2))
-def test_however_far_the_pointer_jumps_the_burr_goes_over_the_bone_without_gap_or_short_cut(start, end, step):
+def test_a_pointer_that_jumps_leaves_no_gap_and_no_short_cut(start, end, step):
     way = list(way_over_bone(on_two_balls, start, end, step))
     for drills, run in groupby(way, lambda centre: centre is not None):
         for one, next_one in pairwise(run) if drills else ():

@@ -85,7 +85,7 @@ def test_only_what_can_be_read_is_written(tmp_path):
         write_drill_plan(path, plan, {"drill plan": path})
 
 
-def test_strokes_outside_the_volume_are_refused_and_those_partly_outside_counted():
+def test_strokes_outside_are_refused_and_partly_outside_counted():
     turned = np.eye(4)
     turned[:3, :3] = np.array([[1, -1, 0], [1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2) * 0.5
     grid = VoxelGrid((40, 40, 40), turned)

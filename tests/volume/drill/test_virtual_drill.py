@@ -31,9 +31,9 @@ def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
     return found
 
 
-@settings(max_examples=25)
+@settings(max_examples=6)
 @given(SEEDS)
-def test_field_is_the_same_whatever_the_order_drawn_at_once_or_by_points_repeated_or_undone(seed):
+def test_the_field_does_not_depend_on_how_the_strokes_were_drawn(seed):
     rng = np.random.default_rng(seed)
     grid = oblique_grid(rng, rng.uniform(0.3, 0.6, 3), SIZE)
     structures = {"nerve": ball(1.5, rng.uniform(-5, 5, 3)), "sinus": ball(3, rng.uniform(-5, 5, 3))}
@@ -75,7 +75,7 @@ def capsule(points: np.ndarray, stroke: Stroke) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_burr_leaves_its_own_capsule_and_the_rest_of_the_bone_to_the_last_bit(seed):
+def test_a_burr_leaves_its_capsule_and_the_rest_to_the_last_bit(seed):
     rng = np.random.default_rng(seed)
     grid = oblique_grid(rng, np.array([0.4, 0.4, 0.4 * (1 + seed / 2)]), SIZE)
     depth = 7 - np.linalg.norm(voxel_centres(grid), axis=-1)
@@ -98,7 +98,7 @@ def test_burr_leaves_its_own_capsule_and_the_rest_of_the_bone_to_the_last_bit(se
     np.testing.assert_array_equal(again.mesh.vertices, intact.mesh.vertices)
 
 
-@settings(max_examples=15)
+@settings(max_examples=5)
 @given(SEEDS)
 def test_no_margin_is_ever_violated_and_no_more_stays_than_it_asks_for(seed):
     rng = np.random.default_rng(seed)
@@ -127,7 +127,7 @@ def test_no_margin_is_ever_violated_and_no_more_stays_than_it_asks_for(seed):
         assert np.abs(distance[near] - margin).mean() < 0.1 * voxel
 
 
-def test_structure_without_a_margin_is_not_spared_and_a_margin_without_a_structure_refused():
+def test_only_margins_spare_and_each_needs_its_structure():
     grid = VoxelGrid((20, 20, 20), np.eye(4))
     plan = DrillPlan((Stroke(4.0, np.full((1, 3), 10.0)),))
     free, beside = (removed_by_plan(plan, grid, each) for each in ({}, {"nerve": ball(2, np.full(3, 10.0))}))

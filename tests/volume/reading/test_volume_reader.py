@@ -53,7 +53,7 @@ def corners(volume: Volume) -> np.ndarray:
     return np.array(list(itertools.product(*[(0.0, count - 1.0) for count in volume.grid.size])))
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(
     suffix=st.sampled_from(FORMATS),
     packed=st.booleans(),
@@ -82,7 +82,7 @@ def test_a_voxel_is_read_where_it_was_written(
         np.testing.assert_allclose(volume.grid.mesh_from_index, LPS_FROM_RAS @ nib.load(path).affine, atol=2e-4)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25)
 @given(
     axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1),
     half_turn_but=st.one_of(st.floats(0, np.pi), st.floats(1e-5, 2e-3)),

@@ -135,6 +135,13 @@ def grid_mesh(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> TriangleMesh:
     return TriangleMesh(np.stack([x, y, z], -1).reshape(-1, 3).astype(float), faces.astype(np.int32))
 
 
+def joined(*meshes: TriangleMesh) -> TriangleMesh:
+    """Meshes as one."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    return TriangleMesh(np.concatenate([mesh.vertices for mesh in meshes]), faces.astype(np.int32))
+
+
 @pytest.fixture
 def bumpy_mesh() -> TriangleMesh:
     """60 x 50 mm of hills and valleys, 6 mm high: hides parts of itself from low angles; demeaned."""

@@ -76,7 +76,7 @@ class AlignedCase:
         return lines if self.by_landmarks else [*lines, *pose_lines(self.loaded.case.cam_from_mesh)]
 
     def table(self) -> dict[str, object]:
-        """The same for JSON."""
+        """The report for JSON."""
         alignment, refinement = self.alignment, self.refinement
         table: dict[str, object] = report_table(alignment) if alignment is not None and alignment.landmarks else {}
         if self.took_refused:

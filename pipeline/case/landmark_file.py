@@ -114,7 +114,8 @@ def _json_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:
 def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
     header = next((line for line in text.splitlines() if line.strip()), "")
     # a line may end with a carriage return alone
-    rows = csv.reader(io.StringIO(text, newline=None), delimiter=max(",;\t", key=header.count), strict=True)
+    separator = max(",;\t", key=header.count)
+    rows = csv.reader(io.StringIO(text, newline=None), delimiter=separator, strict=True)
     names: list[str] = []
     found: dict[str, tuple[int, Landmark]] = {}
     try:
@@ -129,6 +130,10 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
                 raise InputError(
                     f"{place}expected at most {len(names)} cells, as in the header, found {len(cells)}; "
                     "write decimal points, not commas"
+                )
+            if len(cells) == 1 and any(other in cells[0] for other in set(",;\t") - {separator}):
+                raise InputError(
+                    f"{place}expected cells between {separator!r} as in the header, found {cells[0][:60]!r}"
                 )
             landmark = landmark_from_table(_table(names, cells, place), place, mm_per_unit=mm_per_unit)
             if len(found) == MOST_LANDMARKS:

@@ -56,7 +56,7 @@ class ReferenceView:
 
     @property
     def view(self) -> SourceView:
-        """Of the case's own frame."""
+        """The view of the case's own frame."""
         return self.views[0]
 
     def observed(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ def can_rasterise(loaded: LoadedCase) -> bool:
 
 
 def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
-    """The same from a z-buffer, if :func:`can_rasterise`; runs without Blender, so it may run in a thread.
+    """The reference view from a z-buffer, if :func:`can_rasterise`; runs without Blender, so it may run in a thread.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
 
 
 def traced_view_of(loaded: LoadedCase) -> ReferenceView:
-    """The same from rays, as the views of ``raster`` are; without Blender too.
+    """The reference view from rays, as the views of ``raster`` are; without Blender too.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def baked_colour_of(
     *,
     unseen: np.ndarray | None = None,
 ) -> tuple[TextureAtlas | VertexColours, list[str]]:
-    """The same for the modes that other programs know, ``texture`` and ``vertex``, from all frames.
+    """The surface's colour in the modes that other programs know, ``texture`` and ``vertex``, from all frames.
 
     Runs without Blender, so it may run in a thread. ``progress`` is called often with a fraction 0..1; an exception
     that it raises ends the work. ``unseen`` are colours ``(V, 3)`` of the vertices for what the frame did not see.

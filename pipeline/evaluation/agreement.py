@@ -23,7 +23,7 @@ SAME_MM = 1e-3
 """Vertices that are nearer to each other are the same: copies of a mesh are in single precision."""
 
 HEADER = ("case", "angle_deg", "shift_mm", "px", "expected_px")
-"""Of the table: a row is an :class:`Agreement`."""
+"""Columns of the table, whose rows are each an :class:`Agreement`."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Agreement:
 
     @property
     def row(self) -> tuple[object, ...]:
-        """Of the table, in the order of :data:`HEADER`."""
+        """Cells of the table, in the order of :data:`HEADER`."""
         return self.name, self.angle_deg, self.shift_mm, self.px, self.expected_px
 
 

@@ -29,6 +29,9 @@ _TIFF_TYPES = {1: "B", 3: "H", 4: "I"}
 _WIDTH, _HEIGHT, _COLOURS, _ORIENTATION = 256, 257, 262, 274
 _PARTS = ((273, 279), (324, 325))
 """Tags of where the strips or tiles of a TIFF begin, and of their bytes."""
+_TIFF_TAGS = {_WIDTH, _HEIGHT, _COLOURS, _ORIENTATION, *_PARTS[0], *_PARTS[1]}
+_MOST_VALUES = 1 << 20
+"""Values of a tag that is looked at; others may hold megabytes."""
 _LAB = (8, 9, 10)
 _EXR_WINDOW = re.compile(rb"(?:data|display)Window\0box2i\0\x10\0\0\0(.{16})", re.DOTALL)
 _EXR_HEADER_BYTES = 64 * 1024
@@ -216,14 +219,14 @@ def _check_tiff(data: bytes) -> None:
 
 
 def _tiff_tags(data: bytes) -> dict[int, tuple[int, ...]]:
-    """The values of each tag of whole numbers in a TIFF's first directory, by its number; so too in EXIF."""
+    """The values of the tags of :data:`_TIFF_TAGS` in a TIFF's first directory, by number; so too in EXIF."""
     order = "<" if data[:2] == b"II" else ">"
     (first,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, first)
     tags: dict[int, tuple[int, ...]] = {}
     for entry in range(first + 2, first + 2 + 12 * count, 12):
         tag, kind, values, offset = struct.unpack_from(order + "HHII", data, entry)
-        if kind in _TIFF_TYPES and 0 < values <= len(data):
+        if tag in _TIFF_TAGS and kind in _TIFF_TYPES and 0 < values <= _MOST_VALUES:
             form = f"{order}{values}{_TIFF_TYPES[kind]}"
             at = entry + 8 if struct.calcsize(form) <= 4 else offset
             if at + struct.calcsize(form) <= len(data):

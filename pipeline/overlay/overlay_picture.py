@@ -64,7 +64,7 @@ class StructureView:
 
     @property
     def visible_fraction(self) -> float:
-        """Of its pixels, how many the surface does not hide, 0..1; 0 if none are seen."""
+        """The share of its pixels that the surface does not hide, 0..1; 0 if none are seen."""
         return self.seen.visible_px / max(self.seen.visible_px + self.seen.hidden_px, 1)
 
 

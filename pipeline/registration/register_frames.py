@@ -119,7 +119,7 @@ class CaseRegistrar:
         return with_case(found, self._own, self.cam_from_model, self.camera)
 
     def registered_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
-        """The same as if the case's pose and the focal length were certain."""
+        """Register a frame as if the case's pose and the focal length were certain."""
         if frame.problem:
             self._before = ()
             return RegisteredFrame(Verdict(REFUSED, 0.0, frame.problem))

@@ -16,6 +16,7 @@ from oneframe.case.landmarks import Landmark
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from scripts.benchmarks.alignment.landmark_trials import MICROSCOPE, box_trial
+from tests.conftest import grid_mesh
 
 DEVIATIONS = np.array([0.05, 0.05, 0.6, 0.004, 0.004, 0.003])
 """Of an image's pose: mm and radians, at a microscope's distance."""
@@ -28,17 +29,6 @@ def image_evidence(rng, pose, *, true_dof=np.inf, deviations=DEVIATIONS):
     scale = rng.chisquare(true_dof) / true_dof if np.isfinite(true_dof) else 1.0
     stated = PoseUncertainty(np.zeros(3), scale * root @ root.T, true_dof, np.nan, 10.0, pose[:3, 3])
     return PoseEvidence(apply_twist(root @ rng.normal(size=6), pose, np.zeros(3)), stated)
-
-
-def height_field(height):
-    """A square sheet, its vertices 1 mm apart, with its middle in the origin."""
-    rows, columns = height.shape
-    y, x = np.mgrid[:rows, :columns]
-    vertices = np.stack([x - columns // 2, y - rows // 2, height], axis=-1).reshape(-1, 3).astype(float)
-    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    a, b, c, d = corner, corner + 1, corner + columns + 1, corner + columns
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    return TriangleMesh(vertices, faces.astype(np.int32))
 
 
 def as_landmarks(trial, chosen=slice(None)):
@@ -193,8 +183,8 @@ def test_the_marked_corners_of_a_box_are_its_own():
 
 
 def test_where_a_surface_is_cut_off_no_corner_is_marked():
-    height = 6 * np.exp(-(np.mgrid[-20:21, -20:21] ** 2).max(axis=0) / 30.0)
-    sheet = height_field(height)
+    y, x = np.mgrid[-20:21, -20:21]
+    sheet = grid_mesh(x, y, 6 * np.exp(-np.maximum(x**2, y**2) / 30.0))
     pose = rigid(rotation_from_vector(np.array([0.3, 0.2, 0.1])), np.array([0.0, 0.0, 900.0]))
     found = corners_in_view(sheet, MICROSCOPE, pose)
     assert len(found) > 0

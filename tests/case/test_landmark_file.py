@@ -63,6 +63,10 @@ BAD = {
     "word": (HEADER + "\ntip,1,2,three,,,\n", "line 3: z: expected a number, found 'three'"),
     "part of a point": (HEADER + "tip,1,,3,,,\n", "line 2: y: expected a number, found an empty cell"),
     "decimal commas": (HEADER.replace(",", ";") + "tip;1,5;2;3;;;\n", "x: expected a number, .*write a decimal point"),
+    "another separator than in the header": (
+        HEADER.replace(",", ";") + "tip,1,2,3,10,20,true\n",
+        "line 2: expected cells between ';' as in the header, found 'tip,1,2,3",
+    ),
     "too many cells": (
         HEADER + "tip,1,5,2,0,3,0,10,20\n",
         "line 2: expected at most 7 cells, .* found 9; write decimal",

@@ -1,4 +1,4 @@
-"""A plausible size is told from one in the wrong unit, whatever the camera."""
+"""A plausible size is told from one in the wrong unit, and a structure in place from one of another frame."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.surface_size import size_doubt
+from oneframe.case.surface_size import place_doubt, size_doubt
 
 CAMERAS = {
     "none": None,
@@ -25,3 +25,20 @@ def test_metres_and_millimetres_are_not_confused(camera, longest_mm, ratios):
     as_small = size_doubt(extents / 1000, "mm", CAMERAS[camera], "bone.ply")
     as_large = size_doubt(extents * 1000, "m", CAMERAS[camera], "bone.ply")
     assert [doubt and doubt.better_units for doubt in (as_small, as_large)] == ["m", "mm"]
+
+
+SURFACE = np.array([[20.0, -60.0, 900.0], [70.0, -10.0, 950.0]])
+inside = st.tuples(*(st.floats(low, high - 8) for low, high in SURFACE.T))
+
+
+@given(inside, st.floats(0.5, 8))
+def test_the_change_that_puts_it_right_is_named(corner, size):
+    box = np.array([corner, np.add(corner, size)])
+    assert place_doubt(box, SURFACE, "nerve", "bone") is None
+    flipped = np.sort(box * [-1, -1, 1], axis=0)
+    assert "from RAS to LPS" in place_doubt(flipped, SURFACE, "nerve", "bone.ply")
+    assert "in metres it would be in place" in place_doubt(box / 1000, SURFACE, "nerve", "bone.ply")
+    assert "in millimetres it would be in place" in place_doubt(box * 1000, SURFACE, "nerve", "bone.ply")
+    doubt = place_doubt(box + np.array([0, 0, 500]), SURFACE, "nerve", "bone.ply")
+    assert doubt.startswith("nerve: its middle lies ")
+    assert "would be" not in doubt

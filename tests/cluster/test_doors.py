@@ -12,7 +12,8 @@ pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[clu
 from oneframe.cluster.scheduler import open_scheduler
 from oneframe.errors import InputError, RunError
 from tests.cluster.strangers import check_closed, listeners
-from tests.cluster.test_cluster_render import render_processes, wait_until
+from tests.cluster.watching import render_processes
+from tests.waiting import wait_until
 
 
 @pytest.mark.render

@@ -11,7 +11,7 @@ from oneframe.colour.vertex_colours import colour_vertices
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid
-from tests.conftest import grid_mesh
+from tests.conftest import grid_mesh, joined
 
 CAMERA = PinholeCamera(120, 100, 800.0, 790.0, 61.3, 48.7)
 CAM_FROM_MODEL = rigid(translation=np.array([0.3, -0.2, 300.0]))
@@ -28,10 +28,8 @@ def ball(rows: int, radius: float, centre=(0.0, 0.0, 0.0)) -> TriangleMesh:
 
 def seen_from_frame(meshes, colours, valid=None) -> tuple[TriangleMesh, SourceView]:
     """The meshes as one, and a frame that shows each in one colour before a blue background."""
-    ends = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, ends, strict=False)]).astype(np.int32)
-    joined = TriangleMesh(np.concatenate([mesh.vertices for mesh in meshes]), faces)
-    raster = rasterise_depth(joined, CAMERA, CAM_FROM_MODEL)
+    whole = joined(*meshes)
+    raster = rasterise_depth(whole, CAMERA, CAM_FROM_MODEL)
     owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])[raster.face]
     image = np.where((raster.face >= 0)[..., None], np.asarray(colours)[owner], BACKGROUND).astype(np.float32)
     inverse = raster.inverse_depth.astype(np.float32)
@@ -39,7 +37,7 @@ def seen_from_frame(meshes, colours, valid=None) -> tuple[TriangleMesh, SourceVi
         inverse[~valid] = 0
     else:
         valid = np.ones(CAMERA.shape_hw, bool)
-    return joined, SourceView(image, valid, CAMERA, CAM_FROM_MODEL, inverse_depth=inverse)
+    return whole, SourceView(image, valid, CAMERA, CAM_FROM_MODEL, inverse_depth=inverse)
 
 
 class Points:

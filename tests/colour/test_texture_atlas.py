@@ -9,7 +9,7 @@ from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
 from tests.colour.test_source_view import ball
-from tests.conftest import grid_mesh
+from tests.conftest import grid_mesh, joined
 
 CAMERA = PinholeCamera(160, 120, 500.0, 510.0, 78.3, 60.9)
 CAM_FROM_MODEL = rigid(translation=np.array([0, 0, 200.0]))
@@ -22,13 +22,6 @@ def height_field(columns, rows, half_width, half_height, z_of_xy):
     )
     mesh = grid_mesh(x, y, z_of_xy(x, y))
     return TriangleMesh(mesh.vertices, mesh.faces[:, [0, 2, 1]])
-
-
-def joined(first, second):
-    return TriangleMesh(
-        np.concatenate([first.vertices, second.vertices]),
-        np.concatenate([first.faces, second.faces + len(first.vertices)]).astype(np.int32),
-    )
 
 
 def microscope_like(camera, rng):

@@ -80,10 +80,13 @@ def cast_rays(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndar
     a, b, c = np.moveaxis(transform_points(cam_from_model, mesh.vertices)[mesh.faces], 1, 0)
     across, down = b - a, c - a
     depth = np.zeros(((1 + 2 * beyond) * camera.height, (1 + 2 * beyond) * camera.width))
-    # no ray meets a triangle outside the box of the projected corners
-    at = camera.project(np.concatenate([a, b, c]))
-    places = np.stack([at.min(axis=0) - 1, at.max(axis=0) + 2]).astype(int) + beyond * np.array(camera.size_wh)
-    (left, top), (right, bottom) = places.clip(0, depth.shape[::-1])
+    (left, top), (right, bottom) = (0, 0), depth.shape[::-1]
+    corners = np.concatenate([a, b, c])
+    if corners[:, 2].min() > 0:
+        # no ray meets a triangle outside the box of the projected corners
+        at = camera.project(corners) + beyond * np.array(camera.size_wh)
+        box = np.stack([np.floor(at.min(axis=0)), np.ceil(at.max(axis=0)) + 1]).clip(0, depth.shape[::-1])
+        (left, top), (right, bottom) = box.astype(int)
     v, u = np.mgrid[top:bottom, left:right] - beyond * np.array([camera.height, camera.width])[:, None, None]
     rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], -1).reshape(-1, 3)
     normal = np.cross(across, down)

@@ -157,17 +157,3 @@ def test_targets_are_the_images_that_the_toolkit_would_choose(dataset):
     ]
     assert json.loads((dataset / "test_targets_bop19.json").read_text()) == expected
     assert expected
-
-
-def test_info_of_the_models_is_what_the_toolkit_computes(dataset):
-    """As its calc_model_info.py; readers of symmetries find none."""
-    mesh, _ = read_mesh(dataset / "models" / "obj_000001.ply")
-    for folder in ("models", "models_eval"):
-        ((key, info),) = json.loads((dataset / folder / "models_info.json").read_text()).items()
-        assert key == "1"
-        low, size = (np.array([info[f"{name}_{axis}"] for axis in "xyz"]) for name in ("min", "size"))
-        np.testing.assert_allclose(low, mesh.vertices.min(axis=0), atol=1e-5)
-        np.testing.assert_allclose(size, np.ptp(mesh.vertices, axis=0), atol=1e-5)
-        np.testing.assert_allclose(info["box_centre_mm"], low + size / 2, atol=1e-9)
-        furthest = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[None], axis=2).max()
-        assert info["diameter"] == pytest.approx(furthest, rel=1e-6)

@@ -16,6 +16,7 @@ from oneframe.projection.z_buffer import inverse_depth_of, rasterise_depth
 from oneframe.sample.distance_field import tube
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid
+from tests.conftest import joined
 
 CAMERA = PinholeCamera(401, 301, fx=1210.0, fy=1190.0, cx=195.3, cy=148.8)
 
@@ -24,14 +25,6 @@ def sphere(centre: tuple[float, float, float], radius: float) -> TriangleMesh:
     """80,000 faces, fronts outside."""
     ball = trimesh.creation.icosphere(subdivisions=6, radius=radius)
     return TriangleMesh(np.array(centre) + ball.vertices, ball.faces.astype(np.int32))
-
-
-def joined(*meshes: TriangleMesh) -> TriangleMesh:
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    return TriangleMesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]).astype(np.int32),
-    )
 
 
 def depth_of(mesh: TriangleMesh, pose: np.ndarray) -> np.ndarray:

@@ -121,7 +121,7 @@ def test_drill_keeps_its_margin_and_what_it_came_near_to_is_reported(ct, labels,
     assert "bone above" in said[2]
 
 
-def test_margins_of_labels_without_names_are_refused_at_once_with_where_names_come_from(ct, labels, tmp_path, surface):
+def test_margins_of_labels_without_names_are_refused_at_once(ct, labels, tmp_path, surface):
     plan = tmp_path / "drill.toml"
     plan.write_text(PLAN)
     (tmp_path / "labels.json").unlink()

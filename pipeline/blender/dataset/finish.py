@@ -33,10 +33,10 @@ SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``camera.json`` and ``models/``, which are known before the first view."""
-    out, source = job.job.out, renderer.reference
+    out, reference = job.job.out, renderer.reference
     write_camera(out, renderer.camera, renderer.depth_scale)
-    colours = colour_vertices(source.mesh, source.views)
-    write_models(out, source.mesh, to_uint8(colours.rgb))
+    colours = colour_vertices(reference.mesh, reference.views)
+    write_models(out, reference.mesh, to_uint8(colours.rgb))
 
 
 def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:

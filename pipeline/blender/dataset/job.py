@@ -95,8 +95,8 @@ class OpenJob:
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
         options = self.job.options
-        source = reference_view_of(self.loaded, options.engine)
-        return ViewRenderer(self.loaded, source, options, self.given_poses, identity=self.identity, threads=threads)
+        reference = reference_view_of(self.loaded, options.engine)
+        return ViewRenderer(self.loaded, reference, options, self.given_poses, identity=self.identity, threads=threads)
 
     @cached_property
     def identity(self) -> str:

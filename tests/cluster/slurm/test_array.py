@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.cluster.slurm.slurm_on_this_machine import NODES
-from tests.cluster.written_records import records
+from tests.cluster.watching import records
 from tests.tree import different_files
 from tests.waiting import wait_until
 

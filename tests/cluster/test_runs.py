@@ -1,4 +1,4 @@
-"""However a run on a cluster is stopped, nothing stays behind, and the same command continues it."""
+"""A dataset rendered by Dask workers: the bytes of a run on one machine, whatever dies; nothing stays behind."""
 
 import os
 import re
@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,8 +14,7 @@ import pytest
 
 distributed = pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
-from tests.cluster.test_cluster_render import descendants, render_processes
-from tests.cluster.written_records import records
+from tests.cluster.watching import descendants, records, render_processes
 from tests.tree import different_files
 from tests.waiting import wait_until
 
@@ -23,6 +23,8 @@ pytestmark = [
     pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc"),
 ]
 VIEWS = 120
+AHEAD = 2
+"""Views that a render process has in work."""
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +62,45 @@ def scheduler() -> Iterator[tuple[str, int]]:
 
 def started(command: list[str]) -> subprocess.Popen:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, render_command, rng):
+    out = tmp_path / "out"
+    process = started(render_command(case, "--out", out, "--count", VIEWS, "--cluster", "local:2"))
+    first_seen: dict[str, tuple[int, int]] = {}
+    watching = threading.Event()
+
+    def watch() -> None:
+        while not watching.wait(0.01):
+            for name, state in records(out).items():
+                first_seen.setdefault(name, state)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    kills = 0
+    try:
+        for least, victim in ((10, "process"), (VIEWS // 3, "worker")):
+            wait_until(lambda least=least: len(records(out)) >= least and render_processes(process.pid), process)
+            running = render_processes(process.pid)
+            if running and process.poll() is None:
+                pid = int(rng.choice([*(running if victim == "process" else running.values())]))
+                os.kill(pid, signal.SIGKILL)
+                kills += 1
+        output, errors = process.communicate()
+    finally:
+        watching.set()
+        watcher.join()
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert (process.returncode, errors) == (0, "")
+    assert kills == 2
+    assert "1 lost" in output
+    assert different_files(out, reference) == []
+    assert not (out / ".work").exists()
+    # what the killed worker's process had in work may be finished by it and by another
+    again = [name for name, state in records(out).items() if first_seen.get(name, state) != state]
+    assert len(again) <= AHEAD
+    assert descendants(process.pid) == {}
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])

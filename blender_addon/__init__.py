@@ -18,6 +18,8 @@ from importlib.util import spec_from_loader
 from pathlib import Path
 from types import ModuleType
 
+from .class_registration import registration
+
 _HERE = Path(__file__).resolve().parent
 
 
@@ -58,13 +60,13 @@ def _find_pipeline() -> None:
 
 _find_pipeline()
 
-_MODULES = tuple(
-    import_module(f".{name}", __name__)
+_REGISTRATIONS = tuple(
+    registration(import_module(f".{name}", __name__))
     for name in (
         "state.properties",
         "ui.question",
         "ui.step_panel",
-        "setup.case_panel",
+        "setup.panel",
         "landmarks.tool",
         "move.operators",
         "volume.properties",
@@ -83,16 +85,13 @@ _MODULES = tuple(
         "video.session",
         "video.shown_frame",
         "video.operators",
-        "setup.open_case",
+        "setup.case_in_scene",
         "setup.autosave",
+        "setup.open_case",
         "setup.undone_saves",
-        "setup.sample_task",
-        "setup.frame",
         "setup.operators",
         "setup.save_case",
-        "setup.save_record",
         "setup.drop",
-        "setup.panel",
         "mask.operators",
         "mask.brush",
         "video.panel",
@@ -144,13 +143,13 @@ _MODULES = tuple(
 def register() -> None:
     """Called by Blender when the add-on is enabled."""
     _find_pipeline()
-    for module in _MODULES:
-        module.register()
+    for each in _REGISTRATIONS:
+        each.register()
 
 
 def unregister() -> None:
     """Called by Blender when the add-on is disabled; leaves nothing behind."""
-    for module in reversed(_MODULES):
-        module.unregister()
+    for each in reversed(_REGISTRATIONS):
+        each.unregister()
     if _CHECKOUT_PIPELINE in sys.meta_path:
         sys.meta_path.remove(_CHECKOUT_PIPELINE)

@@ -2,11 +2,12 @@
 
 Blender takes a property from an annotation, ``width: IntProperty(min=1)``, which is no type. The add-on's classes write
 ``width: int = prop(IntProperty, min=1)`` instead; registration makes the annotations that Blender expects of it.
+What else a module places is in its ``PARTS``.
 """
 
 import inspect
-import sys
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import bpy
@@ -84,20 +85,15 @@ def at_end(*functions: Callable[[], object]) -> Part:
     return Part(lambda: None, lambda: [function() for function in functions])
 
 
-def class_registration(module: str, *parts: Part) -> tuple[Callable[[], None], Callable[[], None]]:
-    """A module's ``register`` and ``unregister``: all of it in order, and back in the opposite order.
+def registration(module: ModuleType) -> Part:
+    """What registers a module: its classes, and the parts in its ``PARTS``, in order; and back in the opposite order.
 
-    Parameters
-    ----------
-    module
-        Its name. Its classes ``ONEFRAME_...`` are operators, panels, property groups and so on, each after those that
-        it refers to. Their properties, and those of the mixins that they inherit from, are written as above. The name
-        of a class says how Blender calls it: ``ONEFRAME_OT_open_case`` is the operator ``oneframe.open_case``.
-    parts
-        What else the module places in Blender.
+    Its classes ``ONEFRAME_...`` are operators, panels, property groups and so on, each after those that it refers to.
+    Their properties, and those of the mixins that they inherit from, are written as above. The name of a class says how
+    Blender calls it: ``ONEFRAME_OT_open_case`` is the operator ``oneframe.open_case``.
     """
-    found = [kind for kind in vars(sys.modules[module]).values() if isinstance(kind, type)]
-    classes = [kind for kind in found if kind.__module__ == module and kind.__name__.startswith("ONEFRAME_")]
+    found = [kind for kind in vars(module).values() if isinstance(kind, type)]
+    classes = [kind for kind in found if kind.__module__ == module.__name__ and kind.__name__.startswith("ONEFRAME_")]
     for kind in classes:
         if issubclass(kind, bpy.types.Operator):
             kind.bl_idname = kind.__name__.replace("ONEFRAME_OT_", "oneframe.")
@@ -107,14 +103,5 @@ def class_registration(module: str, *parts: Part) -> tuple[Callable[[], None], C
                 delattr(base, name)
             if definitions:
                 base.__annotations__ = {**inspect.get_annotations(base), **definitions}
-    every = (Part(*bpy.utils.register_classes_factory(classes)), *parts)
-
-    def register() -> None:
-        for part in every:
-            part.register()
-
-    def unregister() -> None:
-        for part in reversed(every):
-            part.unregister()
-
-    return register, unregister
+    parts: tuple[Part, ...] = (Part(*bpy.utils.register_classes_factory(classes)), *getattr(module, "PARTS", ()))
+    return Part(lambda: [part.register() for part in parts], lambda: [part.unregister() for part in reversed(parts)])

@@ -8,13 +8,13 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_folder import CASE
 from ..pipeline.case.case_queue import NewFrame, add_frames, cases_of_frames
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
-from ..setup.frame import IMAGES
+from ..setup.operators import IMAGES
 from ..state import from_scene
 from ..state.scene_files import forget_stamps
 from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OperatorResult, Reporting, call, open_beside
@@ -78,6 +78,3 @@ def added_text(scene: bpy.types.Scene, added: Sequence[Path]) -> Messages:
     """What was added, in words."""
     names = ", ".join(path.parent.name for path in added[:3]) + (f" and {len(added) - 3} more" if added[3:] else "")
     return (f"in the queue {queued.new_folder(scene)}: {names}",)
-
-
-register, unregister = class_registration(__name__)

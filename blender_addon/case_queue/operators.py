@@ -5,19 +5,20 @@ from pathlib import Path
 import bpy
 from bpy.props import IntProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
+from ..setup import autosave
 from ..setup.alignment_record import is_start
-from ..setup.open_case import load_into_scene, unsaved_parts
+from ..setup.case_in_scene import load_into_scene, unsaved_parts
 from ..setup.save_case import REPLACE, replaced_pose
 from ..setup.undone_saves import undoable
 from ..state import camera_view, from_scene, pose_evidence
 from ..ui.keymap import Key, keys
-from ..ui.operator import Messages, OperatorResult, Reporting, available, call
+from ..ui.operator import Messages, OperatorResult, Reporting, call
 from ..ui.question import ask_first
 from . import queued
 
@@ -25,9 +26,7 @@ from . import queued
 class _InQueue(Reporting):
     """Mixin: available in a queue."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, bool(queued.queue_of(context.scene)), "Add frames to a queue first")
+    needs = (lambda context: queued.queue_of(context.scene), "Add frames to a queue first")
 
 
 class ONEFRAME_OT_queue_step(_InQueue):
@@ -122,7 +121,7 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     spaces = [area.spaces.active for area in camera_view.views(context)]
     through = [space for space in spaces if space.region_3d.view_perspective == "CAMERA"]
     load_into_scene(context, case)
-    call("offer_unsaved")
+    autosave.offer(context, autosave.path_of(context.scene))
     for space in through:  # the camera is a new one: Blender has left it
         space.region_3d.view_perspective = "CAMERA"
         camera_view.aim(scene, space)
@@ -135,8 +134,7 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     pose_evidence.remember(scene, record, pose)
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     keys(
         Key("oneframe.queue_step", "PAGE_DOWN", properties=(("step", 1),)),
         Key("oneframe.queue_step", "PAGE_UP", properties=(("step", -1),)),

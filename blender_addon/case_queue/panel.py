@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 import bpy.utils.previews
 
-from ..class_registration import at_end, class_registration
+from ..class_registration import at_end
 from ..pipeline.case.case_queue import ALIGNED, CHECKED, DOUBTFUL, NEW, ROUGH
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel
@@ -78,4 +78,4 @@ def _forget() -> None:
         bpy.utils.previews.remove(_pictures.pop("queue"))
 
 
-register, unregister = class_registration(__name__, at_end(_forget))
+PARTS = (at_end(_forget),)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..class_registration import at_end, class_registration
+from ..class_registration import at_end
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_folder import CASE
 from ..pipeline.case.case_queue import queued_cases, state_of
@@ -85,4 +85,4 @@ def _read(path: Path, _stamp: Stamp) -> Queued:
     return Queued(path, case.image, case.mesh.resolve(), case.video, state_of(case))
 
 
-register, unregister = class_registration(__name__, at_end(_cases.cache_clear, _read.cache_clear))
+PARTS = (at_end(_cases.cache_clear, _read.cache_clear),)

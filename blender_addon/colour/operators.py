@@ -8,14 +8,15 @@ import numpy as np
 from bpy.app.handlers import persistent
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import class_registration, listening, prop
+from ..class_registration import listening, prop
 from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.camera_view import light_shape, spaces_of
+from ..state.known_case import further_frames
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, available
+from ..ui.operator import Available, Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile
 from . import colouring
 
 MODES = [
@@ -51,14 +52,14 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, InBackground):
         return messages
 
 
-class _NeedsColour(bpy.types.Operator):
+def _is_coloured(surface: bpy.types.Object | None) -> bool:
+    return surface is not None and colour_record(surface) is not None
+
+
+class _NeedsColour(Available):
     """Mixin: available once the surface has colours."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        surface = context.scene.oneframe.surface
-        has_colour = surface is not None and colour_record(surface) is not None
-        return available(cls, has_colour, "Project colour on the surface first")
+    needs = (lambda context: _is_coloured(context.scene.oneframe.surface), "Project colour on the surface first")
 
 
 class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting):
@@ -128,7 +129,7 @@ def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
         There is no valid pose.
     """
     pose, frame = from_scene.cam_from_model(scene), from_scene.absolute_path(scene.oneframe.frame_path)
-    further = [str(each.image) for each in from_scene.further_frames(scene)]
+    further = [str(each.image) for each in further_frames(scene)]
     if record["frame"] != str(frame) or record.get("further", []) != further:
         return True
     return not np.array_equal(record["cam_from_model"], pose)
@@ -165,6 +166,4 @@ def _after_undo(scene: bpy.types.Scene, *_: object) -> None:
         show_colour(surface)
 
 
-register, unregister = class_registration(
-    __name__, listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo)
-)
+PARTS = (listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo))

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
 from ..ui.panel import AlignmentPanel, draw_text
@@ -56,6 +55,3 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
         split.label(text=value)
     for message in record.get("messages", ()):
         draw_text(layout, message, icon="INFO")
-
-
-register, unregister = class_registration(__name__)

@@ -15,7 +15,7 @@ from typing import Any
 
 import bpy
 
-from ..class_registration import at_end, class_registration, timers
+from ..class_registration import at_end, timers
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.process.command_line import EXIT_STOPPED, script_command
 from ..pipeline.progress import ProgressLine, read_progress
@@ -175,6 +175,11 @@ def current() -> BackgroundJob | None:
     return _current
 
 
+def is_running() -> bool:
+    """Whether a job was running when it was last looked at."""
+    return _current is not None and _current.running
+
+
 def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
     """Start a job, and follow it with a timer.
 
@@ -230,4 +235,4 @@ def _end() -> None:
     _current = None
 
 
-register, unregister = class_registration(__name__, at_end(_end), timers(_follow))
+PARTS = (at_end(_end), timers(_follow))

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.errors import InputError
@@ -15,7 +15,7 @@ from ..state import from_scene
 from ..state.events import areas
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
-from ..ui.operator import Messages, NeedsAlignment, Reporting, available
+from ..ui.operator import Messages, NeedsAlignment, Reporting
 from . import background_job, pose_preview
 from .existing_dataset import check_folder, existing_views
 from .snapshot import save_settings, usual_output, write_snapshot
@@ -62,9 +62,7 @@ class ONEFRAME_OT_hide_poses(Reporting):
     bl_label = "Hide Poses"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return pose_preview.shown() is not None
+    needs = (lambda _context: pose_preview.shown() is not None, "No poses are shown")
 
     def run(self, context: bpy.types.Context) -> None:
         pose_preview.hide()
@@ -103,12 +101,7 @@ class ONEFRAME_OT_show_contact_sheet(Reporting):
     bl_label = "Contact Sheet"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        folder = result_folder(context.scene)
-        is_there = folder is not None and (folder / CONTACT_SHEET).is_file()
-        has_window = available(cls, not bpy.app.background, "Blender has no window here")
-        return has_window and available(cls, is_there, "A run makes it after the last view")
+    needs = (lambda context: _has_sheet(context.scene), "A run makes it after the last view, for Blender's window")
 
     def run(self, context: bpy.types.Context) -> None:
         path = output_folder(context.scene) / CONTACT_SHEET
@@ -127,11 +120,7 @@ class ONEFRAME_OT_render_dataset(_AboutOptions):
     bl_label = "Render Dataset"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        job = background_job.current()
-        is_free = job is None or not job.running
-        return available(cls, is_free, "A run is in progress: wait for it, or cancel it") and super().poll(context)
+    needs = (lambda _context: not background_job.is_running(), "A run is in progress: wait for it, or cancel it")
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -160,10 +149,7 @@ class ONEFRAME_OT_cancel_dataset(Reporting):
     bl_label = "Cancel Run"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        job = background_job.current()
-        return job is not None and job.running
+    needs = (lambda _context: background_job.is_running(), "No run is in progress")
 
     def run(self, context: bpy.types.Context) -> None:
         job = background_job.current()
@@ -176,6 +162,11 @@ def result_folder(scene: bpy.types.Scene) -> Path | None:
     text = scene.oneframe.dataset_out
     path = from_scene.absolute_path(text) if text else None
     return path if path is not None and path.is_dir() else None
+
+
+def _has_sheet(scene: bpy.types.Scene) -> bool:
+    folder = None if bpy.app.background else result_folder(scene)
+    return folder is not None and (folder / CONTACT_SHEET).is_file()
 
 
 def output_folder(scene: bpy.types.Scene) -> Path:
@@ -265,6 +256,4 @@ def _remove_preview() -> None:
         bpy.data.images.remove(image)
 
 
-register, unregister = class_registration(
-    __name__, at_end(_remove_preview), listening(background_job.listeners, _job_changed)
-)
+PARTS = (at_end(_remove_preview), listening(background_job.listeners, _job_changed))

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.dataset.options import SAMPLERS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -136,6 +135,3 @@ def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> 
         draw_text(layout, job.error, icon="ERROR")
     else:
         draw_text(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
-
-
-register, unregister = class_registration(__name__)

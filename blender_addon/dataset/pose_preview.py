@@ -16,7 +16,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..class_registration import at_end, class_registration, drawing
+from ..class_registration import at_end, drawing
 from ..pipeline.blender.dataset.view_planner import ViewPlanner
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -28,6 +28,7 @@ from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
+from ..state.known_case import further_frames
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
 
@@ -105,7 +106,7 @@ def content_key(
         files.append(Path(options.poses))
     stamps = [(str(path), *stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
-    further = [(each.image, each.cam_from_mesh.tolist()) for each in from_scene.further_frames(scene)]
+    further = [(each.image, each.cam_from_mesh.tolist()) for each in further_frames(scene)]
     content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps, further)
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
@@ -211,4 +212,4 @@ def _draw() -> None:
     gpu.state.depth_test_set("NONE")
 
 
-register, unregister = class_registration(__name__, at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))
+PARTS = (at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))

@@ -1,6 +1,5 @@
 """The case as a run renders it, in a file beside the dataset; the user's own case file gets its settings alone."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from ..pipeline.case.case_writer import case_text, encoded
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_outputs, write_output, writing
 from ..state import from_scene
+from ..state.known_case import keep_known, known_case
 from ..state.scene_files import check_lasting, forget_stamps, input_files
 
 SUFFIX = ".case.toml"
@@ -35,7 +35,8 @@ def save_settings(scene: bpy.types.Scene) -> None:
     path, table = from_scene.absolute_path(scene.oneframe.case_path), from_scene.dataset_table(scene)
     with writing(path):
         update_case(path, replace(read_case(path, posed=False), dataset=table))
-    scene.oneframe.case_dataset_text = json.dumps(table)
+    if (known := known_case(scene)) is not None:
+        keep_known(scene, replace(known, dataset=table))
     forget_stamps()
 
 

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration, drawing
+from ..class_registration import drawing
 from ..pipeline.registration.report import COLOURS
 from ..video import session
 from ..video.strip_drawing import draw_triangles
@@ -36,4 +36,4 @@ def _draw_band() -> None:
             draw_triangles(np.stack(points, axis=1).reshape(-1, 2), (red, green, blue, 1.0))
 
 
-register, unregister = class_registration(__name__, drawing(bpy.types.SpaceView3D, _draw_band, "POST_PIXEL"))
+PARTS = (drawing(bpy.types.SpaceView3D, _draw_band, "POST_PIXEL"),)

@@ -6,15 +6,16 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.frame import UnreadFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_own_folder, made_folder
 from ..pipeline.registration.colour_sources import chosen_sources
 from ..pipeline.registration.register_frames import FRAME, FRAME_NAMES, CaseRegistrar
-from ..state import from_scene, to_scene
+from ..state import from_scene
+from ..state.known_case import further_frames, keep_known, known_case
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
-from ..ui.operator import Messages, Reporting, available
+from ..ui.operator import Messages, Reporting
 from ..video import session
 from . import found
 from .operators import NeedsFound
@@ -59,9 +60,8 @@ class ONEFRAME_OT_use_colour_sources(NeedsFound, InBackground):
         if not result:
             raise InputError(self._choice.lines()[-1])
         # those of this film before are replaced
-        others = [each for each in from_scene.further_frames(scene) if each.image.parent != self._folder]
-        case = from_scene.case(scene, self._folder)
-        to_scene.set_further_frames(scene, replace(case, frames=(*others, *result)))
+        others = [each for each in further_frames(scene) if each.image.parent != self._folder]
+        _set_further_frames(scene, (*others, *result))
         names = ", ".join(each.image.name for each in result)
         said = f"{names} colour the surface too; press Vertex Colours to see it, and Save Case to keep it"
         return (*self._choice.lines(), said)
@@ -72,13 +72,12 @@ class ONEFRAME_OT_clear_colour_sources(Reporting):
 
     bl_label = "Clear Colour Sources"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        there = bool(context.scene.oneframe.case_frames_text)
-        return available(cls, there, "The case's own frame alone colours the surface")
+    needs = (lambda context: further_frames(context.scene), "The case's own frame alone colours the surface")
 
     def run(self, context: bpy.types.Context) -> None:
-        context.scene.oneframe.case_frames_text = ""
+        _set_further_frames(context.scene, ())
 
 
-register, unregister = class_registration(__name__)
+def _set_further_frames(scene: bpy.types.Scene, frames: tuple[UnreadFrame, ...]) -> None:
+    if (known := known_case(scene)) is not None:
+        keep_known(scene, replace(known, frames=frames))

@@ -3,15 +3,12 @@
 from typing import Any
 
 import bpy
-import numpy as np
 
-from ..class_registration import class_registration
-from ..pipeline.blender.bridge.data_blocks import set_exact
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.registration.correct_source import CorrectedSource, correct_source
 from ..refine.preview import BackgroundPreview
 from ..setup.alignment_record import tool_and_date
-from ..state import from_scene, image_evidence, pose_evidence
+from ..state import image_evidence, pose_evidence
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.operator import Messages
@@ -49,7 +46,6 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
         scene, loaded = context.scene, self._result.loaded
         pose = loaded.frame.cam_from_model
         set_cam_from_model(scene, pose)
-        set_exact(from_scene.surface_of(scene), from_scene.READ_POSE, np.stack([pose, loaded.case.cam_from_mesh]))
         # it belongs to the pose before
         image_evidence.drop(scene)
         pose_evidence.remember(scene, loaded.case.alignment, pose)
@@ -65,6 +61,3 @@ def record_text(record: dict[str, object]) -> str:
     moved_deg, moved_px, error_px = (float(str(record[key])) for key in ("moved_deg", "moved_px", "error_px"))
     moved = f"moved by {moved_deg:.2g}° and {format_two_digits(moved_px)} px"
     return f"{moved}, off by about {format_two_digits(error_px)} px"
-
-
-register, unregister = class_registration(__name__)

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 from ..case_queue.queued import present, queue_of
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
@@ -311,8 +311,7 @@ def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
     return SeenFrame(name, text_of(frame.verdict), frame.cam_from_model)
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     listening(another_frame.finders, _seen),
     listening(scene_files.saved, _keep),
     at_end(_known.clear, _case_at.cache_clear),

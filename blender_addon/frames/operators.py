@@ -7,7 +7,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.registration.register_frames import CaseRegistrar
@@ -16,7 +15,7 @@ from ..state import from_scene
 from ..state.scene_files import forget_stamps
 from ..ui.background_operator import NAVIGATION, InBackground, Work, show_status
 from ..ui.keymap import TOOLS, Key, keys
-from ..ui.operator import Messages, OperatorResult, available
+from ..ui.operator import Available, Messages, Needs, OperatorResult
 from ..video import session, shown_frame, strip_layout
 from ..video.frame_fetcher import AHEAD
 from ..video.operators import NeedsFilm
@@ -40,18 +39,13 @@ def recorded_case(scene: bpy.types.Scene) -> LoadedCase:
 class NeedsFrames(NeedsFilm):
     """Mixin: available with a film and an aligned frame."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and available(cls, is_aligned(context.scene), "Align the case's frame first")
+    needs = (lambda context: is_aligned(context.scene), "Align the case's frame first")
 
 
 class NeedsFound(NeedsFilm):
     """Mixin: available once frames of the film are registered."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        there = found.of(context.scene) is not None
-        return super().poll(context) and available(cls, there, "Press Register Frames first")
+    needs: Needs = (lambda context: found.of(context.scene) is not None, "Press Register Frames first")
 
 
 class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
@@ -79,15 +73,13 @@ class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
         return (f"{self._film.path.name}: {self._found.summary()}",)
 
 
-class ONEFRAME_OT_case_frame(bpy.types.Operator):
+class ONEFRAME_OT_case_frame(Available):
     """Show the case's own frame again; looking at others has changed nothing of it"""
 
     bl_label = "Back to Case Frame"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, shown_frame.is_shown(context.scene), "The view shows the case's frame")
+    needs = (lambda context: shown_frame.is_shown(context.scene), "The view shows the case's frame")
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         shown_frame.restore(context.scene)
@@ -141,4 +133,4 @@ class ONEFRAME_OT_play_frames(NeedsFound):
         show_status(context, None)
 
 
-register, unregister = class_registration(__name__, keys(Key("oneframe.case_frame", "ESC", tools=tuple(TOOLS))))
+PARTS = (keys(Key("oneframe.case_frame", "ESC", tools=tuple(TOOLS))),)

@@ -2,10 +2,10 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.case.alignment_record import FURTHER_FRAMES
 from ..setup.alignment_record import pose_record
-from ..state import another_frame, from_scene
+from ..state import another_frame
+from ..state.known_case import further_frames
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import StepPanel
@@ -50,7 +50,7 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
         row = layout.row(align=True)
         row.operator("oneframe.use_colour_sources", icon="COLOR")
         row.operator("oneframe.clear_colour_sources", text="", icon="X")
-        for each in from_scene.further_frames(scene):
+        for each in further_frames(scene):
             layout.label(text=each.image.name, icon="IMAGE_DATA")
 
 
@@ -76,6 +76,3 @@ def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSe
         reason = frame.verdict.reason
         text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."
     draw_text(layout, text, lines=TEXT_LINES)
-
-
-register, unregister = class_registration(__name__)

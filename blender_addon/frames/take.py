@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.images.image_reader import read_image
 from ..pipeline.video.frame_folder import write_frame
@@ -60,6 +60,3 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
             pose_evidence.remember(scene, record, frame.cam_from_model, frame.uncertainty)
             text += f", at its pose: {found.text_of(frame.verdict)}"
         return text, *messages
-
-
-register, unregister = class_registration(__name__)

@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ..case_queue import queued
 from ..case_queue.adding import add_to_queue, added_text, first_case
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.case_queue import NewFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
@@ -21,7 +21,7 @@ from ..pipeline.transforms import inverse_rigid
 from ..pipeline.video.frame_folder import write_frames_only
 from ..state import from_scene
 from ..ui.background_operator import AsksInBackground, InBackground, Work
-from ..ui.operator import Messages, OperatorResult, available
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult
 from ..video import session
 from ..video.operators import NeedsFilm
 from . import found
@@ -30,16 +30,11 @@ from .operators import NeedsFound
 EVERY, EVENLY, SPREAD = "EVERY", "EVENLY", "SPREAD"
 
 
-class _ToQueue(InBackground, NeedsFilm):
+class _ToQueue(NeedsAlignment, NeedsFilm, InBackground):
     """Mixin: writes frames of the film beside the queue's cases, and a case for each. All of them or none."""
 
     bl_options = {"REGISTER"}
     doing = "Taking the frames"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_set_up = available(cls, from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
-        return is_set_up and super().poll(context)
 
     def chosen(self, scene: bpy.types.Scene) -> Collection[int]:
         """The wanted frames, by their numbers in the film; those that are in the queue are left out."""
@@ -164,6 +159,3 @@ def _all_or_none(written: Sequence[Path]) -> Iterator[None]:
         for path in written:
             path.unlink(missing_ok=True)
         raise
-
-
-register, unregister = class_registration(__name__)

@@ -3,10 +3,11 @@
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration, cursor, drawing
+from ..class_registration import cursor, drawing
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
 from ..state import another_frame, from_scene, workbench
+from ..state.landmarks import landmarks_model
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.keymap import LANDMARK_TOOL, active_tool
@@ -169,7 +170,7 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
         return
     text, region = gestures.missed_at(xy), frame_view.window_region(context.area)
     if not text:
-        if gestures.running() is not None or not is_unfinished(from_scene.landmarks_model(context.scene)):
+        if gestures.running() is not None or not is_unfinished(landmarks_model(context.scene)):
             return
         text = tool.instruction(context)
     strokes = Strokes()
@@ -187,6 +188,4 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     strokes.draw()
 
 
-register, unregister = class_registration(
-    __name__, drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer)
-)
+PARTS = (drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer))

@@ -6,6 +6,7 @@ import numpy as np
 from ..pipeline.alignment.manual.picking import Half, landmark_for, new_name
 from ..pipeline.errors import InputError
 from ..state import another_frame, events, from_scene, workbench
+from ..state.landmarks import landmarks_model
 
 
 def check_frame(scene: bpy.types.Scene) -> None:
@@ -35,7 +36,7 @@ def add(scene: bpy.types.Scene, name: str = "") -> int:
     """Add a landmark without points, make it the active one and return its index."""
     settings = scene.oneframe
     with events.muted():
-        unused_name = name or new_name(from_scene.landmarks_model(scene))
+        unused_name = name or new_name(landmarks_model(scene))
         settings.landmarks.add().name = unused_name
     settings.landmark_index = len(settings.landmarks) - 1
     return settings.landmark_index
@@ -43,7 +44,7 @@ def add(scene: bpy.types.Scene, name: str = "") -> int:
 
 def landmark_for_pick(scene: bpy.types.Scene, half: Half) -> int:
     """Index of the landmark that a newly picked point belongs to, which becomes active; adds one if none lacks it."""
-    found = landmark_for(half, from_scene.landmarks_model(scene), scene.oneframe.landmark_index)
+    found = landmark_for(half, landmarks_model(scene), scene.oneframe.landmark_index)
     if found is None:
         return add(scene)
     scene.oneframe.landmark_index = found

@@ -11,10 +11,11 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
 from ..state.events import redraw
+from ..state.landmarks import landmarks_model
 from ..state.pose import set_cam_from_model
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import OperatorResult
@@ -69,7 +70,7 @@ class _Snapshot:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> "_Snapshot":
-        return cls(from_scene.landmarks_model(scene), scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
+        return cls(landmarks_model(scene), scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
 
     def restore(self, scene: bpy.types.Scene) -> None:
         with events.muted():
@@ -305,8 +306,7 @@ def _gesture(kind: str, tool: str, *, shift: bool = False, ctrl: bool = False, a
     return Key("oneframe.landmark_gesture", "LEFTMOUSE", "PRESS", shift, ctrl, alt, properties=settings, tools=(tool,))
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     keys(
         _gesture("IMAGE", LANDMARK_TOOL),
         _gesture("SURFACE", LANDMARK_TOOL, shift=True),

@@ -7,10 +7,11 @@ import bpy
 import gpu
 import numpy as np
 
-from ..class_registration import class_registration, cursor
+from ..class_registration import cursor
 from ..pipeline.alignment.manual.picking import asked_half
 from ..pipeline.errors import InputError
 from ..state import from_scene
+from ..state.landmarks import landmarks_model
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.strokes import Colour, Strokes, in_window_pixels
 from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
@@ -76,7 +77,7 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
 
 
 def _asks_for_surface(scene: bpy.types.Scene) -> bool:
-    return asked_half(from_scene.landmarks_model(scene), scene.oneframe.landmark_index) == "point"
+    return asked_half(landmarks_model(scene), scene.oneframe.landmark_index) == "point"
 
 
 def targets(context: bpy.types.Context) -> list[np.ndarray]:
@@ -160,4 +161,4 @@ def corner(area: bpy.types.Area, at: np.ndarray, size: int, avoided: Sequence[np
     return np.round(np.clip(best, free_low, np.maximum(free_high - size, free_low)))
 
 
-register, unregister = class_registration(__name__, cursor(draw_loupe))
+PARTS = (cursor(draw_loupe),)

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..class_registration import at_end, class_registration
+from ..class_registration import at_end
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.alignment.landmarks.degeneracy import UndeterminedPose
 from ..pipeline.alignment.pose_uncertainty import PoseMode
@@ -88,4 +88,4 @@ def _forget() -> None:
     _last = _coarse = None
 
 
-register, unregister = class_registration(__name__, at_end(_forget))
+PARTS = (at_end(_forget),)

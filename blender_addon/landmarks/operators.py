@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.alignment.refinement.refine import explained
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
@@ -14,7 +14,8 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.surface.mesh import TriangleMesh
-from ..state import events, from_scene, image_evidence, pose_evidence, to_scene
+from ..state import events, from_scene, image_evidence, pose_evidence
+from ..state.landmarks import landmarks_mesh, replace_landmarks
 from ..state.scene_files import input_files
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import (
@@ -24,7 +25,6 @@ from ..ui.operator import (
     OperatorResult,
     Reporting,
     SavesFile,
-    available,
     report_error,
 )
 from ..ui.question import Asking
@@ -39,9 +39,7 @@ INDEX = "Index in the list, counted from 0; -1 for the active landmark"
 class _HasLandmarks(NeedsAlignment):
     """Mixin: available once there are landmarks."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and available(cls, bool(context.scene.oneframe.landmarks), "Pick a landmark first")
+    needs = (lambda context: bool(context.scene.oneframe.landmarks), "Pick a landmark first")
 
 
 class _PointAndPixel(bpy.types.Operator):
@@ -196,7 +194,7 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting):
     bl_label = "Delete All Landmarks"
 
     def run(self, context: bpy.types.Context) -> None:
-        to_scene.replace_landmarks(context.scene, ())
+        replace_landmarks(context.scene, ())
         show(context.scene, "landmarks")
 
 
@@ -287,8 +285,8 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
         edit.check_frame(scene)
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
-        existing = from_scene.landmarks_mesh(scene) if self.keep else ()
-        to_scene.replace_landmarks(scene, (*existing, *read))
+        existing = landmarks_mesh(scene) if self.keep else ()
+        replace_landmarks(scene, (*existing, *read))
         events.landmarks_changed(scene)
         messages = [f"{path.name}: {len(read)} landmarks", *solve.off_surface(scene)]
         if pose_evidence.is_refined(scene) and not image_evidence.held(scene):
@@ -312,7 +310,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile):
         path = self.chosen_file()
         write_landmarks(
             path,
-            from_scene.landmarks_mesh(scene),
+            landmarks_mesh(scene),
             mm_per_unit=MM_PER_UNIT[scene.oneframe.units],
             inputs=input_files(scene),
         )
@@ -323,8 +321,7 @@ def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
     return Key(operator, key, alt=alt, properties=(("at_pointer", True),), tools=(PIN_TOOL, LANDMARK_TOOL))
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     keys(
         _on_mark("oneframe.landmark_toggle", "LEFTMOUSE", alt=True),
         _on_mark("oneframe.landmark_remove", "X"),

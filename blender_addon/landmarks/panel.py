@@ -3,7 +3,6 @@
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
@@ -172,6 +171,3 @@ def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) ->
     if not np.isfinite(residual).all():
         return "Behind camera", "ERROR"
     return f"{np.linalg.norm(residual):.1f} px", "ERROR" if outlier else "NONE"
-
-
-register, unregister = class_registration(__name__)

@@ -6,7 +6,7 @@ from functools import lru_cache
 import bpy
 import numpy as np
 
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
     complete_landmarks,
@@ -25,6 +25,7 @@ from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
 from ..state import events, from_scene, image_evidence, pose_evidence, workbench
+from ..state.landmarks import landmarks_model
 from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
@@ -121,7 +122,7 @@ def evidence(scene: bpy.types.Scene) -> Evidence:
         There is no camera or surface.
     """
     settings = scene.oneframe
-    landmarks = from_scene.landmarks_model(scene) if settings.use_landmarks else ()
+    landmarks = landmarks_model(scene) if settings.use_landmarks else ()
     image = image_evidence.held(scene) if settings.use_image else ""
     # six digits: a property holds 0.2 as 0.20000000298
     return landmarks, from_scene.camera(scene), round(settings.click_sigma_px, 6), image
@@ -161,7 +162,7 @@ def _pulls(
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
     mesh = edited_mesh(from_scene.surface_of(scene))
-    return off_surface_warning(landmark_distances(from_scene.landmarks_model(scene), mesh))
+    return off_surface_warning(landmark_distances(landmarks_model(scene), mesh))
 
 
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
@@ -233,7 +234,7 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
     ``explained`` is the fraction of the image's variation that it explains, if that is known.
     """
     pose = solved.doubtful[number]
-    complete = complete_landmarks(from_scene.landmarks_model(scene))
+    complete = complete_landmarks(landmarks_model(scene))
     record: dict[str, object] = {"method": "landmarks", "pairs": len(complete), "rms_px": rms_px(scene, pose)}
     if len(solved.doubtful) > 1:
         record["doubt"] = (
@@ -250,7 +251,7 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
 
 def rms_px(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> float:
     """Root mean square reprojection error of all enabled pairs at a pose, px; infinite behind the camera."""
-    points, pixels = landmark_arrays(tuple(complete_landmarks(from_scene.landmarks_model(scene)).values()))
+    points, pixels = landmark_arrays(tuple(complete_landmarks(landmarks_model(scene)).values()))
     off_px = np.linalg.norm(from_scene.camera(scene).project(transform_points(cam_from_model, points)) - pixels, axis=1)
     return float(np.sqrt(np.mean(np.where(np.isfinite(off_px), off_px, np.inf) ** 2)))
 
@@ -266,7 +267,7 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
         No pose fits the pins, for instance because a point would lie behind the camera.
     """
     surface, camera = from_scene.surface_of(scene), from_scene.camera(scene)
-    complete = complete_landmarks(from_scene.landmarks_model(scene))
+    complete = complete_landmarks(landmarks_model(scene))
     points, pixels = landmark_arrays(tuple(complete.values()))
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
@@ -305,6 +306,4 @@ def follow(scene: bpy.types.Scene) -> None:
         apply(scene, solved)
 
 
-register, unregister = class_registration(
-    __name__, at_end(solved.cache_clear), listening(events.landmark_listeners, follow)
-)
+PARTS = (at_end(solved.cache_clear), listening(events.landmark_listeners, follow))

@@ -2,9 +2,10 @@
 
 import bpy
 
-from ..class_registration import at_end, class_registration, tool
+from ..class_registration import at_end, tool
 from ..pipeline.alignment.manual.picking import next_step
-from ..state import another_frame, from_scene
+from ..state import another_frame
+from ..state.landmarks import landmarks_model
 from ..state.workbench import next_step as missing_step
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, ViewTool, active_tool
@@ -64,7 +65,7 @@ def instruction(context: bpy.types.Context) -> str:
         return missing
     if another_frame.seen(scene) is not None:
         return "Another frame is in view; Esc: back to the case's frame"
-    landmarks = from_scene.landmarks_model(scene)
+    landmarks = landmarks_model(scene)
     in_frame = shows_frame(context)
     if active_tool(context) == PIN_TOOL and in_frame:
         return "Drag a point of the surface to where the frame shows it"
@@ -100,6 +101,4 @@ def leave_tools() -> None:
                 break
 
 
-register, unregister = class_registration(
-    __name__, tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools)
-)
+PARTS = (tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools))

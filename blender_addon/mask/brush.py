@@ -6,12 +6,12 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, cursor, drawing, prop, tool
+from ..class_registration import cursor, drawing, prop, tool
 from ..pipeline.camera.distortion import distorted_pixels
 from ..pipeline.images.masked_frame import UNSEEN, painted
 from ..state import another_frame, from_scene
 from ..state.events import redraw
-from ..ui.brush import BrushSize, BrushStroke, size_keys
+from ..ui.drag import BrushSize, BrushStroke, size_keys
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.keymap import MASK_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import Messages, OperatorResult, Reporting
@@ -134,8 +134,7 @@ _KEYS = keys(
     Key("oneframe.mask_stroke", "LEFTMOUSE", ctrl=True, properties=(("shows", True),), tools=_TOOLS),
     *size_keys("oneframe.mask_brush_size", MASK_TOOL),
 )
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     tool(MaskTool, "oneframe.move_tool"),
     cursor(draw_brush),
     drawing(bpy.types.SpaceView3D, draw_stroke, "POST_PIXEL"),

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from bpy.props import StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.case_folder import KeptFile, keep_files
 from ..pipeline.case.frame import Frame, read_frame
 from ..pipeline.errors import InputError
@@ -14,7 +14,7 @@ from ..pipeline.images.pixel_values import to_uint8
 from ..state import from_scene, to_scene
 from ..state.scene_files import session_folder
 from ..ui.keymap import MASK_TOOL
-from ..ui.operator import Messages, OpensFile, Reporting, available
+from ..ui.operator import Messages, OpensFile, Reporting
 from ..ui.step_panel import PartPanel
 
 FILES = "*.png;*.tif;*.tiff;*.bmp"
@@ -53,9 +53,7 @@ def set_mask(scene: bpy.types.Scene, frame: Frame) -> Messages:
 class _OfTheFrame(Reporting):
     """Mixin: available once there is a frame."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, bool(context.scene.oneframe.frame_path), "Load the frame first")
+    needs = (lambda context: context.scene.oneframe.frame_path, "Load the frame first")
 
 
 class ONEFRAME_OT_load_mask(_OfTheFrame, OpensFile):
@@ -117,6 +115,3 @@ class ONEFRAME_PT_mask(PartPanel):
         row.operator("oneframe.guess_mask", icon="SHADERFX")
         row.operator("oneframe.load_mask", text="Load", icon="FILE_FOLDER")
         row.operator("oneframe.clear_mask", icon="X")
-
-
-register, unregister = class_registration(__name__)

@@ -4,13 +4,14 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from ..class_registration import class_registration, prop, tool
+from ..class_registration import prop, tool
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_from_vector, transform_points, turned_about
 from ..state import another_frame, from_scene
 from ..state.events import redraw
 from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh, set_cam_from_model
+from ..ui.drag import Drag
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import MOVE_TOOL, TOOLS, Key, ViewTool, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
@@ -115,7 +116,7 @@ class ONEFRAME_OT_quarter_turn(_Mover, Reporting):
         self._set_pose(context, turned)
 
 
-class ONEFRAME_OT_drag_pose(_Mover, Reporting):
+class ONEFRAME_OT_drag_pose(_Mover, Drag):
     """Drag the surface with the mouse; Shift: 10 times finer, Esc or right click: cancel"""
 
     bl_label = "Drag Surface"
@@ -136,34 +137,27 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting):
     def poll(cls, context: bpy.types.Context) -> bool:
         return super().poll(context) and shows_frame(context)
 
-    def run(self, context: bpy.types.Context) -> None:
-        raise InputError("expected a drag with the mouse, found a call without one; use oneframe.nudge in scripts")
-
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         try:
             self._begin(context)
         except InputError as error:
             report_error(self, str(error))
             return {"CANCELLED"}
-        self._last = self._pointer(context, event)
-        self._pose = self._start_pose
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        self._last, self._pose = self._pointer(context, event), self._start_pose
+        return self.begin(context, event)
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if event.type in ("ESC", "RIGHTMOUSE"):
+    def go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
+        pointer = self._pointer(context, event)
+        moved = (pointer - self._last) * (0.1 if event.shift else 1.0)
+        for axis, step_px in self._steps(context, pointer, moved):
+            self._pose = self._moved(context, self._pose, axis, step_px)
+        self._last = pointer
+        self._set_pose(context, self._pose)
+
+    def end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
+        if undo:
             self._set_pose(context, self._start_pose)
-            return {"CANCELLED"}
-        if event.type in ("LEFTMOUSE", "RET") and event.value in ("RELEASE", "PRESS"):
-            return {"FINISHED"}
-        if event.type == "MOUSEMOVE":
-            pointer = self._pointer(context, event)
-            moved = (pointer - self._last) * (0.1 if event.shift else 1.0)
-            for axis, step_px in self._steps(context, pointer, moved):
-                self._pose = self._moved(context, self._pose, axis, step_px)
-            self._last = pointer
-            self._set_pose(context, self._pose)
-        return {"RUNNING_MODAL"}
+        return {"CANCELLED"} if undo else {"FINISHED"}
 
     def _steps(
         self, context: bpy.types.Context, pointer: np.ndarray, moved: np.ndarray
@@ -232,8 +226,7 @@ class MoveTool(ViewTool):
         layout.label(text=text if shows_frame(context) else "Look through the frame's camera (Numpad 0)")
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     tool(MoveTool, "oneframe.landmark_tool"),
     keys(
         *(

@@ -3,7 +3,6 @@
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
 from ..state import from_scene
@@ -129,6 +128,3 @@ class ONEFRAME_PT_mesh_from_cam(_Matrix):
     bl_label = "mesh_from_cam (Inverse)"
     bl_options = {"DEFAULT_CLOSED"}
     inverse = True
-
-
-register, unregister = class_registration(__name__)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from bpy.props import IntProperty
 
-from ..class_registration import at_end, class_registration, prop
+from ..class_registration import at_end, prop
 from ..pipeline.alignment.proposal.propose import Proposal, propose_poses
 from ..pipeline.case.alignment_record import PROPOSED
 from ..pipeline.case.frame import PosedFrame
@@ -140,4 +140,4 @@ def _forget() -> None:
     _found = _pictures = None
 
 
-register, unregister = class_registration(__name__, at_end(_forget))
+PARTS = (at_end(_forget),)

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..class_registration import at_end, class_registration, prop
+from ..class_registration import at_end, prop
 from ..landmarks import solve
 from ..pipeline.alignment.refinement.refine import refine_pose
 from ..pipeline.alignment.refinement.verdict import Refinement
@@ -173,4 +173,4 @@ def is_taken(scene: bpy.types.Scene) -> bool:
     return not is_start and "refused" in (pose_evidence.remembered(scene) or {})
 
 
-register, unregister = class_registration(__name__, keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))
+PARTS = (keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import bpy
 
-from ..class_registration import class_registration
 from ..landmarks import solve
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
@@ -140,6 +139,3 @@ def record_lines(record: Mapping[str, object]) -> list[str]:
 
 def _counted(count: float, noun: str) -> str:
     return f"{count} {noun}" + ("" if count == 1 else "s")
-
-
-register, unregister = class_registration(__name__)

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..case_queue.queued import position, queue_of
-from ..class_registration import class_registration, drawing
+from ..class_registration import drawing
 from ..dataset import background_job
 from ..dataset.snapshot import usual_output
 from ..landmarks import solve
@@ -27,10 +27,11 @@ from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
-from ..setup.open_case import known_case, unsaved_parts
-from ..setup.sample_task import task_lines
+from ..setup.case_in_scene import lately_saved, unsaved_parts
+from ..setup.open_case import task_lines
 from ..state import another_frame, from_scene, pose, pose_evidence, workbench
 from ..state.events import areas
+from ..state.landmarks import landmarks_model
 from ..ui.keymap import binding
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, uncovered_rectangle
@@ -72,7 +73,7 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
     name = bpy.path.basename(settings.case_path or settings.frame_path) or "New case"
     if entries := queue_of(scene):
         name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
-    parts = unsaved_parts(scene, known_case)
+    parts = unsaved_parts(scene, lately_saved)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
     if (other := another_frame.seen(scene)) is not None:
         back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
@@ -101,7 +102,7 @@ def pose_text(scene: bpy.types.Scene) -> str:
 def _rms_px(scene: bpy.types.Scene, record: Mapping[str, object]) -> float:
     """Of the pairs at the shown pose, NaN if there are none."""
     rms_px = record.get("rms_px")
-    if rms_px is None and complete_landmarks(from_scene.landmarks_model(scene)):
+    if rms_px is None and complete_landmarks(landmarks_model(scene)):
         rms_px = solve.rms_px(scene, from_scene.cam_from_model(scene))
     return rms_px if isinstance(rms_px, float) else np.nan
 
@@ -193,4 +194,4 @@ def _has_navigation(context: bpy.types.Context) -> bool:
     return is_shown and context.preferences.view.mini_axis_type == "GIZMO"
 
 
-register, unregister = class_registration(__name__, drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL"))
+PARTS = (drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL"),)

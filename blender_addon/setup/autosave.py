@@ -16,19 +16,20 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
-from ..class_registration import Part, at_end, class_registration, listening, prop
+from ..class_registration import Part, at_end, listening, prop, timers
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_history import with_replaced
 from ..pipeline.case.case_writer import case_text, encoded
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import write_bytes_atomically, write_files_atomically
-from ..state import from_scene, pose, to_scene, workbench
+from ..state import from_scene, pose, workbench
 from ..state.camera_view import look_through_camera, show_shape
+from ..state.known_case import part_from_case
 from ..ui.operator import Messages, OperatorResult, Reporting, call
 from ..ui.panel import CHARACTER_PX
 from ..ui.question import DIALOG_PX
 from .alignment_record import is_start, recorded_case
-from .open_case import known_case, load_into_scene, own_folder, unsaved_parts
+from .case_in_scene import lately_saved, load_into_scene, unsaved_parts
 
 PERIOD_S = 2.0
 """So much work is lost at most."""
@@ -45,6 +46,9 @@ _written: dict[Path, str] = {}
 
 _failed: set[str] = set()
 """What has been reported already."""
+
+_has_asked = False
+"""Whether the question of the start has been asked."""
 
 
 def aside(case_path: Path) -> Path:
@@ -67,9 +71,9 @@ def keep_aside(scene: bpy.types.Scene) -> None:
     """
     if pose.previewed:
         return  # not of the case yet
-    path = _path(scene)
+    path = path_of(scene)
     try:
-        parts = unsaved_parts(scene, known_case)
+        parts = unsaved_parts(scene, lately_saved)
         if not parts or (parts == ("pose",) and is_start(scene)):
             forget(scene)
             return
@@ -88,12 +92,13 @@ def keep_aside(scene: bpy.types.Scene) -> None:
 
 def forget(scene: bpy.types.Scene) -> None:
     """Keep nothing aside of the scene's case: it is saved, or the user discards it."""
-    for path in {_path(scene), _nameless()} & _written.keys():
+    for path in {path_of(scene), _nameless()} & _written.keys():
         path.unlink(missing_ok=True)
         del _written[path]
 
 
-def _path(scene: bpy.types.Scene) -> Path:
+def path_of(scene: bpy.types.Scene) -> Path:
+    """Where the scene's case is kept aside."""
     known = scene.oneframe.case_path
     return aside(from_scene.absolute_path(known)) if known else _nameless()
 
@@ -112,7 +117,7 @@ def _keep_in_history(scene: bpy.types.Scene, path: Path) -> None:
     write_files_atomically(history)
 
 
-def _left() -> Path | None:
+def left_behind() -> Path | None:
     """What an earlier session has left, the last one."""
     folder = own_folder("unsaved")
     nameless = sorted(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime, reverse=True)
@@ -126,19 +131,12 @@ class _OfUnsaved(Reporting):
     filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
 
-class ONEFRAME_OT_offer_unsaved(_OfUnsaved):
-    """Ask what becomes of what was not saved when Blender ended"""
-
-    bl_label = "Not Saved When Blender Ended"
-    bl_options = {"INTERNAL"}
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        path = Path(self.filepath) if self.filepath else _path(context.scene)
-        if bpy.app.background or path in _written or not path.exists():
-            return ()
-        with context.temp_override(window=context.window_manager.windows[0]):
-            call("ask_unsaved", "INVOKE_DEFAULT", filepath=str(path))
-        return ()
+def offer(context: bpy.types.Context, path: Path) -> None:
+    """Ask what becomes of what an earlier session has kept aside, if there is something and somebody to ask."""
+    if bpy.app.background or path in _written or not path.exists():
+        return
+    with context.temp_override(window=context.window_manager.windows[0]):
+        call("ask_unsaved", "INVOKE_DEFAULT", filepath=str(path))
 
 
 class ONEFRAME_OT_ask_unsaved(_OfUnsaved):
@@ -182,7 +180,7 @@ class ONEFRAME_OT_restore_unsaved(_OfUnsaved):
             case = replace(case, path=_case_path(path))
         loaded = load_into_scene(context, case)
         if is_nameless:
-            to_scene.part_from_case(context.scene)
+            part_from_case(context.scene)
             path = path.replace(_nameless())
         show_shape(context)
         look_through_camera(context)
@@ -197,14 +195,26 @@ class ONEFRAME_OT_discard_unsaved(_OfUnsaved):
     bl_options = {"INTERNAL"}
 
     def run(self, context: bpy.types.Context) -> Messages:
-        if not self.filepath:
-            forget(context.scene)
-            return ()
         Path(self.filepath).unlink(missing_ok=True)
         return (f"{self.filepath} is removed",)
 
 
+def own_folder(name: str) -> Path:
+    """A folder of the extension for the user's files; in a checkout, one that lasts for this session."""
+    package = __package__.rpartition(".")[0] if __package__ else ""
+    try:
+        return Path(bpy.utils.extension_path_user(package, path=name, create=True))
+    except ValueError:  # not an extension
+        folder = Path(bpy.app.tempdir) / f"oneframe_{name}"
+        folder.mkdir(exist_ok=True)
+        return folder
+
+
 def _tick() -> float:
+    global _has_asked
+    if not _has_asked and (path := left_behind()) is not None:
+        offer(bpy.context, path)
+    _has_asked = True
     flush()
     return PERIOD_S
 
@@ -223,25 +233,10 @@ def flush(*_arguments: object) -> None:
             _failed.add(str(error))
 
 
-def _ask_at_start() -> None:
-    if (path := _left()) is not None:
-        call("offer_unsaved", filepath=str(path))
-
-
-def _watched() -> Part:
-    """The timers: one for the whole session, one at its start."""
-
-    def start() -> None:
-        bpy.app.timers.register(_tick, first_interval=PERIOD_S, persistent=True)
-        bpy.app.timers.register(_ask_at_start, first_interval=START_S)
-
-    def stop() -> None:
-        for timer in filter(bpy.app.timers.is_registered, (_tick, _ask_at_start)):
-            bpy.app.timers.unregister(timer)
-
-    return Part(start, stop)
-
-
-register, unregister = class_registration(
-    __name__, at_end(_written.clear), listening(bpy.app.handlers.load_pre, flush), at_end(flush), _watched()
+PARTS = (
+    at_end(_written.clear),
+    listening(bpy.app.handlers.load_pre, flush),
+    at_end(flush),
+    timers(_tick),
+    Part(lambda: bpy.app.timers.register(_tick, first_interval=START_S, persistent=True), lambda: None),
 )

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
@@ -13,9 +12,9 @@ from ..ui.operator import ChosenFiles, OperatorResult, call
 from ..ui.question import Asking
 from ..video.operators import VIDEOS
 from ..volume.slice_areas import plane_of
-from .frame import IMAGES
-from .open_case import ANSWER, QUESTION, unsaved_text
-from .operators import CAMERAS, MESHES
+from .case_in_scene import unsaved_text
+from .open_case import ANSWER, QUESTION
+from .operators import CAMERAS, IMAGES, MESHES
 
 LANDMARKS = "*.csv"
 TOML = ".toml"
@@ -88,63 +87,54 @@ def _is_case(path: Path) -> bool:
         return True  # opening the case says what is wrong with it
 
 
-class ONEFRAME_FH_case(bpy.types.FileHandler):
-    """Cases, in any scene"""
+class _Dropped(bpy.types.FileHandler):
+    """Mixin: files dropped onto a 3D view, of the workbench only: elsewhere they are Blender's."""
 
-    bl_label = "OneFrame Case"
     bl_import_operator = "oneframe.drop_files"
-    bl_file_extensions = TOML
+    is_ours = False
+    """Whether nothing else in Blender opens them, in any scene."""
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context | None) -> bool:
-        return _is_3d_view(context)
+        if context is None or context.area is None or context.area.type != "VIEW_3D":
+            return False
+        return cls.is_ours or workbench.is_workbench(context.scene)
 
 
-class ONEFRAME_FH_files(bpy.types.FileHandler):
-    """Everything else, in the workbench only: the user's scenes keep Blender's own handling of these files"""
+class ONEFRAME_FH_case(_Dropped):
+    """Cases, in any scene"""
+
+    bl_label = "OneFrame Case"
+    bl_file_extensions = TOML
+    is_ours = True
+
+
+class ONEFRAME_FH_files(_Dropped):
+    """Images, K, meshes and landmarks"""
 
     bl_label = "OneFrame"
-    bl_import_operator = "oneframe.drop_files"
     bl_file_extensions = ";".join(
         sorted({kind for glob in (IMAGES, CAMERAS, MESHES, LANDMARKS) for kind in extensions(glob)} - {TOML})
     )
 
-    @classmethod
-    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
-        return _is_workbench(context)
 
-
-class ONEFRAME_FH_video(bpy.types.FileHandler):
-    """Videos, in the workbench only: elsewhere they are Blender's"""
+class ONEFRAME_FH_video(_Dropped):
+    """Videos"""
 
     bl_label = "OneFrame Video"
     bl_import_operator = "oneframe.open_video"
     bl_file_extensions = VIDEOS.replace("*", "")
 
-    @classmethod
-    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
-        return _is_workbench(context)
 
-
-class ONEFRAME_FH_ct(bpy.types.FileHandler):
-    """Volumes, in any scene: nothing else in Blender opens them"""
+class ONEFRAME_FH_ct(_Dropped):
+    """Volumes, in any scene, also dropped onto a slice"""
 
     bl_label = "OneFrame CT"
     bl_import_operator = "oneframe.open_ct"
     # of .nii.gz Blender looks at the last part
     bl_file_extensions = ".nii;.gz;.nrrd;.nhdr;.mha;.mhd"
+    is_ours = True
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context | None) -> bool:
-        return _is_3d_view(context) or (context is not None and plane_of(context.space_data) is not None)
-
-
-def _is_3d_view(context: bpy.types.Context | None) -> bool:
-    return context is not None and context.area is not None and context.area.type == "VIEW_3D"
-
-
-def _is_workbench(context: bpy.types.Context | None) -> bool:
-    return context is not None and _is_3d_view(context) and workbench.is_workbench(context.scene)
-
-
-register, unregister = class_registration(__name__)
+        return super().poll_drop(context) or (context is not None and plane_of(context.space_data) is not None)

@@ -1,27 +1,28 @@
 """Operators that open a case, or the sample; first they ask, if the present case has what its file lacks."""
 
 import shutil
-from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
-from ..class_registration import at_end, class_registration, prop
-from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, has_entry
-from ..pipeline.blender.alignment import alignment_scene
-from ..pipeline.case.case_file import Case, read_case
-from ..pipeline.case.case_update import differing_fields
-from ..pipeline.case.loaded_case import LoadedCase, load_case
+from ..class_registration import at_end, prop
+from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
+from ..pipeline.case.case_file import read_case
 from ..pipeline.errors import InputError
-from ..state import from_scene, image_evidence, pose_evidence, to_scene, workbench
+from ..pipeline.files.numbers import format_two_digits
+from ..pipeline.transforms import transform_points
+from ..state import from_scene
 from ..state.camera_view import look_through_camera, show_shape
-from ..state.initial_pose import has_initial_pose, set_initial_pose
+from ..state.initial_pose import has_initial_pose
 from ..state.scene_files import Stamp, known_stamp
+from ..ui.keymap import binding
 from ..ui.operator import Messages, OpensFile, OperatorResult, call
 from ..ui.question import Asking, ask_first
+from . import autosave
+from .case_in_scene import load_into_scene, unsaved_text
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """The sample in the built extension; a checkout has none."""
@@ -29,100 +30,10 @@ SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 TRUE, UNALIGNED = "case.toml", "unaligned.toml"
 """Its case files: with the pose of its frame, and without, for the user to find."""
 
+COMPARED = 20_000
+"""Vertices at which the poses are compared where the frame shows them: a drag draws this again and again."""
+
 QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
-
-_WORDS = {
-    "mm_per_unit": "units",
-    "image": "frame",
-    "camera": "K",
-    "distortion": "distortion",
-    "mesh": "surface",
-    "cam_from_mesh": "pose",
-    "frames": "colour sources",
-    "structures": "structures",
-    "dataset": "dataset options",
-    "landmarks": "landmarks",
-}
-"""Field of a case -> its name in the window; the record of the pose changes with the pose only."""
-
-
-def saved_case(path: Path) -> Case:
-    """The case as its file has it; it may have no pose."""
-    return read_case(path, posed=False)
-
-
-def known_case(path: Path) -> Case:
-    """The same, read again when the file has changed, for drawing."""
-    return _read(path, known_stamp(path))
-
-
-@lru_cache(maxsize=1)
-def _read(path: Path, _stamp: Stamp) -> Case:
-    return saved_case(path)
-
-
-def unsaved_parts(scene: bpy.types.Scene, read: Callable[[Path], Case] = saved_case) -> tuple[str, ...]:
-    """The parts of the scene's case that its file lacks, in words; of a case without a file, all that was aligned."""
-    if not from_scene.is_set_up(scene):
-        return ()
-    if not scene.oneframe.case_path:
-        return _aligned_parts(scene)
-    path = from_scene.absolute_path(scene.oneframe.case_path)
-    try:
-        saved = read(path)
-    except InputError:
-        return ("all of it",)
-    try:
-        current = from_scene.case(scene, Path(path))
-        if not saved.posed and has_initial_pose(scene):
-            saved = replace(saved, cam_from_mesh=current.cam_from_mesh)
-    except InputError:
-        # a surface that is scaled, or a frame of another size
-        return ("pose",)
-    return tuple(_WORDS[name] for name in differing_fields(saved, current) if name in _WORDS)
-
-
-def unsaved_text(scene: bpy.types.Scene) -> str:
-    """The question before the case is replaced; empty if nothing would be lost."""
-    parts = unsaved_parts(scene)
-    if not parts:
-        return ""
-    listed = parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
-    if not scene.oneframe.case_path:
-        return f"Never saved: {listed}. Open another case without saving?"
-    name = bpy.path.basename(scene.oneframe.case_path)
-    return f"Changes that {name} lacks: {listed}. Open another case without saving?"
-
-
-def _aligned_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
-    parts = ["landmarks"] if len(scene.oneframe.landmarks) else []
-    try:
-        is_initial = has_initial_pose(scene)
-    except InputError:
-        is_initial = False
-    return tuple(parts if is_initial else ["pose", *parts])
-
-
-def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
-    """Load a case into the workbench; the views stay as they are.
-
-    Raises
-    ------
-    InputError
-        A file of the case cannot be read; nothing has changed then.
-    """
-    loaded = load_case(case, aligned=False)
-    scene = workbench.enter(context)
-    to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
-    if not case.posed:
-        set_initial_pose(scene, from_scene.surface_of(scene))
-    record, pose = loaded.case.alignment, loaded.frame.cam_from_model
-    mesh_from_model = loaded.surface.mesh_from_model
-    uncertainty = PoseUncertainty.of_entry(record, pose, mesh_from_model) if has_entry(record) else None
-    # holds while the surface keeps that pose
-    pose_evidence.remember(scene, record, pose, uncertainty)
-    image_evidence.restore(scene, record, mesh_from_model)
-    return loaded
 
 
 class ONEFRAME_OT_open_case(OpensFile):
@@ -148,11 +59,11 @@ class ONEFRAME_OT_open_case(OpensFile):
         path = self.chosen_file()
         case = read_case(path, posed=False)
         if self.discard:
-            call("discard_unsaved")
+            autosave.forget(context.scene)
         loaded = load_into_scene(context, case)
         show_shape(context)
         look_through_camera(context)
-        call("offer_unsaved")
+        autosave.offer(context, autosave.path_of(context.scene))
         width, height = loaded.case.camera.size_wh
         return (
             *loaded.messages,
@@ -170,7 +81,7 @@ class ONEFRAME_OT_open_sample(Asking):
         return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
 
     def run(self, context: bpy.types.Context) -> None:
-        call("open_case", filepath=str(copied_sample(own_folder("sample")) / UNALIGNED), discard=True)
+        call("open_case", filepath=str(copied_sample(autosave.own_folder("sample")) / UNALIGNED), discard=True)
 
 
 def copied_sample(folder: Path) -> Path:
@@ -196,15 +107,47 @@ def copied_sample(folder: Path) -> Path:
     return folder
 
 
-def own_folder(name: str) -> Path:
-    """A folder of the extension for the user's files; in a checkout, one that lasts for this session."""
-    package = __package__.rpartition(".")[0] if __package__ else ""
-    try:
-        return Path(bpy.utils.extension_path_user(package, path=name, create=True))
-    except ValueError:  # not an extension
-        folder = Path(bpy.app.tempdir) / f"oneframe_{name}"
-        folder.mkdir(exist_ok=True)
-        return folder
+def task_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """The task in four lines; nothing in a user's own case.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or no valid pose.
+    """
+    path = Path(bpy.path.abspath(scene.oneframe.case_path))
+    true = path.parent / TRUE
+    if path.name != UNALIGNED or known_stamp(true) == (0, 0):
+        return ()
+    error = "as soon as the bone has moved, this line says how far it is from its true pose"
+    if not has_initial_pose(scene):
+        off_px = _off_px(scene, true, known_stamp(true))
+        error = f"the bone is {format_two_digits(off_px)} px from its true pose, in the median"
+    refine = binding("oneframe.refine") or "Refine Against Image"
+    return (
+        "The sample: lay the bone over the frame, where the frame shows it",
+        "1  Drag three points of the bone, far apart, each to its place in the frame",
+        f"2  {refine} refines the pose against the frame, Enter keeps it; then Save Case",
+        f"3  Below 1 px it is done: {error}",
+    )
 
 
-register, unregister = class_registration(__name__, at_end(_read.cache_clear))
+def _off_px(scene: bpy.types.Scene, true: Path, stamp: Stamp) -> float:
+    """Median distance between the pixels of the surface at the present and at the true pose."""
+    camera, mesh = from_scene.camera(scene), from_scene.surface_in_file(scene)
+    true_pose = _true_pose(true, stamp) @ mesh_from_model_of(from_scene.surface_of(scene))
+    points = mesh.vertices[:: max(1, len(mesh.vertices) // COMPARED)]
+    pixels = camera.project(transform_points(true_pose, points))
+    shown = np.flatnonzero(((pixels >= 0) & (pixels < camera.size_wh)).all(axis=1))
+    if len(shown) == 0:
+        raise InputError(f"{true}: expected the sample's own camera, found one that does not show the surface")
+    found = camera.project(transform_points(from_scene.cam_from_model(scene), points[shown]))
+    return float(np.median(np.linalg.norm(found - pixels[shown], axis=1)))
+
+
+@lru_cache(maxsize=1)
+def _true_pose(path: Path, _stamp: Stamp) -> np.ndarray:
+    return read_case(path).cam_from_mesh
+
+
+PARTS = (at_end(_true_pose.cache_clear),)

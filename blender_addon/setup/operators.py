@@ -1,10 +1,10 @@
-"""Operators that load camera, surface, structures and pose."""
+"""Operators that load frame, camera, surface, structures and pose."""
 
 import bpy
 import numpy as np
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import class_registration, prop, start_timer, timers
+from ..class_registration import prop, start_timer, timers
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
@@ -13,6 +13,7 @@ from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_f
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, place_doubt, size_doubt, size_text
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_outputs
+from ..pipeline.images.image_reader import read_image
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh, stated_space
 from ..pipeline.surface.mesh_writer import write_ply
@@ -22,10 +23,11 @@ from ..state import another_frame, from_scene, to_scene, workbench
 from ..state.camera_view import WORKSPACE
 from ..state.events import areas
 from ..state.from_scene import surface_bounds, surface_extents
+from ..state.initial_pose import set_initial_pose
+from ..state.landmarks import landmarks_model, replace_landmarks
 from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..state.scene_files import input_files
-from ..state.structures import put_structures
 from ..ui.frame_view import window_region
 from ..ui.operator import (
     ChosenFiles,
@@ -35,10 +37,10 @@ from ..ui.operator import (
     OperatorResult,
     Reporting,
     SavesFile,
-    available,
     call,
 )
 
+IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
@@ -46,6 +48,45 @@ SURFACES = f"{MESHES};{RECORD}"
 
 DRAWN_S = 0.05
 """Time after which a window has been drawn once."""
+
+
+class ONEFRAME_OT_load_frame(OpensFile):
+    """Load the frame: one image of the microscope"""
+
+    bl_label = "Load Frame"
+
+    filter_glob: str = prop(StringProperty, default=IMAGES, options={"HIDDEN"})
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        path = self.chosen_file()
+        return to_scene.set_frame(context, path, read_image(path, path.name))
+
+
+class _OfAnotherFrame(Reporting):
+    """Mixin: available while pose and image points are those of another frame."""
+
+    needs = (lambda context: context.scene.oneframe.aligned_path, "The pose is of this frame")
+
+
+class ONEFRAME_OT_keep_pose(_OfAnotherFrame):
+    """Start from the pose of the other frame, recorded as such; landmarks keep their surface points only"""
+
+    bl_label = "Keep Pose"
+
+    def run(self, context: bpy.types.Context) -> None:
+        another_frame.keep_pose(context.scene)
+
+
+class ONEFRAME_OT_clear_pose(_OfAnotherFrame):
+    """Start from an initial guess, without landmarks"""
+
+    bl_label = "Clear"
+
+    def run(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        set_initial_pose(scene, from_scene.surface_of(scene))
+        replace_landmarks(scene, ())
+        scene.oneframe.aligned_path = ""
 
 
 class ONEFRAME_OT_load_camera(OpensFile):
@@ -83,16 +124,14 @@ class ONEFRAME_OT_estimate_focal_length(Reporting):
 
     bl_label = "Focal Length from Landmarks"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, len(context.scene.oneframe.landmarks) > 0, "Set landmarks first")
+    needs = (lambda context: len(context.scene.oneframe.landmarks), "Set landmarks first")
 
     def run(self, context: bpy.types.Context) -> Messages:
         # OpenCV comes with the extension
         from ..pipeline.alignment.landmarks.focal_length import focal_length
 
         scene = context.scene
-        landmarks, sigma_px = from_scene.landmarks_model(scene), scene.oneframe.click_sigma_px
+        landmarks, sigma_px = landmarks_model(scene), scene.oneframe.click_sigma_px
         found = focal_length(landmarks, from_scene.camera(scene), click_sigma_px=sigma_px)
         to_scene.set_camera(context, found.camera, from_scene.distortion(scene))
         return (found.text,)
@@ -131,7 +170,7 @@ class ONEFRAME_OT_load_surface(OpensFile):
             read_mesh(structure.mesh)
         to_scene.set_surface(context, path, mesh, units, folder.focus_of(mesh))
         files = {structure.name: (structure.mesh, structure.colour) for structure in folder.structures}
-        messages += put_structures(from_scene.surface_of(context.scene), files)
+        messages += to_scene.put_structures(from_scene.surface_of(context.scene), files)
         doubt = doubt_of_size(context.scene, extents_of(mesh))
         if doubt is not None and doubt.better_units is not None and not bpy.app.background:
             start_timer(_ask_for_units, DRAWN_S)
@@ -168,9 +207,7 @@ class ONEFRAME_OT_change_units(Reporting):
 
     units: str = prop(EnumProperty, "Units", "Unit of the numbers in the file", items=UNITS)
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.present_surface(context.scene) is not None
+    needs = (lambda context: from_scene.present_surface(context.scene), "Load the surface first")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         doubt = doubt_of_size(context.scene, surface_extents(context.scene))
@@ -207,10 +244,10 @@ class ONEFRAME_OT_add_structure(ChosenFiles, OpensFile):
 
     filter_glob: str = prop(StringProperty, default=MESHES, options={"HIDDEN"})
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        missing = "Load the surface first: structures are given in the frame and units of its file"
-        return available(cls, from_scene.present_surface(context.scene) is not None, missing)
+    needs = (
+        lambda context: from_scene.present_surface(context.scene),
+        "Load the surface first: structures are given in the frame and units of its file",
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
@@ -274,4 +311,4 @@ class ONEFRAME_OT_save_edited_surface(SavesFile):
         return (f"saved {path}: {len(mesh.faces)} triangles",)
 
 
-register, unregister = class_registration(__name__, timers(_ask_for_units))
+PARTS = (timers(_ask_for_units),)

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from ..class_registration import class_registration, listening
+from ..class_registration import listening
 from ..pipeline.case.case_history import history_path
 from ..pipeline.files.content import write_files_atomically
 from ..state import workbench
@@ -67,8 +67,7 @@ def _forget(*_arguments: object) -> None:
         scene.oneframe.queue_saves = 0
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     listening(bpy.app.handlers.undo_post, _follow),
     listening(bpy.app.handlers.redo_post, _follow),
     listening(bpy.app.handlers.load_post, _forget),

@@ -8,30 +8,24 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
 
 import bpy
 import numpy as np
 
 from ..pipeline.blender.alignment.alignment_scene import camera_of
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of, pose_of
-from ..pipeline.blender.bridge.data_blocks import absolute_path, exact
+from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
-from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure, case_from_text
-from ..pipeline.case.frame import PosedFrame, UnreadFrame, load_frame
-from ..pipeline.case.landmarks import Landmark
+from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure
+from ..pipeline.case.frame import PosedFrame, load_frame
 from ..pipeline.case.loaded_case import LoadedCase, LoadedSurface, check_poses, load_surface
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
-from ..pipeline.transforms import inverse_rigid, transform_points
-
-KEPT_FIELDS = ("object_name",)
-"""Fields of a case that the add-on has no settings for, and keeps as they are."""
-READ_POSE = "oneframe_read_pose"
-"""Custom property of the surface: ``cam_from_model`` and ``cam_from_mesh`` of the opened case. Computing one from the
-other rounds; so the latter is the pose to save while the former is the surface's."""
+from ..pipeline.transforms import inverse_rigid
+from .known_case import further_frames, known_case
+from .landmarks import landmarks_mesh
 
 EDIT_TOLERANCE = 1e-5
 """Vertices count as unedited up to this difference from the file, relative to the mesh's size: single precision."""
@@ -107,18 +101,17 @@ def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def cam_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
-    """``(4, 4)`` the current pose in the frame of the mesh file, mm; an opened case's own until the surface moves.
+    """``(4, 4)`` the current pose in the frame of the mesh file, mm; that of the known case until the surface moves.
 
     Raises
     ------
     InputError
         As :func:`cam_from_model`.
     """
-    pose, surface = cam_from_model(scene), surface_of(scene)
-    read = exact(surface, READ_POSE)
-    if read is not None and read.shape == (2, 4, 4) and np.array_equal(read[0], pose):
-        return read[1]
-    return pose @ inverse_rigid(mesh_from_model_of(surface))
+    found = cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene)))
+    known = known_case(scene)
+    is_known = known is not None and known.posed and np.allclose(found, known.cam_from_mesh, rtol=1e-12, atol=1e-9)
+    return known.cam_from_mesh if known is not None and is_known else found
 
 
 def distortion(scene: bpy.types.Scene) -> Distortion | None:
@@ -127,67 +120,9 @@ def distortion(scene: bpy.types.Scene) -> Distortion | None:
     return Distortion(*json.loads(text)) if text else None
 
 
-def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks as scripts read them from the saved case, points in the frame ``model``, mm."""
-    found = scene.oneframe.surface
-    if found is None:
-        return _stored_landmarks(scene)
-    model_from_mesh = inverse_rigid(mesh_from_model_of(found))
-    landmarks = []
-    for landmark in landmarks_mesh(scene):
-        if landmark.point is not None:
-            x, y, z = transform_points(model_from_mesh, np.array([landmark.point]))[0].tolist()
-            landmark = replace(landmark, point=(x, y, z))
-        landmarks.append(landmark)
-    return tuple(landmarks)
-
-
-def _stored_landmarks(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks as Blender stores them in single precision, points in the frame ``model``, mm."""
-    return tuple(
-        Landmark(
-            entry.name,
-            (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None,
-            (entry.pixel[0], entry.pixel[1]) if entry.has_pixel else None,
-            entry.enabled,
-        )
-        for entry in scene.oneframe.landmarks
-    )
-
-
-def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks as files hold them, points in the frame of the mesh file, mm: in every digit that was read."""
-    found = scene.oneframe.surface
-    mesh_from_model = np.eye(4) if found is None else mesh_from_model_of(found)
-    landmarks = []
-    for entry, landmark in zip(scene.oneframe.landmarks, _stored_landmarks(scene), strict=True):
-        if landmark.point is not None:
-            moved = transform_points(mesh_from_model, np.array([landmark.point], float))[0].tolist()
-            x, y, z = _exact_values(entry, "point", inverse_rigid(mesh_from_model)) or moved
-            landmark = replace(landmark, point=(x, y, z))
-        if landmark.pixel is not None:
-            u, v = _exact_values(entry, "pixel", np.eye(4)) or map(shortest, landmark.pixel)
-            landmark = replace(landmark, pixel=(u, v))
-        landmarks.append(landmark)
-    return tuple(landmarks)
-
-
 def shortest(value: float) -> float:
     """The number with the fewest digits that Blender stores as this one: 0.9 for 0.8999999762."""
     return float(str(np.float32(value)))
-
-
-def _exact_values(
-    entry: "bpy.types.PropertyGroup", name: Literal["point", "pixel"], stored_from_read: np.ndarray
-) -> list[float] | None:
-    """A landmark's point or pixel as it was read, in every digit; ``None`` if it has changed since."""
-    text = entry.exact_text  # type: ignore[attr-defined]  # of ONEFRAME_PG_landmark
-    read = json.loads(text).get(name) if text else None
-    if read is None:
-        return None
-    padded = np.array([[*read, 0.0][:3]])
-    stored = transform_points(stored_from_read, padded)[0, : len(read)].astype(np.float32)
-    return read if np.array_equal(stored, np.array(getattr(entry, name)[:], np.float32)) else None
 
 
 def case(scene: bpy.types.Scene, path: Path) -> Case:
@@ -219,6 +154,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         for child in sorted(surface.children, key=lambda child: child.name)
         if child.oneframe.role == "STRUCTURE"
     )
+    known = known_case(scene)
     return Case(
         path=absolute_path(settings.case_path) if settings.case_path else path,
         mm_per_unit=MM_PER_UNIT[settings.units],
@@ -232,7 +168,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         dataset=dataset_table(scene),
         landmarks=landmarks,
         video=video(scene),
-        **(json.loads(settings.case_kept_text) if settings.case_kept_text else {}),
+        object_name=None if known is None else known.object_name,
     )
 
 
@@ -242,17 +178,10 @@ def video(scene: bpy.types.Scene) -> tuple[str, int] | None:
     return tuple(json.loads(text)) if text else None
 
 
-def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:
-    """The case's frames beside the one that is shown, as its file has them."""
-    text = scene.oneframe.case_frames_text
-    return case_from_text(text, absolute_path(scene.oneframe.case_path)).frames if text else ()
-
-
 def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
     """The case's [dataset] table: what the opened file states, and options that differ from the defaults."""
-    options = scene.oneframe.dataset
-    text = scene.oneframe.case_dataset_text
-    read: dict[str, object] = json.loads(text) if text else {}
+    options, known = scene.oneframe.dataset, known_case(scene)
+    read = {} if known is None else known.dataset
     table = {key: value for key, value in read.items() if not hasattr(options, key)}
     for key, declared in options.bl_rna.properties.items():
         if key in ("rna_type", "name"):

@@ -17,7 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..class_registration import attached, class_registration, prop
+from ..class_registration import attached, prop
 from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import OPTIONS
 from . import events
@@ -59,12 +59,6 @@ class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
         "Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
         size=2,
         precision=3,
-    )
-    exact_text: str = prop(
-        StringProperty,
-        description="Surface point (frame of the mesh file, mm) and image point as read (JSON); they hold while "
-        "the values above are their rounded ones",
-        options={"HIDDEN"},
     )
 
 
@@ -136,9 +130,7 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     queue_saves: int = prop(
         IntProperty, description="Saves by steps through a queue in this session: undo counts back", options={"HIDDEN"}
     )
-    case_files_text: str = prop(
-        StringProperty, description="Frame and surface that the case file names (JSON)", options={"HIDDEN"}
-    )
+    case_text: str = prop(StringProperty, description="The case as its file has it (TOML)", options={"HIDDEN"})
     frame_path: str = prop(StringProperty, "Frame", "The frame's image file", subtype="FILE_PATH")
     frame_size: Sequence[int] = prop(IntVectorProperty, "Frame Size", "Width and height of the frame in pixels", size=2)
     video_text: str = prop(
@@ -153,15 +145,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     units: str = prop(EnumProperty, "Units", "Unit of the mesh files", items=UNITS, default="mm")
     camera: ONEFRAME_PG_camera = prop(PointerProperty, type=ONEFRAME_PG_camera)
     distortion_text: str = prop(StringProperty, description="Distortion in use (JSON), exact", options={"HIDDEN"})
-    case_dataset_text: str = prop(
-        StringProperty, description="The case's [dataset] table as read (JSON)", options={"HIDDEN"}
-    )
-    case_frames_text: str = prop(
-        StringProperty, description="The case file as read, for its further frames (TOML)", options={"HIDDEN"}
-    )
-    case_kept_text: str = prop(
-        StringProperty, description="What the add-on keeps of the case without showing it (JSON)", options={"HIDDEN"}
-    )
     camera_object: bpy.types.Object | None = prop(
         PointerProperty, "Camera", "The frame's camera", type=bpy.types.Object
     )
@@ -230,8 +213,7 @@ class ONEFRAME_PG_object(bpy.types.PropertyGroup):
     mesh_path: str = prop(StringProperty, "Mesh", "File that the mesh was loaded from", subtype="FILE_PATH")
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     attached(bpy.types.Scene, "oneframe", ONEFRAME_PG_scene),
     attached(bpy.types.Object, "oneframe", ONEFRAME_PG_object),
 )

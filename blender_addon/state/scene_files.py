@@ -10,6 +10,7 @@ import bpy
 
 from ..pipeline.errors import InputError
 from . import from_scene
+from .known_case import further_frames
 
 WATCH_S = 2.0
 
@@ -26,7 +27,7 @@ def input_files(scene: bpy.types.Scene) -> dict[str, Path]:
     """Case file, frames, surface and structures, by what they are, which no operator replaces; those the scene has."""
     settings = scene.oneframe
     texts = {"case": settings.case_path, "frame": settings.frame_path}
-    texts |= {f"frame {n}": str(each.image) for n, each in enumerate(from_scene.further_frames(scene), start=2)}
+    texts |= {f"frame {n}": str(each.image) for n, each in enumerate(further_frames(scene), start=2)}
     surface = from_scene.present_surface(scene)
     if surface is not None:
         texts["surface"] = surface.oneframe.mesh_path

@@ -1,6 +1,7 @@
 """Writes to the scene: sets frame, camera and surface in any order and keeps them consistent."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import astuple, replace
 from pathlib import Path
 
@@ -12,20 +13,24 @@ from ..pipeline.blender.bridge.data_blocks import absolute_path, exact, set_exac
 from ..pipeline.blender.colour.surface_colour import rescale_colour
 from ..pipeline.camera.distortion import Distortion, checked_distortion
 from ..pipeline.camera.pinhole import PinholeCamera
-from ..pipeline.case.case_file import MM_PER_UNIT, Case
-from ..pipeline.case.case_writer import case_text
-from ..pipeline.case.landmarks import Landmark
+from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import reading
 from ..pipeline.images.image_check import may_have_alpha
 from ..pipeline.surface.mesh import Ball, TriangleMesh
-from ..pipeline.transforms import inverse_rigid, rigid, transform_points
-from . import events, from_scene, image_evidence, pose_evidence, workbench
+from ..pipeline.surface.mesh_reader import read_mesh
+from ..pipeline.transforms import inverse_rigid, rigid
+from . import from_scene, image_evidence, pose_evidence, workbench
 from .another_frame import leave_frame
 from .camera_view import look_through_camera, show_shape
 from .initial_pose import FOCUS, INITIAL_POSE, is_initial, set_focus, set_initial_pose
+from .known_case import part_from_case, remember_file
+from .landmarks import landmarks_mesh, replace_landmarks
 from .pose import PIVOT
+
+Colour = tuple[float, float, float]
+"""sRGB, 0..1."""
 
 HEAD_BYTES = 1 << 16
 """Of an image, to tell whether it may have alpha."""
@@ -45,10 +50,8 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
     objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
-    set_exact(objects.surface, from_scene.READ_POSE, np.stack([loaded.frame.cam_from_model, case.cam_from_mesh]))
     for structure, child in zip(case.structures, objects.structures, strict=True):
         child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
-    settings.case_kept_text = json.dumps({name: getattr(case, name) for name in from_scene.KEPT_FIELDS})
     for entry in settings.dataset.bl_rna.properties:
         if entry.identifier not in ("rna_type", "name"):
             settings.dataset.property_unset(entry.identifier)
@@ -56,54 +59,6 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
         if hasattr(settings.dataset, name):
             setattr(settings.dataset, name, value)
     replace_landmarks(scene, case.landmarks)
-
-
-def remember_file(scene: bpy.types.Scene, case: Case) -> None:
-    """Tie the scene to the file of a case, as it was read or written: Save Case writes there."""
-    settings = scene.oneframe
-    settings.case_path, settings.case_dataset_text = str(case.path.resolve()), json.dumps(case.dataset)
-    set_further_frames(scene, case)
-    settings.case_files_text = json.dumps([str(case.image.resolve()), str(case.mesh.resolve())])
-
-
-def set_further_frames(scene: bpy.types.Scene, case: Case) -> None:
-    """Take a case's further frames, which colour the surface, as those of the scene."""
-    text = case_text(case.path, replace(case, dataset={}, landmarks=())) if case.frames else ""
-    scene.oneframe.case_frames_text = text
-
-
-def part_from_case(scene: bpy.types.Scene) -> None:
-    """End the tie to the case's file and dataset: another frame or surface comes, and must not get into them."""
-    settings = scene.oneframe
-    if not settings.case_path:
-        return
-    dataset = json.loads(settings.case_dataset_text)
-    if isinstance(dataset.get("poses"), str):
-        # which was relative to that file
-        dataset["poses"] = str(absolute_path(settings.case_path).parent / dataset["poses"])
-        settings.case_dataset_text = json.dumps(dataset)
-    for name in ("case_path", "case_files_text", "case_frames_text", "dataset_out"):
-        settings.property_unset(name)
-
-
-def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -> None:
-    """Replace all landmarks by these, given in the frame of the mesh file, mm; the pose stays."""
-    settings = scene.oneframe
-    model_from_mesh = np.eye(4)
-    if settings.surface is not None:
-        model_from_mesh = inverse_rigid(surface_object.mesh_from_model_of(settings.surface))
-    with events.muted():
-        settings.landmarks.clear()
-        for landmark in landmarks:
-            entry = settings.landmarks.add()
-            entry.name, entry.enabled = landmark.name, landmark.enabled
-            entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
-            if landmark.point is not None:
-                entry.point = transform_points(model_from_mesh, np.array([landmark.point]))[0]
-            if landmark.pixel is not None:
-                entry.pixel = landmark.pixel
-            entry.exact_text = json.dumps({"point": landmark.point, "pixel": landmark.pixel})
-        settings.landmark_index = 0
 
 
 def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
@@ -235,10 +190,7 @@ def set_surface(
     settings = scene.oneframe
     old = settings.surface
     if old is None or old.oneframe.mesh_path != str(path.resolve()):
-        part_from_case(scene)
-        # a surface's own
-        kept = json.loads(settings.case_kept_text or "{}")
-        settings.case_kept_text = json.dumps(kept | {"object_name": None})
+        part_from_case(scene, surface=True)
     if old is not None:
         alignment_scene.remove_objects([*old.children, old])
     centre = given.vertices.mean(axis=0)
@@ -254,6 +206,31 @@ def set_surface(
     look_through_camera(context)
 
 
+def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Colour]]) -> list[str]:
+    """Add structures in mm to the surface, by their names; those of the same names are replaced.
+
+    Returns
+    -------
+    Messages about the files.
+
+    Raises
+    ------
+    InputError
+        A file holds no usable mesh; nothing is changed then.
+    """
+    like = absolute_path(surface.oneframe.mesh_path)
+    read = {name: read_mesh(path, like=like) for name, (path, _) in files.items()}
+    offset = surface_object.mesh_from_model_of(surface)[:3, 3]
+    old = [child for child in surface.children if child.name in files and child.oneframe.role == "STRUCTURE"]
+    alignment_scene.remove_objects(old)
+    for name, (path, colour) in files.items():
+        mesh = read[name][0].moved(-offset)
+        structure = alignment_scene.put_structure(surface, mesh, name, colour)
+        structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path.resolve())
+    alignment_scene.hide_context(surface)
+    return [message for _, messages in read.values() for message in messages]
+
+
 def rescale(context: bpy.types.Context, units: str) -> None:
     """Read the files' numbers in another unit: surface, structures, landmarks and pose scale about the camera.
 
@@ -263,7 +240,7 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     settings = scene.oneframe
     camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
     pose = surface_object.pose_of(camera_object, surface).copy()
-    landmarks = from_scene.landmarks_mesh(scene)
+    landmarks = landmarks_mesh(scene)
     factor = MM_PER_UNIT[units] / MM_PER_UNIT[settings.units]
     for scaled in (surface, *surface.children):
         if scaled.type == "MESH":
@@ -271,7 +248,7 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     focus = exact(surface, FOCUS)
     if focus is not None:
         set_exact(surface, FOCUS, focus * factor)
-    for name in (surface_object.OFFSET, INITIAL_POSE, from_scene.READ_POSE, pose_evidence.LEFT_POSE):
+    for name in (surface_object.OFFSET, INITIAL_POSE, pose_evidence.LEFT_POSE):
         matrices = exact(surface, name)
         if matrices is not None and matrices.shape[-2:] == (4, 4):
             matrices[..., :3, 3] *= factor
@@ -289,7 +266,7 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     image_evidence.rescale(surface, factor)
     rescale_colour(surface, factor)
     # its numbers stay, as those of the surface's file do
-    settings.case_frames_text = settings.case_frames_text.replace(f'"{settings.units}"', f'"{units}"', 1)
+    settings.case_text = settings.case_text.replace(f'"{settings.units}"', f'"{units}"', 1)
     settings.units = units
     moved = []
     for mark in landmarks:
@@ -313,7 +290,7 @@ def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh
     camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
     pose = surface_object.pose_of(camera_object, surface)
     was_initial = is_initial(surface, pose)
-    landmarks = from_scene.landmarks_mesh(scene)
+    landmarks = landmarks_mesh(scene)
     mesh_from_old = surface_object.mesh_from_model_of(surface)
     mesh_from_new = rigid(translation=given.vertices.mean(axis=0))
     old_from_new = inverse_rigid(mesh_from_old) @ mesh_from_new

@@ -26,12 +26,24 @@ Messages = Iterable[str] | None
 OperatorResult = set[Literal["RUNNING_MODAL", "CANCELLED", "FINISHED", "PASS_THROUGH", "INTERFACE"]]
 """What Blender expects an operator's callbacks to return: one of these, in a set."""
 
+Needs = tuple[Callable[[bpy.types.Context], object], str]
+"""Whether something is there, and what a tooltip says while it is not."""
 
-def available(operator: type[bpy.types.Operator], condition: bool, missing: str) -> bool:
-    """The result of a ``poll``: the condition. The tooltip of the disabled button says what is missing."""
-    if not condition:
-        operator.poll_message_set(missing)
-    return condition
+
+class Available(bpy.types.Operator):
+    """Mixin: available while there is what it and its mixins need; else the button's tooltip says what is missing."""
+
+    needs: Needs
+    """What it needs besides; what its mixins need comes first."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        for kind in reversed(cls.__mro__):
+            is_there, missing = vars(kind).get("needs", (bool, ""))
+            if not is_there(context):
+                cls.poll_message_set(missing)
+                return False
+        return True
 
 
 def report_error(operator: bpy.types.Operator, message: str) -> None:
@@ -44,7 +56,7 @@ def report_error(operator: bpy.types.Operator, message: str) -> None:
     operator.report({"ERROR"}, message)
 
 
-class Reporting(bpy.types.Operator):
+class Reporting(Available):
     """Mixin: ``execute`` calls ``run`` and reports the messages it returns, or the error that the user can fix."""
 
     bl_options = {"REGISTER", "UNDO"}
@@ -138,12 +150,10 @@ class SavesFile(ReportingFile, ExportHelper):
         return ExportHelper.invoke(self, context, event)
 
 
-class NeedsAlignment(bpy.types.Operator):
-    """Mixin: available once camera and surface are set up; until then the button's tooltip says what is missing."""
+class NeedsAlignment(Available):
+    """Mixin: available once camera and surface are set up."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
+    needs: Needs = (lambda context: from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
 
 
 def call(name: str, context: str = "EXEC_DEFAULT", *, undo: bool = False, **settings: object) -> None:

@@ -6,7 +6,7 @@ import textwrap
 import bpy
 from bpy.props import StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from .operator import Messages, OperatorResult, Reporting, call
 from .panel import CHARACTER_PX
 
@@ -67,6 +67,3 @@ def ask_first(texts: tuple[str, str, str], name: str, context: str = "INVOKE_DEF
     An operator of its own asks: a file dialog would show what its operator draws.
     """
     call("ask", "INVOKE_DEFAULT", texts=json.dumps(texts), command=json.dumps([name, context, settings]))
-
-
-register, unregister = class_registration(__name__)

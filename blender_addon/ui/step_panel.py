@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ..class_registration import attached, class_registration, prop
+from ..class_registration import attached, prop
 from ..pipeline.errors import InputError
 from ..state import from_scene, image_evidence, pose_evidence, workbench
 from .panel import SidebarPanel
@@ -90,6 +90,4 @@ class PartPanel(SidebarPanel):
         return shown(context.scene) == getattr(bpy.types, cls.bl_parent_id).step
 
 
-register, unregister = class_registration(
-    __name__, attached(bpy.types.WindowManager, "oneframe_steps", ONEFRAME_PG_steps)
-)
+PARTS = (attached(bpy.types.WindowManager, "oneframe_steps", ONEFRAME_PG_steps),)

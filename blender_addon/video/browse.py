@@ -8,7 +8,7 @@ from bisect import bisect_left, bisect_right
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..state import another_frame
 from ..state.events import redraw
 from ..ui.keymap import TOOLS, Key, Place, keys
@@ -121,8 +121,7 @@ def _key(operator: str, kind: str, *, ctrl: bool = False, repeat: bool = False, 
 
 
 # of the bindings of a key, Blender tries the one that was added last first: this module comes after the tools
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     keys(
         _key("oneframe.video_zoom", "WHEELINMOUSE", factor=1.5),
         _key("oneframe.video_zoom", "WHEELOUTMOUSE", factor=1 / 1.5),

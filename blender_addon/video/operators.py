@@ -6,12 +6,12 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty, IntProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.video.frame_folder import film_notes
 from ..state import camera_view, from_scene, workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
-from ..ui.operator import Messages, Reporting, available
+from ..ui.operator import Available, Messages, Needs, Reporting
 from ..view.zoom import fit_soon
 from . import session, shown_frame
 from .session import FilmSession
@@ -19,12 +19,10 @@ from .session import FilmSession
 VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm;*.ts;*.mts;*.wmv;*.mxf"
 
 
-class NeedsFilm(bpy.types.Operator):
+class NeedsFilm(Available):
     """Mixin: available once a video is scored."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, session.of(context.scene) is not None, "Open a video first")
+    needs: Needs = (lambda context: session.of(context.scene) is not None, "Open a video first")
 
 
 class ONEFRAME_OT_open_video(OpensInBackground):
@@ -68,9 +66,7 @@ class ONEFRAME_OT_score_video(InBackground):
     bl_options = {"REGISTER"}
     doing = "Scoring the video"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return session.key_of(context.scene) is not None
+    needs = (lambda context: session.key_of(context.scene) is not None, "Open a video first")
 
     def work(self, context: bpy.types.Context) -> Work:
         key = session.key_of(context.scene)
@@ -97,15 +93,11 @@ def _begin(context: bpy.types.Context, scene: bpy.types.Scene, film: FilmSession
     return [title, *film_notes(film.scores)]
 
 
-class ONEFRAME_OT_video_strip(Reporting):
+class ONEFRAME_OT_video_strip(NeedsFilm, Reporting):
     """Show the strip of the video, or hide it and show the case's own frame"""
 
     bl_label = "Strip"
     bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return session.of(context.scene) is not None
 
     def run(self, context: bpy.types.Context) -> None:
         scene, film = context.scene, session.scored(context.scene)
@@ -116,6 +108,3 @@ class ONEFRAME_OT_video_strip(Reporting):
             shown_frame.restore(scene)
         for area in camera_view.views(context):
             fit_soon(area)
-
-
-register, unregister = class_registration(__name__)

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..state import another_frame, from_scene
 from ..ui.panel import draw_text
 from ..ui.step_panel import PartPanel
@@ -62,6 +61,3 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         draw_text(layout, f"The view shows the video{alone}. Strip brings back the frame of the case.", icon="INFO")
     elif from_scene.present_camera(scene) is None and from_scene.present_surface(scene) is not None:
         draw_text(layout, "The video covers the view until K is loaded. Strip hides it.", icon="INFO")
-
-
-register, unregister = class_registration(__name__)

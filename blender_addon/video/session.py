@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 
-from ..class_registration import at_end, attached, class_registration, prop
+from ..class_registration import at_end, attached, prop
 from ..pipeline.errors import InputError
 from ..pipeline.video.film_reader import Thumbnails
 from ..pipeline.video.frame_scores import FilmScores, FrameScore, best_frames, score_frames
@@ -204,6 +204,4 @@ def _forget() -> None:
     _sessions.clear()
 
 
-register, unregister = class_registration(
-    __name__, at_end(_forget), attached(bpy.types.Scene, "oneframe_video", ONEFRAME_PG_video)
-)
+PARTS = (at_end(_forget), attached(bpy.types.Scene, "oneframe_video", ONEFRAME_PG_video))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..class_registration import at_end, class_registration, listening, start_timer, timers
+from ..class_registration import at_end, listening, start_timer, timers
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.camera.distortion import undistort
 from ..pipeline.errors import InputError
@@ -154,8 +154,7 @@ def _remove() -> None:
         bpy.data.images.remove(image)
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     at_end(_remove),
     timers(_poll),
     listening(bpy.app.handlers.undo_post, _after_undo),

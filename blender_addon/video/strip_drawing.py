@@ -12,7 +12,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..class_registration import at_end, class_registration, drawing, listening
+from ..class_registration import at_end, drawing, listening
 from ..state import another_frame, from_scene, workbench
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.strokes import Colour, Strokes
@@ -228,8 +228,7 @@ def draw_triangles(points: np.ndarray, colour: Colour) -> None:
     gpu.state.blend_set("NONE")
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     at_end(strip_pictures.clear, _frame.cache_clear),
     drawing(bpy.types.SpaceView3D, draw_strip, "POST_PIXEL"),
     listening(reserved, reserved_height),

@@ -5,7 +5,7 @@ from typing import Literal
 
 import bpy
 
-from ..class_registration import at_end, class_registration
+from ..class_registration import at_end
 from ..state.events import redraw
 from ..ui.operator import OperatorResult, WholeView
 from . import session, shown_frame
@@ -75,4 +75,4 @@ class ONEFRAME_GGT_strip(WholeView):
         return film_in(context) is not None
 
 
-register, unregister = class_registration(__name__, at_end(_pointer.clear))
+PARTS = (at_end(_pointer.clear),)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
 
-from ..class_registration import attached, class_registration, prop
+from ..class_registration import attached, prop
 from ..state import camera_view, from_scene
 from ..state.events import redraw
 from ..state.initial_pose import is_sought
@@ -159,8 +159,7 @@ class ONEFRAME_OT_show_frame(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     attached(bpy.types.Scene, "oneframe_view", ONEFRAME_PG_view),
     keys(
         Key("oneframe.cycle_opacity", "ONE"),

@@ -10,7 +10,7 @@ import gpu
 import numpy as np
 from mathutils import Matrix
 
-from ..class_registration import at_end, class_registration, drawing, start_timer, timers
+from ..class_registration import at_end, drawing, start_timer, timers
 from ..pipeline.blender.bridge.camera import cam_from_model_of
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
@@ -199,6 +199,4 @@ def _blink() -> float | None:
     return BLINK_S if blinking else None
 
 
-register, unregister = class_registration(
-    __name__, at_end(_pictures.clear), timers(_blink), drawing(bpy.types.SpaceView3D, draw_view, "POST_VIEW")
-)
+PARTS = (at_end(_pictures.clear), timers(_blink), drawing(bpy.types.SpaceView3D, draw_view, "POST_VIEW"))

@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from .overlay_shaders import surface_shader
 
 SHARP = np.cos(np.radians(40.0))
@@ -239,8 +239,7 @@ def _after_undo(*_: object) -> None:
         del _drawn[key]
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     at_end(_drawn.clear, _maybe_changed.clear),
     listening(bpy.app.handlers.depsgraph_update_post, _after_update),
     listening(bpy.app.handlers.undo_post, _after_undo),

@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..pipeline.errors import InputError
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
@@ -76,6 +75,3 @@ class ONEFRAME_PT_view(AlignmentPanel, StepPanel):
         column.enabled = False
         column.label(text="Wheel: Zoom to Pointer")
         column.label(text="Shift + Middle Button: Pan")
-
-
-register, unregister = class_registration(__name__)

@@ -2,19 +2,15 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..state import camera_view, from_scene
 from ..state.pose import pivot_of
 from ..ui.frame_view import window_region
-from ..ui.operator import NeedsAlignment, Reporting, available
+from ..ui.operator import NeedsAlignment, Reporting
 from .workspace import show_tab
 
 
 class _In3DView(NeedsAlignment):
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        in_view = context.space_data is not None and context.space_data.type == "VIEW_3D"
-        return available(cls, in_view, "Needs a 3D view") and super().poll(context)
+    needs = (lambda context: getattr(context.space_data, "type", "") == "VIEW_3D", "Needs a 3D view")
 
 
 def second_view(screen: bpy.types.Screen) -> bpy.types.Area | None:
@@ -95,6 +91,3 @@ def orbit_surface(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:
     camera_view.aim(scene, space)
     view.view_perspective = "PERSP"
     view.view_rotation = camera_object.matrix_world.to_quaternion()
-
-
-register, unregister = class_registration(__name__)

@@ -6,7 +6,6 @@ from typing import Literal
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration
 from ..state import from_scene
 from ..state.events import redraw
 from ..ui.frame_view import FrameView, shows_frame
@@ -73,6 +72,3 @@ def _grip(context: bpy.types.Context) -> tuple[float, float]:
     width = frame_view.camera.width
     x = frame_view.region_from_px([context.scene.oneframe_view.split * width - 0.5, 0.0])[0]
     return float(x), context.region.height / 2
-
-
-register, unregister = class_registration(__name__)

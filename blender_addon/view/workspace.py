@@ -9,13 +9,13 @@ Blender switches workspaces between two events, so this happens in steps of a ti
 import bpy
 from bpy.app.handlers import persistent
 
-from ..class_registration import at_end, class_registration, listening, start_timer, timers
+from ..class_registration import at_end, listening, start_timer, timers
 from ..state import camera_view, workbench
 from ..state.camera_view import WORKSPACE
 from ..state.events import areas
 from ..ui.frame_view import window_region
 from ..ui.keymap import PIN_TOOL
-from ..ui.operator import OperatorResult
+from ..ui.operator import Available, OperatorResult
 from . import zoom
 
 NAME = "OneFrame"
@@ -194,23 +194,20 @@ def remove() -> None:
             bpy.ops.workspace.delete()
 
 
-class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
+class ONEFRAME_OT_enter_workbench(Available):
     """Return to the alignment in this file, in its own workspace"""
 
     bl_label = "Back to OneFrame"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        return workbench.existing() is not None
+    needs = (lambda _context: workbench.existing() is not None, "There is no alignment in this file")
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         workbench.enter(context)
         return {"FINISHED"}
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     at_end(_entering.clear, _opened.clear, remove),
     timers(_settle, zoom.fit_waiting),
     listening(workbench.listeners, _entered),

@@ -10,11 +10,11 @@ import numpy as np
 from bpy.props import FloatProperty
 from numpy.typing import ArrayLike
 
-from ..class_registration import class_registration, prop, start_timer
+from ..class_registration import prop, start_timer
 from ..state import from_scene
 from ..state.events import areas
 from ..ui.frame_view import FrameView, shows_frame, window_region
-from ..ui.operator import NeedsAlignment, OperatorResult, available
+from ..ui.operator import NeedsAlignment, OperatorResult
 
 MAGNIFICATIONS = (1 / 16, 64.0)
 """Smallest and largest zoom in region pixels per frame pixel."""
@@ -36,9 +36,7 @@ reserved: list[Callable[[bpy.types.Area], float]] = []
 class FrameTool(NeedsAlignment):
     """Mixin: available in 3D views that look through the frame's camera."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and available(cls, shows_frame(context), "Look through the frame's camera first")
+    needs = (shows_frame, "Look through the frame's camera first")
 
 
 class ONEFRAME_OT_zoom_frame(FrameTool):
@@ -180,6 +178,3 @@ class ONEFRAME_OT_fit_frame(FrameTool):
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         fit_frame(context.scene, context.area)
         return {"FINISHED"}
-
-
-register, unregister = class_registration(__name__)

@@ -9,7 +9,7 @@ from bpy_extras import view3d_utils
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
 
-from ..class_registration import at_end, class_registration, cursor, drawing
+from ..class_registration import at_end, cursor, drawing
 from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
 from ..pipeline.images.pixel_values import linear_from_codes
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
@@ -200,6 +200,4 @@ def _forget() -> None:
     _uploaded.clear()
 
 
-register, unregister = class_registration(
-    __name__, at_end(_forget), drawing(bpy.types.SpaceView3D, draw_bone, "POST_VIEW"), cursor(draw_burr)
-)
+PARTS = (at_end(_forget), drawing(bpy.types.SpaceView3D, draw_bone, "POST_VIEW"), cursor(draw_burr))

@@ -6,11 +6,11 @@ from itertools import groupby
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration, tool
+from ..class_registration import tool
 from ..pipeline.volume.drill.burr import way_over_bone
 from ..state import another_frame
 from ..state.events import redraw
-from ..ui.brush import BrushSize, BrushStroke, size_keys
+from ..ui.drag import BrushSize, BrushStroke, size_keys
 from ..ui.keymap import DRILL_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import OperatorResult
 from . import drill_session, drill_strokes
@@ -144,4 +144,4 @@ _KEYS = keys(
     Key("oneframe.drill_stroke", "LEFTMOUSE", tools=(DRILL_TOOL,)),
     *size_keys("oneframe.burr_size", DRILL_TOOL),
 )
-register, unregister = class_registration(__name__, tool(DrillTool, "oneframe.move_tool"), _KEYS)
+PARTS = (tool(DrillTool, "oneframe.move_tool"), _KEYS)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.volume.bone.structures import structure_meshes, without_bone
 from ..pipeline.volume.drill.drill_guard import check_margins
@@ -17,7 +17,7 @@ from ..state.events import redraw
 from ..state.scene_files import input_files
 from ..ui.background_operator import InBackground, Work
 from ..ui.keymap import DRILL_TOOL
-from ..ui.operator import Messages, OpensFile, Reporting, SavesFile, available
+from ..ui.operator import Messages, OpensFile, Reporting, SavesFile
 from . import drill_session, drill_strokes
 from .loaded import key_of, loaded_ct
 from .margins import margins_of, structures_of
@@ -31,9 +31,7 @@ class ONEFRAME_OT_drill(InBackground, NeedsCT):
     bl_label = "Drill"
     doing = "Preparing the drill"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and available(cls, is_from_ct(context.scene), "Make the surface of this CT first")
+    needs = (lambda context: is_from_ct(context.scene), "Make the surface of this CT first")
 
     def work(self, context: bpy.types.Context) -> Work:
         scene = context.scene
@@ -77,9 +75,7 @@ class ONEFRAME_OT_stop_drill(Reporting):
 
     bl_label = "End Drilling"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.scene.oneframe_ct.drilling
+    needs = (lambda context: context.scene.oneframe_ct.drilling, "The drill is not in use")
 
     def run(self, context: bpy.types.Context) -> None:
         drill_session.end(context.scene)
@@ -113,15 +109,10 @@ class ONEFRAME_OT_save_plan(SavesFile):
     usual_name = "drill.toml"
     filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.scene.oneframe_ct.strokes_text)
+    needs = (lambda context: context.scene.oneframe_ct.strokes_text, "Nothing is drilled yet")
 
     def run(self, context: bpy.types.Context) -> Messages:
         path: Path = self.chosen_file()
         write_drill_plan(path, drill_strokes.plan_of(context.scene), input_files(context.scene))
         redraw()
         return (f"saved {path}",)
-
-
-register, unregister = class_registration(__name__)

@@ -14,7 +14,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 from bpy_extras import view3d_utils
 
-from ..class_registration import at_end, class_registration, listening
+from ..class_registration import at_end, listening
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.volume.bone.bone import bone_voxels
@@ -311,9 +311,8 @@ def _after_load(*_: object) -> None:
             end(scene)
 
 
-register, unregister = class_registration(
-    __name__,
-    # a file that is saved while drilling, and the scene without the add-on, show the surface
+# a file that is saved while drilling, and the scene without the add-on, show the surface
+PARTS = (
     at_end(_after_load, _marks.clear),
     listening(bpy.app.handlers.undo_post, _after_undo),
     listening(bpy.app.handlers.redo_post, _after_undo),

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..class_registration import at_end, class_registration
+from ..class_registration import at_end
 from ..pipeline.errors import InputError
 from ..pipeline.volume.reading.label_map import on_grid, read_labels
 from ..pipeline.volume.reading.volume_reader import read_volume
@@ -122,4 +122,4 @@ def centre_mm(volume: Volume) -> np.ndarray:
     return volume.grid.bounds_mm.mean(axis=0)
 
 
-register, unregister = class_registration(__name__, at_end(_loaded.clear))
+PARTS = (at_end(_loaded.clear),)

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.volume.bone.structures import structure_names, without_bone
 from ..pipeline.volume.drill.drill_plan import LARGEST_MARGIN_MM
 from ..state import from_scene
 from ..state.events import redraw
-from ..ui.operator import Messages, OperatorResult, Reporting, available
+from ..ui.operator import Messages, OperatorResult, Reporting
 from ..ui.question import DIALOG_PX
 from . import drill_strokes
 from .loaded import LoadedCT, ct_of
@@ -41,10 +41,7 @@ class ONEFRAME_OT_margins(Reporting):
         CollectionProperty, type=ONEFRAME_PG_margin, options={"SKIP_SAVE", "HIDDEN"}
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        ct = ct_of(context.scene)
-        return available(cls, ct is not None and ct.labels is not None, "Open the labels of the CT first")
+    needs = (lambda context: getattr(ct_of(context.scene), "labels", None), "Open the labels of the CT first")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         ct = ct_of(context.scene)
@@ -82,6 +79,3 @@ def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
     if scene.oneframe_ct.margins_text:
         return drill_strokes.margins_in(scene)
     return drill_strokes.usual_margins(structures_of(ct))
-
-
-register, unregister = class_registration(__name__)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.volume.bone.threshold import DEFAULT_HU, otsu_threshold
 from ..pipeline.volume.reading.dicom_series import SeriesInfo
@@ -14,7 +14,7 @@ from ..pipeline.volume.reading.volume_header import volume_suffix
 from ..pipeline.volume.reading.volume_reader import is_dicom, list_series, read_volume
 from ..state import workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
-from ..ui.operator import Messages, Reporting, available
+from ..ui.operator import Available, Messages, Reporting
 from ..ui.step_panel import show
 from . import loaded
 from .loaded import LoadedCT, ct_of, key_of, loaded_ct
@@ -23,12 +23,10 @@ from .slice_areas import fill_slices_soon, show_slices_soon
 VOLUMES = "*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd;*.dcm"
 
 
-class NeedsCT(bpy.types.Operator):
+class NeedsCT(Available):
     """Mixin: available once a CT is in memory."""
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return available(cls, ct_of(context.scene) is not None, "Open a CT first")
+    needs = (lambda context: ct_of(context.scene) is not None, "Open a CT first")
 
 
 class ONEFRAME_OT_open_ct(OpensInBackground):
@@ -124,9 +122,7 @@ class ONEFRAME_OT_read_ct(InBackground):
     bl_options = {"REGISTER"}
     doing = "Reading the CT"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return key_of(context.scene) is not None
+    needs = (lambda context: key_of(context.scene) is not None, "Open a CT first")
 
     def work(self, context: bpy.types.Context) -> Work:
         key = key_of(context.scene)
@@ -168,6 +164,3 @@ class ONEFRAME_OT_otsu(NeedsCT, Reporting):
         level = otsu_threshold(loaded_ct(context.scene).volume)
         context.scene.oneframe_ct.threshold_hu = level
         return (f"threshold {level:g} HU",)
-
-
-register, unregister = class_registration(__name__)

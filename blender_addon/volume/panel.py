@@ -2,7 +2,6 @@
 
 import bpy
 
-from ..class_registration import class_registration
 from ..ui.panel import draw_text
 from ..ui.step_panel import StepPanel
 from . import drill_session
@@ -76,6 +75,3 @@ class ONEFRAME_PT_ct(StepPanel):
         elif strokes:
             count, them = ("1 stroke", "it") if len(strokes) == 1 else (f"{len(strokes)} strokes", "them")
             draw_text(layout, f"{count} drilled: Make Surface applies {them}, Save Case keeps {them} as drill.toml.")
-
-
-register, unregister = class_registration(__name__)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from ..class_registration import attached, class_registration, prop
+from ..class_registration import attached, prop
 from ..pipeline.volume.bone.threshold import DEFAULT_HU
 from ..state.events import redraw
 
@@ -66,4 +66,4 @@ class ONEFRAME_PG_ct(bpy.types.PropertyGroup):
     )
 
 
-register, unregister = class_registration(__name__, attached(bpy.types.Scene, "oneframe_ct", ONEFRAME_PG_ct))
+PARTS = (attached(bpy.types.Scene, "oneframe_ct", ONEFRAME_PG_ct),)

@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..class_registration import at_end, class_registration, listening, start_timer, timers
+from ..class_registration import at_end, listening, start_timer, timers
 from ..pipeline.volume.slices.slice_planes import SlicePlane
 from ..ui.frame_view import window_region
-from ..ui.operator import Reporting, available
+from ..ui.operator import Reporting
 from .loaded import LoadedCT, ct_of, loaded_ct
 from .properties import SLICE_SPACE
 
@@ -37,9 +37,10 @@ def plane_of(space: bpy.types.Space | None) -> int | None:
     return number if number in (0, 1, 2) else None
 
 
-def slice_areas(screen: bpy.types.Screen) -> list[bpy.types.Area]:
+def slice_areas(screen: bpy.types.Screen | None) -> list[bpy.types.Area]:
     """The areas of a screen that show slices."""
-    return [area for area in screen.areas if plane_of(area.spaces.active) is not None]
+    areas = () if screen is None else screen.areas
+    return [area for area in areas if plane_of(area.spaces.active) is not None]
 
 
 def empty_image(number: int, scene: bpy.types.Scene) -> bpy.types.Image:
@@ -126,10 +127,7 @@ class ONEFRAME_OT_slices(Reporting):
     bl_label = "Slices"
     bl_options = {"REGISTER"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        is_open = context.screen is not None and bool(slice_areas(context.screen))
-        return available(cls, is_open or ct_of(context.scene) is not None, "Open a CT first")
+    needs = (lambda context: ct_of(context.scene) is not None or slice_areas(context.screen), "Open a CT first")
 
     def run(self, context: bpy.types.Context) -> None:
         if context.window is not None and slice_areas(context.screen):
@@ -258,8 +256,7 @@ def _close() -> None:
     bpy.data.batch_remove([image for image in bpy.data.images if MARK in image])
 
 
-register, unregister = class_registration(
-    __name__,
+PARTS = (
     listening(bpy.app.handlers.undo_post, fill_slices_soon),
     listening(bpy.app.handlers.redo_post, fill_slices_soon),
     at_end(_close, _numbers.clear),

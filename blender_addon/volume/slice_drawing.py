@@ -6,7 +6,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ..class_registration import at_end, class_registration, drawing
+from ..class_registration import at_end, drawing
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.isosurface import RemovedField
 from ..pipeline.volume.bone.structures import structure_name, without_bone
@@ -197,6 +197,4 @@ def tint_texture(rgba: np.ndarray) -> gpu.types.GPUTexture:
     return gpu.types.GPUTexture((width, height), format="RGBA8", data=gpu.types.Buffer("FLOAT", values.size, values))
 
 
-register, unregister = class_registration(
-    __name__, at_end(_textures.clear), drawing(bpy.types.SpaceImageEditor, draw_slice, "POST_PIXEL")
-)
+PARTS = (at_end(_textures.clear), drawing(bpy.types.SpaceImageEditor, draw_slice, "POST_PIXEL"))

@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
+from ..ui.drag import Drag
 from ..ui.keymap import Key, Place, keys
 from ..ui.operator import OperatorResult
 from .slice_areas import SliceView, inside
@@ -46,62 +47,53 @@ class ONEFRAME_OT_slice_step(_InSlice):
         return {"FINISHED"}
 
 
-class ONEFRAME_OT_slice_point(_InSlice):
+class ONEFRAME_OT_slice_point(_InSlice, Drag):
     """Drag: the other slices follow to the point under the pointer"""
 
     bl_label = "Go to Point"
     bl_options = {"INTERNAL", "BLOCKING"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not self._follow(context, event):
-            return {"PASS_THROUGH"}
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.begin(context, event)
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if event.type == "LEFTMOUSE" and event.value == "RELEASE":
-            return {"FINISHED"}
-        if event.type in ("ESC", "WINDOW_DEACTIVATE") or not self._follow(context, event):
-            return {"FINISHED"}
-        return {"RUNNING_MODAL"}
-
-    def _follow(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+    def go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
         view = SliceView.of(context)
         if view is None:
-            return False
+            return
         u, v = view.px_from_region(np.array([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5]))
         settings = context.scene.oneframe_ct
         number, _, _ = view.plane.place_of(np.array(settings.cursor_mm))
         settings.cursor_mm = inside(view.ct, view.plane.point_at(number, float(u), float(v))).tolist()
-        return True
+
+    def end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
+        return {"FINISHED"}
 
 
-class ONEFRAME_OT_slice_window(_InSlice):
+class ONEFRAME_OT_slice_window(_InSlice, Drag):
     """Drag: right for a wider window, up for a higher level of HU"""
 
     bl_label = "Window and Level"
     bl_options = {"INTERNAL", "BLOCKING"}
+    button = "RIGHTMOUSE"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         settings = context.scene.oneframe_ct
         self._start = np.array([event.mouse_x, event.mouse_y], float)
         self._before = settings.width_hu, settings.level_hu
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        return self.begin(context, event)
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+    def go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
         settings = context.scene.oneframe_ct
-        if event.type == "ESC":
+        moved = np.array([event.mouse_x, event.mouse_y]) - self._start
+        across, up = moved * HU_PER_PX / context.preferences.system.ui_scale
+        width, level = self._before
+        settings.width_hu, settings.level_hu = max(1.0, width + across), level + up
+
+    def end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
+        if undo:
+            settings = context.scene.oneframe_ct
             settings.width_hu, settings.level_hu = self._before
-            return {"CANCELLED"}
-        if event.type == "WINDOW_DEACTIVATE" or (event.type == "RIGHTMOUSE" and event.value == "RELEASE"):
-            return {"FINISHED"}
-        if event.type == "MOUSEMOVE":
-            moved = np.array([event.mouse_x, event.mouse_y]) - self._start
-            across, up = moved * HU_PER_PX / context.preferences.system.ui_scale
-            width, level = self._before
-            settings.width_hu, settings.level_hu = max(1.0, width + across), level + up
-        return {"RUNNING_MODAL"}
+        return {"CANCELLED"} if undo else {"FINISHED"}
 
 
 # tools come before the editor's own keys: a click would pick a colour
@@ -122,4 +114,4 @@ _KEYS = keys(
     _key("oneframe.slice_point", "LEFTMOUSE"),
     _key("oneframe.slice_window", "RIGHTMOUSE"),
 )
-register, unregister = class_registration(__name__, _KEYS)
+PARTS = (_KEYS,)

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import prop
 from ..pipeline.case.surface_folder import write_meshes
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.errors import InputError
@@ -25,7 +25,7 @@ from ..pipeline.volume.make_surface import STRUCTURES_STAGE, SurfaceSettings, ma
 from ..state import from_scene, to_scene
 from ..state.initial_pose import renew_initial_pose
 from ..state.scene_files import session_folder
-from ..state.structures import put_structures
+from ..state.to_scene import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Messages, OperatorResult
 from ..ui.question import ask_first
@@ -163,6 +163,3 @@ def strokes_text(record: Mapping[str, Any]) -> str:
 def _inputs(scene: bpy.types.Scene) -> tuple[object, ...]:
     settings = scene.oneframe_ct
     return key_of(scene), settings.threshold_hu, settings.strokes_text, settings.margins_text
-
-
-register, unregister = class_registration(__name__)

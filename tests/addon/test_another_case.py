@@ -4,13 +4,13 @@ import json
 import shutil
 
 import bpy
-import cv2
 import numpy as np
 import pytest
 
 from blender_addon.dataset.operators import output_folder
 from oneframe.case.case_file import read_case
 from oneframe.commands.__main__ import dispatch
+from tests.video.surgical_film import write_film
 from tests.volume.ball_ct import write_ball_ct
 
 NAMED = '\n[dataset]\nposes = "poses.npy"\n'
@@ -24,9 +24,7 @@ def folders(write_tiny_case, tmp_path):
     path = tmp_path / "first" / "case.toml"
     path.write_text(path.read_text().replace("[surface]", '[surface]\nname = "left ear"') + NAMED)
     np.save(path.with_name("poses.npy"), np.eye(4)[None])
-    writer = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
-    writer.write(np.full((48, 64, 3), 90, np.uint8))
-    writer.release()
+    write_film(tmp_path / "film.avi", [np.full((48, 64, 3), 90, np.uint8)], "MJPG")
     return tmp_path
 
 

@@ -9,10 +9,12 @@ from blender_addon.landmarks import solve
 from blender_addon.mask.operators import frame_of
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
+from blender_addon.state.landmarks import landmarks_mesh
 from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
+from tests.video.surgical_film import write_film
 
 POINTS = [[1.25, -7.5, 41.0], [10.25, -7.5, 41.0], [1.25, -17.5, 41.0], [15.25, -17.5, 38.0], [8.0, -12.0, 41.0]]
 
@@ -44,7 +46,7 @@ def other(folder):
 
 def state(scene):
     record = {key: value for key, value in pose_record(scene).items() if key not in ("tool", "date")}
-    return record, from_scene.landmarks_mesh(scene), from_scene.cam_from_model(scene).tolist()
+    return record, landmarks_mesh(scene), from_scene.cam_from_model(scene).tolist()
 
 
 def load(path):
@@ -129,10 +131,7 @@ def test_a_masked_version_of_the_frame_is_the_same_frame(aligned, folder, by):
 
 
 def test_the_case_names_the_film_of_its_frame(addon, folder):
-    writer = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
-    for level in (90, 120):
-        writer.write(np.full((48, 64, 3), level, np.uint8))
-    writer.release()
+    write_film(folder / "film.avi", [np.full((48, 64, 3), level, np.uint8) for level in (90, 120)], "MJPG")
     bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
     bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
     shown_frame.show(bpy.context.scene, 1)

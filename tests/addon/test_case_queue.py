@@ -1,7 +1,6 @@
 """A queue in the window: every frame begins where the last one ended, is saved to its own case, and none is lost."""
 
 import bpy
-import cv2
 import numpy as np
 import pytest
 
@@ -11,11 +10,13 @@ from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import shown_frame
+from oneframe.blender.alignment import surface_object
 from oneframe.case.alignment_record import REGISTERED
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import CHECKED, NEW, ROUGH, queued_cases, state_of
 from oneframe.images.png import encode_png
 from oneframe.transforms import rigid
+from tests.video.surgical_film import write_film
 
 
 @pytest.fixture
@@ -35,8 +36,6 @@ def pose():
 
 
 def move(shift_mm):
-    from oneframe.blender.alignment import surface_object
-
     settings = bpy.context.scene.oneframe
     surface_object.set_pose(settings.camera_object, settings.surface, rigid(np.eye(3), shift_mm) @ pose())
 
@@ -100,18 +99,14 @@ def found_here():
     return bpy.context.scene
 
 
-def write_film(path, size_wh):
+def still_film(path, size_wh):
     image = np.full((*size_wh[::-1], 3), 128, np.uint8)
     image[::2, ::3] = 60
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, size_wh)
-    for _ in range(3):
-        writer.write(image)
-    writer.release()
-    return path
+    return write_film(path, [image] * 3, "MJPG")
 
 
 def test_frames_of_a_film_name_it_scale_k_and_lie_in_the_queue(queue):
-    scene, film = bpy.context.scene, write_film(queue.parent / "film.avi", (128, 96))
+    scene, film = bpy.context.scene, still_film(queue.parent / "film.avi", (128, 96))
     bpy.ops.oneframe.open_video(filepath=str(film))
     shown_frame.show(scene, 1)
     bpy.ops.oneframe.queue_video_frames()
@@ -132,7 +127,7 @@ def test_frames_that_are_refused_change_nothing(addon, write_tiny_case, tmp_path
     case = write_tiny_case(tmp_path / "case")
     bpy.ops.oneframe.open_case(filepath=str(case))
     scene = bpy.context.scene
-    narrow = write_film(tmp_path / "case" / "narrow.avi", (32, 96))
+    narrow = still_film(tmp_path / "case" / "narrow.avi", (32, 96))
     (case.parent / "Frame.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
     (case.parent / "narrow.png").write_bytes(encode_png(np.zeros((48, 32, 3), np.uint8)))
     bpy.ops.oneframe.open_video(filepath=str(narrow))

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from blender_addon.colour import operators as colour
 from oneframe.blender.colour.export import export_coloured_surface
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import colouring_view_of, colours_of
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
-from oneframe.surface.mesh_reader import read_mesh
-from oneframe.surface.mesh_writer import write_ply
 
 pytestmark = pytest.mark.render
 
@@ -104,21 +103,7 @@ def test_texture_is_that_of_the_script(opened, case_path):
     assert surface.data.uv_layers.active.name == "frame_uv"
 
 
-def test_a_surface_inside_out_gets_the_same_colours(opened, case_path):
-    """If the file's faces look away from the frame, the object keeps their orientation and the colours are the same."""
-    bpy.ops.oneframe.project_colour(mode="vertex")
-    plain = vertex_colours(opened.oneframe.surface)
-    given, _ = read_mesh(case_path.parent / "surface.ply")
-    write_ply(case_path.parent / "surface.ply", given.flipped())
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    bpy.ops.oneframe.project_colour(mode="vertex")
-    flipped = opened.oneframe.surface
-    faces = attribute_values(flipped, ".corner_vert", "value", np.int32, 1).reshape(-1, 3)
-    assert np.array_equal(faces, given.faces[:, ::-1])
-    assert np.allclose(vertex_colours(flipped), plain, atol=1e-6)
-
-
-def test_projecting_again_replaces_the_colours_and_plain_removes_everything(opened):
+def test_projecting_again_replaces_the_colours_and_plain_removes_them(opened):
     surface = opened.oneframe.surface
     plain, names = blocks(), {attribute.name for attribute in surface.data.attributes}
     material = surface.data.materials[0]
@@ -191,8 +176,6 @@ def test_everything_survives_the_blend_file(opened, tmp_path):
 
 
 def test_colours_of_another_pose_are_outdated(opened):
-    from blender_addon.colour import operators as colour
-
     bpy.ops.oneframe.project_colour()
     surface = opened.oneframe.surface
     record = json.loads(surface["oneframe_colour"])
@@ -202,7 +185,7 @@ def test_colours_of_another_pose_are_outdated(opened):
     assert colour.is_outdated(opened, record)
 
 
-@pytest.mark.parametrize(("name", "mode"), [("s.ply", "vertex"), ("s.obj", "texture"), ("s.glb", "texture")])
+@pytest.mark.parametrize(("name", "mode"), [("s.ply", "vertex"), ("s.glb", "texture")])
 def test_export_writes_the_file_of_the_script(opened, case_path, tmp_path, name, mode):
     export_coloured_surface(load_case(read_case(case_path)), tmp_path / "script" / name, colour=mode)
     before = blocks()

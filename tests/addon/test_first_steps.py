@@ -8,7 +8,12 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.setup import open_case as sample
+from blender_addon.setup.alignment_record import pose_record
+from blender_addon.setup.case_in_scene import unsaved_parts
+from blender_addon.setup.open_case import task_lines
 from blender_addon.state import from_scene, to_scene
+from blender_addon.state.workbench import OPEN, next_step
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.transforms import transform_points
@@ -29,10 +34,7 @@ def test_a_dropped_case_is_opened(addon, folder):
 
 
 @pytest.mark.parametrize("way", ["open", "drop"])
-def test_a_case_without_a_pose_opens_at_an_initial_guess_and_gets_its_pose_when_it_is_saved(addon, folder, way):
-    from blender_addon.setup.alignment_record import pose_record
-    from blender_addon.setup.open_case import unsaved_parts
-
+def test_a_case_without_a_pose_opens_at_a_guess_and_is_saved_with_a_pose(addon, folder, way):
     path = folder / "case.toml"
     text = path.read_text().replace("[pose]", "[dataset]\n[pose]")
     path.write_text(re.sub(r"\[pose\]\ncam_from_mesh = .*", "count = 7 # enough", text))
@@ -67,21 +69,18 @@ def test_files_dropped_together_are_a_case(addon, folder):
     assert {child.name for child in settings.surface.children} == {"ossicles", "facial_nerve"}
 
 
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
+def test_what_cannot_be_opened_is_reported(addon, folder):
+    before = bpy.context.scene
+    for names, message in (
         ([], "expected files, found none"),
         (["surface.ply", "other.ply"], "expected one surface, found surface.ply, other.ply"),
         (["ossicles.ply"], "drop the surface first"),
         (["notes.docx"], "notes.docx: expected a case, an image, K, a mesh or landmarks"),
         (["missing.png"], "missing.png"),
-    ],
-)
-def test_what_cannot_be_opened_is_reported(addon, folder, names, message):
-    before = bpy.context.scene
-    with pytest.raises(RuntimeError, match=message):
-        drop(folder, *names)
-    assert bpy.context.scene == before
+    ):
+        with pytest.raises(RuntimeError, match=message):
+            drop(folder, *names)
+        assert bpy.context.scene == before
 
 
 def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon, folder):
@@ -98,8 +97,6 @@ def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon,
 
 
 def test_the_next_step_leads_to_a_complete_case(addon, folder):
-    from blender_addon.state.workbench import OPEN, next_step
-
     said = [next_step(bpy.context.scene)]
     for operator, file in (("load_frame", "frame.png"), ("load_camera", "case.toml"), ("load_surface", "surface.ply")):
         getattr(bpy.ops.oneframe, operator)(filepath=str(folder / file))
@@ -122,9 +119,6 @@ def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
 
 
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
-    from blender_addon.setup import open_case as sample
-    from blender_addon.setup.sample_task import task_lines
-
     with pytest.raises(RuntimeError, match="oneframe sample"):
         bpy.ops.oneframe.open_sample()
     monkeypatch.setattr(sample, "SHIPPED", folder)

@@ -9,8 +9,9 @@ from blender_addon.case_queue import queued
 from blender_addon.colour.operators import is_outdated
 from blender_addon.frames import found
 from blender_addon.setup.alignment_record import recorded_case
-from blender_addon.setup.open_case import unsaved_parts
+from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.state import another_frame, from_scene, pose_evidence
+from blender_addon.state.known_case import further_frames
 from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.colour.surface_colour import colour_record
@@ -22,6 +23,7 @@ from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, PIVOT, SOURCE, photograph, seen_from, write_case
+from tests.video.surgical_film import write_film
 
 ROUGH = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([0.6, -0.8, 0.4])]), SOURCE, PIVOT)
 POSES = [seen_from(8, 5), seen_from(-20, 30), seen_from(15, 90)]
@@ -36,10 +38,7 @@ def folder(tmp_path_factory):
     (made / "case.toml").rename(made / "rough.toml")
     write_case(made, mesh, SOURCE)
     images = [*(photograph(mesh, pose) for pose in POSES), photograph(mesh, SOURCE)[:, ::-1]]
-    writer = cv2.VideoWriter(str(made / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, CAMERA.size_wh)
-    for image in images:
-        writer.write(np.ascontiguousarray(np.rint(255 * image).astype(np.uint8)))
-    writer.release()
+    write_film(made / "film.avi", [np.rint(255 * image[..., ::-1]).astype(np.uint8) for image in images], "MJPG")
     return made
 
 
@@ -128,7 +127,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     # the same again replaces them
     for _ in range(2):
         bpy.ops.oneframe.use_colour_sources(count=2)
-        used = from_scene.further_frames(scene)
+        used = further_frames(scene)
         # of three, one is left out at least, to judge
         assert 1 <= len(used) <= 2
     assert unsaved_parts(scene) == ("colour sources",)
@@ -140,7 +139,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     bpy.ops.oneframe.project_colour()
     assert not is_outdated(scene, colour_record(scene.oneframe.surface))
     bpy.ops.oneframe.clear_colour_sources()
-    assert from_scene.further_frames(scene) == ()
+    assert further_frames(scene) == ()
     # what was found holds for the pose that it began with
     bpy.ops.oneframe.nudge(step_px=1.0)
     assert found.of(scene) is None
@@ -148,7 +147,7 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
 
 
 @pytest.mark.parametrize("state", [ACCEPTED, DOUBTFUL, REFUSED])
-def test_a_frame_that_is_taken_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_path, state):
+def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_path, state):
     unsure = "standard_deviation_deg = [0.8, 0.8, 0.8]\nstandard_deviation_mm = [1.0, 1.0, 8.0]\n"
     scene = opened("case.toml", f'[alignment]\nmethod = "landmarks"\n{unsure if state == DOUBTFUL else ""}')
     bpy.ops.oneframe.case_frame()

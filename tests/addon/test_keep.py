@@ -1,20 +1,15 @@
 """Nothing of a pose is lost: undo of a step through a queue, and what is not saved when Blender ends."""
 
-import importlib
-
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon.state import from_scene
+from blender_addon.setup import autosave
+from blender_addon.setup.save_case import replaced_pose
+from blender_addon.state import from_scene, pose_evidence
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import earlier_poses, history_path
 from tests.addon.test_case_queue import move, pose, queue  # noqa: F401
-
-
-@pytest.fixture
-def autosave(addon):
-    return importlib.import_module("blender_addon.setup.autosave")
 
 
 @pytest.fixture
@@ -67,16 +62,15 @@ def test_undo_of_a_step_brings_the_frames_files_back(session):
 
 
 def test_hands_replace_a_checked_pose_after_a_question_only(session):
-    question = importlib.import_module("blender_addon.setup.save_case").replaced_pose
     scene, path = bpy.context.scene, session[0] / "frame" / "case.toml"
-    assert question(scene, path) == ""
+    assert replaced_pose(scene, path) == ""
     move([1.0, 0.0, 0.0])
-    assert "was checked" in question(scene, path)
-    importlib.import_module("blender_addon.state.pose_evidence").remember(scene, {"method": "refined"}, pose())
-    assert question(scene, path) == ""
+    assert "was checked" in replaced_pose(scene, path)
+    pose_evidence.remember(scene, {"method": "refined"}, pose())
+    assert replaced_pose(scene, path) == ""
 
 
-def test_what_is_not_saved_is_kept_aside_and_restored(session, autosave):
+def test_what_is_not_saved_is_kept_aside_and_restored(session):
     path = session[0] / "frame" / "case.toml"
     kept = autosave.aside(path)
     autosave.flush()
@@ -102,7 +96,7 @@ def test_what_is_not_saved_is_kept_aside_and_restored(session, autosave):
     assert np.allclose(read_case(path).cam_from_mesh[0, 3], from_scene.cam_from_mesh(bpy.context.scene)[0, 3])
 
 
-def test_an_unanswered_pose_goes_into_the_history_and_a_discarded_one_ends(session, autosave):
+def test_an_unanswered_pose_goes_into_the_history_and_a_discarded_one_ends(session):
     path = session[0] / "frame" / "case.toml"
     kept = autosave.aside(path)
     move([1.0, 0.0, 0.0])
@@ -117,13 +111,13 @@ def test_an_unanswered_pose_goes_into_the_history_and_a_discarded_one_ends(sessi
     assert not kept.exists()
 
 
-def test_a_case_that_was_never_saved_comes_back_without_a_file(addon, autosave, write_tiny_case, tmp_path):
+def test_a_case_that_was_never_saved_comes_back_without_a_file(addon, write_tiny_case, tmp_path):
     case = write_tiny_case(tmp_path / "case")
     bpy.ops.oneframe.load_frame(filepath=str(case.with_name("frame.png")))
     bpy.ops.oneframe.load_camera(filepath=str(case))
     bpy.ops.oneframe.load_surface(filepath=str(case.with_name("surface.ply")))
     autosave.flush()
-    assert autosave._left() is None
+    assert autosave.left_behind() is None
     assert not autosave._written
     bpy.ops.oneframe.nudge(axis="x")
     moved = pose()
@@ -131,12 +125,12 @@ def test_a_case_that_was_never_saved_comes_back_without_a_file(addon, autosave, 
     (kept,) = autosave._written
     autosave._written.clear()
     bpy.ops.oneframe.open_case(filepath=str(case))
-    assert autosave._left() == kept
+    assert autosave.left_behind() == kept
     bpy.ops.oneframe.restore_unsaved(filepath=str(kept))
     assert np.allclose(pose(), moved, atol=1e-12)
     assert not bpy.context.scene.oneframe.case_path
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "mine.toml"))
-    assert autosave._left() is None
+    assert autosave.left_behind() is None
 
 
 def test_a_case_that_states_part_of_an_uncertainty_opens(addon, write_tiny_case, tmp_path):

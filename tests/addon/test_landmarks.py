@@ -4,9 +4,16 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.landmarks import next_click, solve
+from blender_addon.setup.alignment_record import pose_record
+from blender_addon.state import from_scene
+from blender_addon.state.landmarks import landmarks_mesh, landmarks_model
+from blender_addon.ui import frame_view
 from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from oneframe.alignment.manual.pins import pull_pins
 from oneframe.alignment.reprojection import apply_twist
+from oneframe.blender.alignment.surface_object import set_pose, visible_surface
+from oneframe.errors import InputError
 from oneframe.transforms import rotation_from_vector, transform_points
 
 POINTS_PX = np.array(
@@ -29,23 +36,16 @@ def scene(addon, write_tiny_case, tmp_path):
 @pytest.fixture
 def pairs(scene):
     """``(8, 3)`` surface points and ``(8, 2)`` pixels of the true pose."""
-    from blender_addon.ui import frame_view
-
     return np.array([frame_view.surface_point_at(scene, pixel) for pixel in POINTS_PX]), POINTS_PX.copy()
 
 
 def pose_of(scene):
-    from blender_addon.state import from_scene
-
     bpy.context.view_layer.update()
     return from_scene.cam_from_model(scene)
 
 
 def displace(scene, twist=TWIST):
     """Move the surface by a twist; returns its new pose."""
-    from blender_addon.state import from_scene
-    from oneframe.blender.alignment.surface_object import set_pose
-
     set_pose(
         from_scene.camera_object_of(scene),
         from_scene.surface_of(scene),
@@ -64,11 +64,9 @@ def add(points, pixels):
 
 def solved_directly(scene, *, without=()):
     """The solver's result for the scene's landmarks."""
-    from blender_addon.state import from_scene
-
     used = [
         landmark
-        for number, landmark in enumerate(from_scene.landmarks_model(scene))
+        for number, landmark in enumerate(landmarks_model(scene))
         if landmark.point is not None and landmark.pixel is not None and number not in without
     ]
     return solve_pose(
@@ -81,12 +79,10 @@ def solved_directly(scene, *, without=()):
 
 
 def solution(scene):
-    from blender_addon.landmarks import solve
-
     return solve.solution(scene)
 
 
-def test_points_in_either_order_become_correspondences_and_the_surface_moves_to_the_solvers_pose(scene, pairs, rng):
+def test_points_in_either_order_pair_and_the_surface_moves_to_the_solution(scene, pairs, rng):
     true = pose_of(scene)
     displace(scene)
     points, pixels = pairs
@@ -110,10 +106,7 @@ def test_a_disabled_landmark_has_no_effect(scene, pairs):
     assert np.abs(pose_of(scene) - solved_directly(scene, without=[2]).cam_from_model).max() <= 1e-9
 
 
-def test_residuals_are_those_of_the_current_pose_and_departure_is_its_distance_from_the_solution(scene, pairs):
-    from blender_addon.landmarks import solve
-    from blender_addon.state import from_scene
-
+def test_residuals_and_departure_are_those_of_the_current_pose(scene, pairs):
     add(*pairs)
     assert solve.departure(scene, solution(scene)) is None
     moved = displace(scene)
@@ -140,10 +133,6 @@ def test_too_few_correspondences_are_refused_and_leave_the_pose(scene, pairs, co
 
 
 def test_flat_points_show_both_poses_and_a_key_goes_from_one_to_the_other(scene):
-    from blender_addon.landmarks import solve
-    from blender_addon.setup.alignment_record import pose_record
-    from blender_addon.state import from_scene
-
     true, camera = pose_of(scene), from_scene.camera(scene)
     extent = from_scene.surface_extents(scene).max() / 4
     flat = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (0.3, 0.1, 0)]) * extent
@@ -168,9 +157,6 @@ def test_flat_points_show_both_poses_and_a_key_goes_from_one_to_the_other(scene)
 
 
 def test_the_next_click_is_marked_on_the_surface_and_gains(scene, pairs):
-    from blender_addon.landmarks import next_click, solve
-    from blender_addon.state import from_scene
-
     # far from a pose, the rough one guides
     add(pairs[0][:1], pairs[1][:1])
     seen, camera = [], from_scene.camera(scene)
@@ -188,8 +174,6 @@ def test_the_next_click_is_marked_on_the_surface_and_gains(scene, pairs):
 
 
 def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
-    from blender_addon.setup.alignment_record import pose_record
-
     scene.oneframe.click_sigma_px = 0.05
     far = displace(scene, np.array([20.0, 10, 60, 0.2, -0.2, 1.2]))
     add(pairs[0][:4], pairs[1][:4] + np.array([[3, -2], [-3, 1], [2, 3], [-1, -3]]))
@@ -240,16 +224,13 @@ def test_undo_and_redo_restore_landmarks_and_pose_together(scene, pairs):
 
 
 def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pairs):
-    from blender_addon.state import from_scene
-    from oneframe.blender.alignment.surface_object import visible_surface
-
     points, pixels = pairs
     for count in (1, 2, 3):
         before = displace(scene)
         camera = from_scene.camera(scene)
         pivot = visible_surface(from_scene.surface_of(scene), camera, before).pivot_model
         bpy.ops.oneframe.landmark_pin(point=points[count - 1], pixel=pixels[count - 1])
-        placed = from_scene.landmarks_model(scene)
+        placed = landmarks_model(scene)
         own = np.array([landmark.point for landmark in placed]), np.array([landmark.pixel for landmark in placed])
         assert len(placed) == count
         after = pose_of(scene)
@@ -296,18 +277,16 @@ def test_a_saved_case_opens_with_its_landmarks_and_its_own_pose(scene, pairs, tm
 
 @pytest.mark.parametrize("units", ["mm", "m"])
 def test_exported_landmarks_are_imported_unchanged(scene, pairs, tmp_path, units):
-    from blender_addon.state import from_scene
-
     scene.oneframe.units = units
     add(*pairs)
     bpy.ops.oneframe.landmark_set(name="half", pixel=(5, 6))
-    before = from_scene.landmarks_mesh(scene)
+    before = landmarks_mesh(scene)
     path = tmp_path / "pairs.csv"
     bpy.ops.oneframe.export_landmarks(filepath=str(path))
     bpy.ops.oneframe.landmarks_clear()
     moved = displace(scene)
     bpy.ops.oneframe.import_landmarks(filepath=str(path))
-    for one, other in zip(before, from_scene.landmarks_mesh(scene), strict=True):
+    for one, other in zip(before, landmarks_mesh(scene), strict=True):
         assert (one.name, one.enabled, one.point is None) == (other.name, other.enabled, other.point is None)
         assert np.allclose(one.pixel, other.pixel, atol=1e-5)
         assert one.point is None or np.allclose(one.point, other.point, atol=1e-5)
@@ -315,11 +294,7 @@ def test_exported_landmarks_are_imported_unchanged(scene, pairs, tmp_path, units
 
 
 @pytest.mark.parametrize("state", ["edited", "excluded"])
-def test_a_surface_that_cannot_be_picked_on_is_reported_and_nothing_changes(scene, pairs, tmp_path, state):
-    from blender_addon.pipeline.errors import InputError
-
-    from blender_addon.ui import frame_view
-
+def test_a_surface_that_cannot_be_picked_on_is_reported(scene, pairs, tmp_path, state):
     add(*pairs)
     path = tmp_path / "pairs.csv"
     bpy.ops.oneframe.export_landmarks(filepath=str(path))

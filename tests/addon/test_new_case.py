@@ -21,6 +21,7 @@ from oneframe.commands.__main__ import dispatch
 from oneframe.files.content import content_named
 from oneframe.images.png import encode_png
 from oneframe.volume.drill.drill_plan import read_drill_plan
+from tests.video.surgical_film import write_film
 from tests.volume.ball_ct import write_ball_ct
 
 K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": 96, "height": 72, "distortion": [0.1, -0.05, 0, 0, 0]}
@@ -222,10 +223,7 @@ def test_the_initial_pose_follows_the_drill_until_somebody_moves_it(addon, files
 
 
 def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):
-    writer = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (96, 72))
-    for index in range(4):
-        writer.write(np.full((72, 96, 3), 40 * index, np.uint8))
-    writer.release()
+    write_film(tmp_path / "film.avi", [np.full((72, 96, 3), 40 * index, np.uint8) for index in range(4)], "MJPG")
     load(surface=files / "surface" / "surface.json", camera=files / "camera.json")
     bpy.ops.oneframe.open_video(filepath=str(tmp_path / "film.avi"))
     shown_frame.show(bpy.context.scene, 2)

@@ -1,13 +1,24 @@
 """Refining in the add-on: the function's result, one undo step, refusals, and which colours count as evidence."""
 
-import importlib
 import re
 
 import bpy
 import numpy as np
 import pytest
 
+from blender_addon.landmarks import solve
+from blender_addon.landmarks.uncertainty_drawing import current_uncertainty
+from blender_addon.move import proposals
+from blender_addon.refine import operator
+from blender_addon.refine.panel import record_lines
+from blender_addon.refine.status_line import status
+from blender_addon.setup.alignment_record import doubts, pose_record
+from blender_addon.state import from_scene, pose_evidence
+from blender_addon.state.pose import set_cam_from_model
+from blender_addon.ui import frame_view
 from oneframe.alignment.align_case import align_case
+from oneframe.alignment.proposal import propose, template_search
+from oneframe.blender.alignment import surface_object
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png
@@ -65,20 +76,10 @@ def opened(addon, case_folder):
     return bpy.context.scene
 
 
-@pytest.fixture
-def gather(addon):
-    return importlib.import_module("blender_addon.state.from_scene")
-
-
-@pytest.fixture
-def refine(addon):
-    return importlib.import_module("blender_addon.refine.operator")
-
-
-def rotation_error_deg(gather, scene) -> float:
-    mesh_from_model = gather.mesh_from_model_of(gather.surface_of(scene))
+def rotation_error_deg(scene) -> float:
+    mesh_from_model = from_scene.mesh_from_model_of(from_scene.surface_of(scene))
     true = TRUE_POSE @ mesh_from_model
-    return rotation_angle_deg(gather.cam_from_model(scene)[:3, :3] @ true[:3, :3].T)
+    return rotation_angle_deg(from_scene.cam_from_model(scene)[:3, :3] @ true[:3, :3].T)
 
 
 def saved(scene, path):
@@ -86,23 +87,23 @@ def saved(scene, path):
     return read_case(path)
 
 
-def test_the_operator_gives_the_scripts_pose_and_record_in_one_undo_step(opened, gather, refine, tmp_path):
+def test_the_operator_gives_the_scripts_pose_and_record_in_one_undo_step(opened, tmp_path):
     rough = saved(opened, tmp_path / "rough.toml")
     script = align_case(rough, click_sigma_px=2.0, refine=True, tool="t", date="2030-01-01").loaded.case
-    start, before = gather.cam_from_model(opened), rotation_error_deg(gather, opened)
+    start, before = from_scene.cam_from_model(opened), rotation_error_deg(opened)
     bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.oneframe.refine() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="refined")
-    refined, message = gather.cam_from_model(opened), refine.outcome(opened).message
-    assert rotation_error_deg(gather, opened) < min(0.5, before / 3)
+    refined, message = from_scene.cam_from_model(opened), operator.outcome(opened).message
+    assert rotation_error_deg(opened) < min(0.5, before / 3)
     bpy.ops.ed.undo()
     scene = bpy.context.scene
-    assert np.array_equal(gather.cam_from_model(scene), start)
+    assert np.array_equal(from_scene.cam_from_model(scene), start)
     # the outcome belongs to the refined pose only
-    assert refine.outcome(scene) is None
+    assert operator.outcome(scene) is None
     bpy.ops.ed.redo()
-    assert np.array_equal(gather.cam_from_model(bpy.context.scene), refined)
-    assert refine.outcome(bpy.context.scene).message == message
+    assert np.array_equal(from_scene.cam_from_model(bpy.context.scene), refined)
+    assert operator.outcome(bpy.context.scene).message == message
     case = saved(bpy.context.scene, tmp_path / "refined.toml")
     assert np.array_equal(case.cam_from_mesh, script.cam_from_mesh)
     assert {**case.alignment, "tool": "t", "date": "2030-01-01"} == script.alignment
@@ -111,46 +112,43 @@ def test_the_operator_gives_the_scripts_pose_and_record_in_one_undo_step(opened,
     assert "refused" not in case.alignment
 
 
-def test_a_refusal_leaves_the_pose_and_gives_the_reason(opened, gather, refine, case_folder):
+def test_a_refusal_leaves_the_pose_and_gives_the_reason(opened, case_folder):
     opened.oneframe.frame_path = str(case_folder / "flat.png")
-    pose = gather.cam_from_model(opened)
+    pose = from_scene.cam_from_model(opened)
     with pytest.raises(RuntimeError, match="Refused, the pose is unchanged"):
         bpy.ops.oneframe.refine()
-    assert np.array_equal(gather.cam_from_model(opened), pose)
-    assert not refine.outcome(opened).accepted
+    assert np.array_equal(from_scene.cam_from_model(opened), pose)
+    assert not operator.outcome(opened).accepted
     # there is nothing to take
     with pytest.raises(RuntimeError, match="expected a refinement that was refused at this pose"):
         bpy.ops.oneframe.take_refused()
 
 
-def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, gather, refine, case_folder, tmp_path):
+def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, case_folder, tmp_path):
     opened.oneframe.frame_path = str(case_folder / "mirrored.png")
-    start = gather.cam_from_model(opened)
+    start = from_scene.cam_from_model(opened)
     with pytest.raises(RuntimeError, match="Refused"):
         bpy.ops.oneframe.refine()
-    found = refine.outcome(opened).found
+    found = operator.outcome(opened).found
     # shown, it is named as what it is; the pose before it is unchanged
-    status = importlib.import_module("blender_addon.refine.status_line").status
     assert "Refused: " in status(opened)[0]
-    importlib.import_module("blender_addon.state.pose").set_cam_from_model(opened, found)
+    set_cam_from_model(opened, found)
     bpy.context.view_layer.update()
     assert "Preview of a refused pose, off by ≥ " in status(opened)[0]
-    importlib.import_module("blender_addon.state.pose").set_cam_from_model(opened, start)
+    set_cam_from_model(opened, start)
     bpy.ops.ed.undo_push(message="refused")
     assert bpy.ops.oneframe.take_refused() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="taken")
-    assert np.array_equal(gather.cam_from_model(opened), found)
-    assert refine.is_taken(opened)
+    assert np.array_equal(from_scene.cam_from_model(opened), found)
+    assert operator.is_taken(opened)
     assert "Taken although refused, off by at least" in status(opened)[0]
-    message = refine.outcome(opened).message
+    message = operator.outcome(opened).message
     # so Save Case asks
-    assert any(refine.outcome(opened).objection in doubt for doubt in status(opened)[1])
-    drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
-    solve = importlib.import_module("blender_addon.landmarks.solve")
-    assert drawing.current_uncertainty(opened, solve.solution(opened)) is None
+    assert any(operator.outcome(opened).objection in doubt for doubt in status(opened)[1])
+    assert current_uncertainty(opened, solve.solution(opened)) is None
     assert any("at least" in line for line in evidence_of(opened))
     bpy.ops.ed.undo()
-    assert np.array_equal(gather.cam_from_model(bpy.context.scene), start)
+    assert np.array_equal(from_scene.cam_from_model(bpy.context.scene), start)
     assert not any("Off by" in line for line in evidence_of(bpy.context.scene))
     bpy.ops.ed.redo()
     case = saved(bpy.context.scene, tmp_path / "taken.toml")
@@ -158,38 +156,33 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, gat
     assert case.alignment["refused"] in message
     # also once it is opened again
     bpy.ops.oneframe.open_case(filepath=str(case.path))
-    assert refine.is_taken(bpy.context.scene)
+    assert operator.is_taken(bpy.context.scene)
     assert saved(bpy.context.scene, tmp_path / "again.toml").alignment == case.alignment
     # refined again from there, and not taken: the new refusal is no pose that somebody took
     with pytest.raises(RuntimeError, match="Refused"):
         bpy.ops.oneframe.refine()
-    assert not refine.is_taken(bpy.context.scene)
-    assert refine.pose_record(bpy.context.scene)["refused"] == case.alignment["refused"]
+    assert not operator.is_taken(bpy.context.scene)
+    assert pose_record(bpy.context.scene)["refused"] == case.alignment["refused"]
 
 
 def evidence_of(scene) -> list[str]:
-    panel = importlib.import_module("blender_addon.refine.panel")
-    record = importlib.import_module("blender_addon.setup.alignment_record")
-    return panel.record_lines(record.pose_record(scene))
+    return record_lines(pose_record(scene))
 
 
-def test_landmarks_and_image_are_solved_together(opened, gather, refine, case_folder, tmp_path):
+def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
     """No change of the landmarks throws the image away, and figures shown are always of the current pose."""
-    solve = importlib.import_module("blender_addon.landmarks.solve")
-    drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
 
     def uncertainty_px(scene):
-        found = drawing.current_uncertainty(scene, solve.solution(scene))
+        found = current_uncertainty(scene, solve.solution(scene))
         return None if found is None else found[0].translation_mm.tolist()
 
     def current(scene):
         assert solve.is_current(scene, solve.solution(scene))
-        return gather.cam_from_model(scene)
+        return from_scene.cam_from_model(scene)
 
-    true = TRUE_POSE @ gather.mesh_from_model_of(gather.surface_of(opened))
+    true = TRUE_POSE @ from_scene.mesh_from_model_of(from_scene.surface_of(opened))
     clicks_px = np.array([[40.0, 30], [280, 40], [270, 200], [50, 210], [160, 120], [100, 70]])
     rng = np.random.default_rng(3)
-    frame_view = importlib.import_module("blender_addon.ui.frame_view")
     points = [frame_view.surface_point_at(opened, pixel) for pixel in clicks_px]
     pixels = CAMERA.project(transform_points(true, np.array(points))) + rng.normal(0, 2, clicks_px.shape)
     for point, pixel in zip(points, pixels, strict=True):
@@ -199,11 +192,11 @@ def test_landmarks_and_image_are_solved_together(opened, gather, refine, case_fo
     assert solve.pulls(opened) == {"landmarks": None}
 
     bpy.ops.oneframe.refine()
-    joint, refined = current(opened), refine.outcome(opened).found
+    joint, refined = current(opened), operator.outcome(opened).found
     assert not np.array_equal(joint, by_landmarks)
     assert np.less(uncertainty_px(opened), of_landmarks).all()
     assert any("6 correspondences" in line for line in evidence_of(opened))
-    record = refine.pose_record(opened)
+    record = pose_record(opened)
     assert (record["method"], record["evidence"], record["pairs"]) == ("refined", "landmarks, image", 6)
     pulls = solve.pulls(opened)
     assert 0 < pulls["landmarks"] < pulls["image"]
@@ -239,15 +232,15 @@ def test_landmarks_and_image_are_solved_together(opened, gather, refine, case_fo
     assert np.allclose(current(scene), two, rtol=0, atol=1e-9)
     assert any("Off by about" in line for line in evidence_of(scene))
     assert solve.pulls(scene).keys() == {"landmarks", "image"}
-    assert "checked" in refine.pose_record(scene)
+    assert "checked" in pose_record(scene)
     again = saved(scene, tmp_path / "again.toml").alignment["image"]
     assert again == read_case(tmp_path / "refined.toml").alignment["image"]
     for _ in range(2):
         bpy.ops.oneframe.landmark_remove(index=0)
     assert np.allclose(current(scene), refined, rtol=0, atol=1e-6)
-    assert refine.pose_record(scene)["evidence"] == "image"
+    assert pose_record(scene)["evidence"] == "image"
     # of another pose than that which was looked at
-    assert "checked" not in refine.pose_record(scene)
+    assert "checked" not in pose_record(scene)
     # but not with another K
     text = (tmp_path / "refined.toml").read_text()
     (tmp_path / "refined.toml").write_text(re.sub(r"(\[camera\]\nsize = .*\nK = \[\n  \[)[0-9.]+", r"\g<1>777.0", text))
@@ -255,28 +248,30 @@ def test_landmarks_and_image_are_solved_together(opened, gather, refine, case_fo
     assert "image" not in solve.pulls(bpy.context.scene)
 
 
-def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, case_folder, tmp_path):
+def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folder, tmp_path):
     """The picture stays, so its evidence does: figures in mm scale with the surface, pixels and degrees stay."""
-    evidence = importlib.import_module("blender_addon.state.pose_evidence")
 
     def known() -> tuple[dict, np.ndarray, np.ndarray]:
-        uncertainty = evidence.remembered_uncertainty(opened)
-        pose, mesh_from_model = gather.cam_from_model(opened), gather.mesh_from_model_of(gather.surface_of(opened))
+        uncertainty = pose_evidence.remembered_uncertainty(opened)
+        pose, mesh_from_model = (
+            from_scene.cam_from_model(opened),
+            from_scene.mesh_from_model_of(from_scene.surface_of(opened)),
+        )
         corners = np.array([[0.0, 0, 0], [30, -20, 5], [-10, 25, -5]])
-        points = gather.MM_PER_UNIT[opened.oneframe.units] * corners - mesh_from_model[:3, 3]
+        points = from_scene.MM_PER_UNIT[opened.oneframe.units] * corners - mesh_from_model[:3, 3]
         return (
-            evidence.remembered(opened),
-            uncertainty.pixel_covariances(points, gather.camera(opened), pose),
-            gather.camera(opened).project(transform_points(pose, uncertainty.pivot_model[None])),
+            pose_evidence.remembered(opened),
+            uncertainty.pixel_covariances(points, from_scene.camera(opened), pose),
+            from_scene.camera(opened).project(transform_points(pose, uncertainty.pivot_model[None])),
         )
 
     bpy.ops.oneframe.refine()
     record, covariances, pivot_px = known()
     bpy.ops.oneframe.change_units(units="m")
     scaled, scaled_covariances, scaled_pivot_px = known()
-    assert evidence.is_refined(opened)
+    assert pose_evidence.is_refined(opened)
     assert np.allclose(scaled["standard_deviation_mm"], 1000 * np.array(record["standard_deviation_mm"]), rtol=1e-12)
-    assert scaled["weakest"] == evidence.remembered_uncertainty(opened).weakest
+    assert scaled["weakest"] == pose_evidence.remembered_uncertainty(opened).weakest
     ours = {"standard_deviation_mm", "weakest"}
     assert {key: scaled[key] for key in scaled if key not in ours} == {
         key: record[key] for key in record if key not in ours
@@ -293,11 +288,11 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, ca
     assert np.allclose(deviations_mm, scaled["standard_deviation_mm"], rtol=1e-6)
 
     bpy.ops.oneframe.change_units(units="mm")
-    back = evidence.remembered(opened)
+    back = pose_evidence.remembered(opened)
     assert back["weakest"] == record["weakest"]
     assert np.allclose(back["standard_deviation_mm"], record["standard_deviation_mm"], rtol=1e-12)
     # an edit moves the mean of the vertices, which is the origin of the frame `model`
-    data = gather.surface_of(opened).data
+    data = from_scene.surface_of(opened).data
     data.vertices[0].co.z += 50
     bpy.ops.oneframe.save_edited_surface(filepath=str(tmp_path / "edited.ply"))
     edited, edited_covariances, edited_pivot_px = known()
@@ -306,68 +301,60 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, ca
     assert np.allclose(edited_pivot_px, pivot_px, atol=1e-6)
 
 
-def test_figures_of_a_refinement_stay_with_their_frame(opened, refine, case_folder):
+def test_figures_of_a_refinement_stay_with_their_frame(opened, case_folder):
     bpy.ops.oneframe.refine()
-    assert refine.outcome(opened) is not None
+    assert operator.outcome(opened) is not None
     bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
-    assert refine.outcome(opened) is None
-    assert set(refine.pose_record(opened)) == {"method", "doubt", "tool", "date"}
+    assert operator.outcome(opened) is None
+    assert set(pose_record(opened)) == {"method", "doubt", "tool", "date"}
 
 
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
-    frame_view = importlib.import_module("blender_addon.ui.frame_view")
-    record = importlib.import_module("blender_addon.setup.alignment_record")
-    assert record.pose_record(opened)["method"] == "manual"
+    assert pose_record(opened)["method"] == "manual"
     point = frame_view.surface_point_at(opened, np.array([100.0, 70.0]))
     bpy.ops.oneframe.landmark_pin(point=point, pixel=(110.0, 75.0))
-    pulled = record.pose_record(opened)
+    pulled = pose_record(opened)
     assert (pulled["method"], pulled["pairs"]) == ("pins", 1)
     assert pulled["rms_px"] < 0.02
     bpy.ops.oneframe.nudge(axis="x")
-    assert record.pose_record(opened)["method"] == "manual"
+    assert pose_record(opened)["method"] == "manual"
 
 
 @pytest.mark.render
-def test_colours_count_only_if_they_come_from_another_frame(addon, gather, refine, case_folder):
+def test_colours_count_only_if_they_come_from_another_frame(addon, case_folder):
     bpy.ops.oneframe.open_case(filepath=str(case_folder / "true.toml"))
     scene = bpy.context.scene
-    assert refine.known_colours(scene) is None
+    assert operator.known_colours(scene) is None
     bpy.ops.oneframe.project_colour(mode="vertex")
     # they would only confirm the pose from which they were projected
-    assert refine.known_colours(scene) is None
+    assert operator.known_colours(scene) is None
     (case_folder / "other.png").write_bytes((case_folder / "frame.png").read_bytes())
     scene.oneframe.frame_path = str(case_folder / "other.png")
-    known = refine.known_colours(scene)
+    known = operator.known_colours(scene)
     assert known.shape == (len(scene.oneframe.surface.data.vertices), 3)
     assert np.isfinite(known).all()
-    mesh_from_model = gather.mesh_from_model_of(scene.oneframe.surface)
+    mesh_from_model = from_scene.mesh_from_model_of(scene.oneframe.surface)
     start = START @ mesh_from_model
-    surface_module = importlib.import_module("blender_addon.pipeline.blender.alignment.surface_object")
-    surface_module.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
+    surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     bpy.ops.oneframe.refine()
-    assert rotation_error_deg(gather, scene) < 0.5
+    assert rotation_error_deg(scene) < 0.5
 
 
 def test_poses_are_proposed_and_one_is_taken_until_the_frame_changes(opened, case_folder, monkeypatch):
-    proposals, propose, search, record, gather = (
-        importlib.import_module(f"blender_addon.{name}")
-        for name in (
-            "move.proposals", "pipeline.alignment.proposal.propose", "pipeline.alignment.proposal.template_search",
-            "setup.alignment_record", "state.from_scene",
-        )
-    )  # fmt: skip
     # what it finds is tested elsewhere
-    monkeypatch.setattr(search, "DIRECTIONS", 8)
+    monkeypatch.setattr(template_search, "DIRECTIONS", 8)
     monkeypatch.setattr(propose, "REFINED", (6, 3))
     with pytest.raises(RuntimeError, match="press Propose Poses"):
         bpy.ops.oneframe.take_proposal(index=0)
     assert bpy.ops.oneframe.propose_poses() == {"FINISHED"}
     found = proposals.found(opened)
     assert len(found.poses) == len(found.icons) > 1
-    assert np.array_equal(gather.cam_from_model(opened), START @ gather.loaded_case(opened).surface.mesh_from_model)
+    assert np.array_equal(
+        from_scene.cam_from_model(opened), START @ from_scene.loaded_case(opened).surface.mesh_from_model
+    )
     bpy.ops.oneframe.take_proposal(index=1)
-    assert np.array_equal(gather.cam_from_model(opened), found.poses[1].cam_from_model)
-    assert record.pose_record(opened)["method"] == "proposed"
-    assert any("nothing has verified it" in sentence for sentence in record.doubts(opened))
+    assert np.array_equal(from_scene.cam_from_model(opened), found.poses[1].cam_from_model)
+    assert pose_record(opened)["method"] == "proposed"
+    assert any("nothing has verified it" in sentence for sentence in doubts(opened))
     bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
     assert proposals.found(opened) is None

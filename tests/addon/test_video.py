@@ -92,7 +92,7 @@ def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, vi
     assert shown_frame.is_shown(scene)
 
 
-def test_a_frame_that_is_taken_is_that_of_the_command_and_goes_with_the_case(film, video, case_path, tmp_path):
+def test_a_frame_that_is_taken_is_the_commands_and_goes_with_the_case(film, video, case_path, tmp_path):
     scene = bpy.context.scene
     tool = next(at for at, score in enumerate(film.scores.frames) if score.obstructed > 0.02)
     shown_frame.show(scene, tool)
@@ -184,7 +184,7 @@ def test_scoring_stops_when_the_user_stops_it(video):
     assert background_work.error is None
 
 
-def test_the_fetcher_gives_exact_frames_in_any_order_and_says_what_it_cannot(film, video, tmp_path):
+def test_the_fetcher_gives_exact_frames_in_any_order_or_says_it_cannot(film, video, tmp_path):
     for at in (20, 21, 19, 18, 39, 0):
         film.fetcher.wait(at)
         assert np.array_equal(film.fetcher.frame(at), read_video_frame(video, at))

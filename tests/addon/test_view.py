@@ -9,7 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mathutils import Matrix
 
+from blender_addon.ui.frame_view import FrameView
+from blender_addon.ui.keymap import MASK_TOOL, PIN_TOOL, binding
+from blender_addon.ui.strokes import Strokes
+from blender_addon.view.operators import toggling
+from blender_addon.view.overlay import Composite, frame_image_of
+from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, Projection, SurfacePicture
+from oneframe.blender.bridge.data_blocks import absolute_path
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.images.image_reader import read_image
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
 OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")
@@ -49,8 +57,6 @@ def poses(scene):
 
 
 def projection_through(camera: PinholeCamera, times: int = 1):
-    from blender_addon.view.overlay_passes import Projection
-
     width, height, near, far = camera.width, camera.height, 1.0, 10_000.0
     clip_from_view = Matrix(
         (
@@ -65,8 +71,6 @@ def projection_through(camera: PinholeCamera, times: int = 1):
 
 def drawn(surface, projection, crease_deg=None):
     """``(H, W, 4)`` picture and lines, 0..1, top row first."""
-    from blender_addon.view.overlay_passes import SurfacePicture
-
     picture = SurfacePicture(projection.width, projection.height)
     picture.draw(projection, surface, crease_deg)
     shape = (projection.height, projection.width, 4)
@@ -156,11 +160,6 @@ def test_creases_of_a_box_are_its_edges(gpu_context):
 def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     import gpu
 
-    from blender_addon.ui.frame_view import FrameView
-    from blender_addon.view.overlay import Composite, frame_image_of
-    from blender_addon.view.overlay_passes import SurfacePicture
-    from oneframe.images.image_reader import read_image
-
     image, _ = read_image(frame_path(scene))
     height, width = image.shape[:2]
     camera = PinholeCamera(width, height, 320.0, 318.0, 30.0, 25.5)
@@ -177,8 +176,6 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
 
 
 def frame_path(scene):
-    from oneframe.blender.bridge.data_blocks import absolute_path
-
     return absolute_path(scene.oneframe.frame_path)
 
 
@@ -217,46 +214,32 @@ def test_a_loupe_magnifies_about_its_centre(at, times, size, point):
     np.testing.assert_allclose(seen(whole.magnified(*at, times, *size)), expected, atol=1e-3 * times, rtol=1e-4)
 
 
-@pytest.mark.parametrize("toggled", [(), ("wireframe",), ("contour",), *(("comparison", name) for name in COMPARED)])
-def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, toggled):
-    from blender_addon.view.operators import toggling
-
-    before, view = poses(scene), scene.oneframe_view
-    operator = bpy.ops.wm.context_toggle_enum if len(toggled) == 2 else bpy.ops.wm.context_toggle
-    call = partial(operator, **dict(toggling(*toggled))) if toggled else bpy.ops.oneframe.cycle_opacity
+def test_view_operators_are_cyclic_replace_each_other_and_move_nothing(in_view, scene):
+    before, view, surface = poses(scene), scene.oneframe_view, scene.oneframe.surface
 
     def state():
-        return (
-            round(view.opacity, 3),
-            view.wireframe,
-            view.contour,
-            view.comparison,
-            scene.oneframe.surface.display_type,
-        )
+        return round(view.opacity, 3), view.wireframe, view.contour, view.comparison, surface.display_type
 
-    passed = [state()]
-    for _ in range(4):
-        assert call() == {"FINISHED"}
-        passed.append(state())
-    assert passed[0] != passed[1]
-    assert passed[0] == passed[4]
+    calls = [bpy.ops.oneframe.cycle_opacity]
+    calls += [partial(bpy.ops.wm.context_toggle, **dict(toggling(name))) for name in ("wireframe", "contour")]
+    calls += [partial(bpy.ops.wm.context_toggle_enum, **dict(toggling("comparison", name))) for name in COMPARED]
+    for call in calls:
+        passed = [state()]
+        for _ in range(4):
+            assert call() == {"FINISHED"}
+            passed.append(state())
+        assert passed[0] != passed[1]
+        assert passed[0] == passed[4]
+    for call, name in zip(calls[-3:], COMPARED, strict=True):
+        call()
+        assert view.comparison == name
     assert all((a == b).all() for a, b in zip(poses(scene), before, strict=True))
-
-
-def test_one_comparison_replaces_another(in_view, scene):
-    from blender_addon.view.operators import toggling
-
-    for name in COMPARED:
-        bpy.ops.wm.context_toggle_enum(**dict(toggling("comparison", name)))
-        assert scene.oneframe_view.comparison == name
 
 
 @pytest.mark.gl
 def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     """A ball that sticks out of a plate at half its height; its outline is that of K."""
     import bmesh
-
-    from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, SurfacePicture
 
     plate = new_object(lambda shape: bmesh.ops.create_grid(shape, size=10.0))
     plate.matrix_world = Matrix.Translation((-10.0, 0, -140))
@@ -296,9 +279,8 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     st.lists(st.text("abcdefgh|", max_size=12), min_size=1, max_size=20).map(" ".join),
     st.floats(10, 400),
 )
+@settings(max_examples=30)
 def test_lines_over_the_view_fit_and_lose_nothing(text, room):
-    from blender_addon.ui.strokes import Strokes
-
     strokes = Strokes(unit=1.0)
     lines = strokes.wrapped(text, room)
     assert " ".join(lines) == text
@@ -315,21 +297,7 @@ def test_view_operators_are_disabled_in_other_views(in_view, scene):
     assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "show_frame"))
 
 
-def test_every_comparison_has_its_own_key(in_view):
-    from blender_addon.ui.keymap import PIN_TOOL, binding
-    from blender_addon.view.operators import toggling
-
-    bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
-    keys = [binding("oneframe.cycle_opacity"), binding("oneframe.zoom_frame", magnification=1.0)]
-    keys += [binding("wm.context_toggle", **dict(toggling(name))) for name in ("wireframe", "contour")]
-    keys += [binding("wm.context_toggle_enum", **dict(toggling("comparison", name))) for name in COMPARED]
-    assert all(keys)
-    assert len(set(keys)) == len(keys)
-
-
 def test_a_hint_shows_what_would_act_now(in_view, scene):
-    from blender_addon.ui.keymap import MASK_TOOL, PIN_TOOL, binding
-
     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     assert not binding("oneframe.refine")
     bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)

@@ -8,8 +8,10 @@ import pytest
 
 sitk = pytest.importorskip("SimpleITK")
 
-from blender_addon.state import from_scene
+from blender_addon.state import from_scene, to_scene
+from blender_addon.state.landmarks import landmarks_mesh
 from blender_addon.volume import drill_session, drill_strokes, loaded
+from oneframe.blender.alignment.surface_object import mesh_from_model_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.commands.__main__ import dispatch
 from oneframe.images.png import encode_png
@@ -108,20 +110,17 @@ def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
     surface = scene.oneframe.surface
     entry = scene.oneframe.landmarks.add()
     entry.has_point, entry.point = True, (1.0, 2.0, 3.0)
-    to_mesh = from_scene
-    before = to_mesh.landmarks_mesh(scene)[0].point
+    before = landmarks_mesh(scene)[0].point
     world = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
     scene.oneframe_ct.threshold_hu = 900
     bpy.ops.oneframe.make_surface()
     assert scene.oneframe.surface == surface
-    np.testing.assert_allclose(to_mesh.landmarks_mesh(scene)[0].point, before, atol=1e-5)
+    np.testing.assert_allclose(landmarks_mesh(scene)[0].point, before, atol=1e-5)
     after = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
     np.testing.assert_allclose(after, world, atol=1e-4)
 
 
 def _mesh_from_model(surface):
-    from oneframe.blender.alignment.surface_object import mesh_from_model_of
-
     return mesh_from_model_of(surface)
 
 
@@ -146,7 +145,7 @@ def _snapshot(session):
     return {key: (b.vertices.tobytes(), b.faces.tobytes(), b.drilled.tobytes()) for key, b in session.blocks.items()}
 
 
-def test_the_burr_meets_the_bone_where_the_ray_does_and_stops_at_the_margin(scene, files):
+def test_the_burr_meets_the_bone_and_stops_at_the_margin(scene, files):
     with_labels(files)
     bpy.ops.oneframe.make_surface()
     bpy.ops.oneframe.drill()
@@ -189,7 +188,6 @@ def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path, monk
     bpy.ops.oneframe.make_surface()
     (tmp_path / "frame.png").write_bytes(encode_png(np.full((60, 80, 3), 90, np.uint8)))
     bpy.ops.oneframe.load_frame(filepath=str(tmp_path / "frame.png"))
-    from blender_addon.state import to_scene
 
     to_scene.set_camera(bpy.context, PinholeCamera(80, 60, 400, 400, 39.5, 29.5), None)
     made = surface_bytes(scene)

@@ -12,7 +12,8 @@ import pytest
 from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import write_sample_case
 from oneframe.sample.film import film_poses
-from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, sample_surface
+from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
+from tests.video.surgical_film import write_film
 from tests.window import session
 
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "window"
@@ -48,22 +49,13 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def film(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """``film.avi`` beside that case."""
-    path = sample.with_name("film.avi")
-    write_film(path, sample_surface(**SPACING), tmp_path_factory.mktemp("film"))
-    return path
-
-
-def write_film(path: Path, surface: SampleSurface, folder: Path) -> None:
-    """Write a film of six frames, at half the size: a loop about the frame's pose; the last one is mirrored."""
+    """``film.avi`` beside that case, six frames at half the size: a loop about its pose; the last one is mirrored."""
+    path, folder = sample.with_name("film.avi"), tmp_path_factory.mktemp("film")
     small = MICROSCOPE.resized(480, 360)
     shots = [(pose, folder / f"{number}.png") for number, pose in enumerate(film_poses()[::10])]
-    images = [cv2.imread(str(each)) for each in take_photographs(surface, small, shots)]
+    images = [cv2.imread(str(each)) for each in take_photographs(sample_surface(**SPACING), small, shots)]
     images[-1] = np.ascontiguousarray(images[-1][:, ::-1])
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 5.0, small.size_wh)
-    for image in images:
-        writer.write(image)
-    writer.release()
+    return write_film(path, [image[..., ::-1] for image in images], "MJPG", 5.0)
 
 
 @pytest.fixture

@@ -65,7 +65,6 @@ def landmarks(user: User) -> Action:
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
     yield from user.show_step("landmarks", parts=True)
-    yield from user.find("oneframe.landmarks_clear")
     with user.context("UI"):
         bpy.ops.view2d.pan(deltax=0, deltay=-260)
     yield from window_picture(user, "landmarks")
@@ -156,11 +155,8 @@ def video(user: User) -> Action:
     cv2, films = import_module("cv2"), import_module("video.surgical_film")
     frame = np.ascontiguousarray(cv2.imread(str(user.case.parent / "frame.png"))[..., ::-1])
     events = [films.Event(kind, 12 * number, 12 * (number + 1)) for number, kind in enumerate(FILM)]
-    path, size = user.folder / "surgery.avi", (frame.shape[1], frame.shape[0])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"MJPG"), 25.0, size)
-    for picture_of_film in films.surgical_film([frame], events, np.random.default_rng(1)):
-        writer.write(np.ascontiguousarray(picture_of_film[..., ::-1]))
-    writer.release()
+    film = films.surgical_film([frame], events, np.random.default_rng(1))
+    path = films.write_film(user.folder / "surgery.avi", film, "MJPG")
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     scene.oneframe_view.contour = False

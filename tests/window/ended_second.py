@@ -10,7 +10,7 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.setup import autosave
-from bl_ext.user_default.oneframe.setup.open_case import unsaved_parts
+from bl_ext.user_default.oneframe.setup.case_in_scene import unsaved_parts
 from bl_ext.user_default.oneframe.state import from_scene
 
 RESTORE = 117, 26
@@ -18,7 +18,7 @@ RESTORE = 117, 26
 
 
 def scenario(user):
-    left = autosave._left()
+    left = autosave.left_behind()
     poses = json.loads((left.parents[3] / "folder" / "poses.json").read_text())
     yield autosave.START_S + 1
     yield from user.picture("1_question")

@@ -11,7 +11,7 @@ from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_obje
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.pipeline.transforms import transform_points
 from bl_ext.user_default.oneframe.refine import operator
-from bl_ext.user_default.oneframe.setup import sample_task
+from bl_ext.user_default.oneframe.setup import open_case as sample_task
 from bl_ext.user_default.oneframe.setup.alignment_record import pose_record
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import surface_point_at
@@ -28,7 +28,7 @@ def scenario(user):
     yield from user.open_sidebar("OneFrame")
     assert shown(bpy.context.scene) == "setup"
     yield from user.picture("1_empty")
-    yield from user.press("oneframe.open_sample")
+    yield from user.press("open_sample")
     actions = 1
     yield from user.at_workbench()
     scene = bpy.context.scene

@@ -1,4 +1,4 @@
-"""The other frames of the film: registered, stopped, looked at, taken, played, queued, colour sources, first pose."""
+"""The other frames of the film by pointer and keys: registered, stopped, looked at, taken, played, queued."""
 
 from importlib import import_module
 
@@ -37,10 +37,10 @@ def scenario(user):
     yield from take(user)
     yield from play(user)
     assert np.array_equal(pose(user), before), "looking moves nothing"
-    yield from to_queue(user)
-    yield from user.press("use_colour_sources")
-    yield from user.until(lambda: user.window.scene.oneframe.case_frames_text, "further frames", 120)
-    yield from correct(user)
+    # all found frames in the queue: a button and Enter
+    yield from user.press("queue_found")
+    yield from user.key("RET")
+    yield from user.until(lambda: len(part("case_queue.queued").queue_of(user.window.scene)) == COUNT, "the queue", 60)
 
 
 def ended(user):
@@ -57,7 +57,6 @@ def register(user):
     stopped = dict(found.of(scene).frames)
     assert 1 < len(stopped) < COUNT, "what was found stays"
     yield from user.until(lambda: any(user.case.parent.glob("film_poses-*.json")), "the file", 30)
-    yield from user.picture("1_stopped")
     yield from user.press("register_frames")
     yield from user.until(lambda: len(found.of(scene).frames) == COUNT, "all frames", 120)
     yield from ended(user)
@@ -117,7 +116,6 @@ def take(user):
     assert np.array_equal(pose(user), found.cam_from_model)
     yield from user.press("rescale_camera")
     assert part("setup.alignment_record").pose_record(user.window.scene)["method"] == "registered"
-    yield from user.picture("4_taken")
     for _ in range(2):
         yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: state() == before, "all as before")
@@ -132,48 +130,3 @@ def play(user):
     yield from user.until(lambda: film.shown == COUNT - 1, "the last picture", 120)
     yield from ended(user)
     yield from user.key("ESC", user.middle())
-
-
-def to_queue(user):
-    """All found frames in the queue at their poses: a button and Enter."""
-    scene, queued, found = user.window.scene, part("case_queue.queued"), part("frames.found")
-    poses = {number: each.cam_from_model for number, each in found.of(scene).frames.items()}
-    yield from user.press("queue_found")
-    yield from user.picture("5_dialog")
-    yield from user.key("RET")
-    yield from user.until(lambda: len(queued.queue_of(scene)) == COUNT, "the frames in the queue", 60)
-    yield from ended(user)
-    assert [entry.state for entry in queued.queue_of(scene)].count("aligned") == COUNT - 1
-    yield from user.key("PAGE_UP", user.middle())
-    yield from user.until(lambda: part("state.from_scene").video(scene) is not None, "a frame of the film")
-    _, number = part("state.from_scene").video(scene)
-    assert np.allclose(pose(user), poses[number], atol=1e-6)
-    assert part("setup.alignment_record").pose_record(scene)["method"] == "registered"
-    yield from user.picture("6_in_queue")
-    yield from user.key("PAGE_DOWN", user.middle())
-    yield from user.until(lambda: part("state.from_scene").video(scene) is None, "the case's own frame")
-
-
-def correct(user):
-    scene, true = user.window.scene, pose(user)
-    # fewer rounds: quicker, and less exact
-    part("pipeline.registration.correct_source").MOST_ROUNDS = 2
-    turned = part("pipeline.transforms").se3_exp(np.array([0.4, -0.4, 2.0, 0.004, -0.006, 0.02]))
-    with user.context():
-        part("state.pose").set_cam_from_model(scene, turned @ true)
-        bpy.ops.ed.undo_push(message="rough")
-    yield from user.show_step("frames")
-    rough = pose(user)
-    yield from user.press("correct_first_pose")
-    yield from user.until(lambda: not np.array_equal(pose(user), rough), "a corrected pose", 300)
-    found = pose(user)
-    yield from user.key("SPACE", user.middle())
-    yield from user.until(lambda: np.array_equal(pose(user), rough), "the pose before")
-    yield from user.picture("7_before")
-    yield from user.key("RET", user.middle())
-    yield from ended(user)
-    assert np.array_equal(pose(user), found)
-    assert np.linalg.norm((found - true)[:3, 3]) < 0.5 * np.linalg.norm((rough - true)[:3, 3])
-    yield from user.picture("8_corrected")
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: np.allclose(pose(user), rough), "the rough pose")

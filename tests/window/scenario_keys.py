@@ -20,7 +20,6 @@ def scenario(user):
         bpy.ops.oneframe.load_surface(filepath=str(user.folder / "metres.ply"))
     yield from user.at_workbench()
     yield 0.5
-    yield from user.picture("1_metres")
     yield from user.key("RET")
     yield from user.until(lambda: user.window.scene.oneframe.units == "m", "the answer", 20)
 

@@ -52,7 +52,6 @@ def miss(user):
         wireframes.append(bpy.context.scene.oneframe_view.wireframe)
         assert not entries(), modifier
     assert wireframes == [False, True, False, True], wireframes
-    yield from user.picture("0_missed")
     yield from user.key("TWO")
 
 
@@ -67,7 +66,6 @@ def pull(user, points):
         # the pointer is on whole screen pixels, at the press and at the release
         on_screen = errors_px(points)[:count] * frame_view(user).magnification
         assert on_screen.max() < 2.5, (count, before, on_screen)
-    yield from user.picture("1_pins")
     pose = from_scene.cam_from_model(bpy.context.scene)
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: len(entries()) == len(points) - 1, "a pin undone")
@@ -88,7 +86,6 @@ def drag(user):
     yield from user.until(
         lambda: not np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose to follow"
     )
-    yield from user.picture("2_drag")
     user.event("ESC", "PRESS", at)
     user.event("ESC", "RELEASE", at)
     yield from user.until(lambda: np.array_equal(pixel_of(1), pixel), "the drag cancelled")

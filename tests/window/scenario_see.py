@@ -50,7 +50,7 @@ def zoom(user, scene):
         yield from user.move(tuple(np.round(corner + np.array(fraction) * [region.width, region.height])))
         place = np.round(user._place)
         under = seen(user).px_from_region(place - corner)
-        for kind in ["WHEELUPMOUSE"] * 15 + ["WHEELDOWNMOUSE"] * 8:
+        for kind in ["WHEELUPMOUSE"] * 14 + ["WHEELDOWNMOUSE"] * 3:
             user.event(kind, "PRESS", tuple(place))
             yield 0.06
             view = seen(user)
@@ -81,7 +81,6 @@ def keys(user, scene):
         assert not state(), key
         yield from user.key(key)
         yield from user.until(state, f"the effect of key {key}")
-        yield from user.picture(f"see_{key.lower()}")
     for key in ("SIX", "THREE", "TWO"):
         yield from user.key(key)
     view.opacity = 0.0
@@ -175,7 +174,6 @@ def in_a_second_window(user):
         for area in second.screen.areas:
             area.tag_redraw()
         yield 0.3
-    yield from user.picture("see_second_window")
     with bpy.context.temp_override(window=second):
         bpy.ops.wm.window_close()
     bpy.context.scene.oneframe_view.contour = False

@@ -88,7 +88,6 @@ def set_up(user):
         bpy.ops.oneframe.set_camera("EXEC_DEFAULT", True)
         bpy.ops.oneframe.load_surface("EXEC_DEFAULT", True, filepath=str(mesh))
     yield from user.at_workbench()
-    yield from user.picture("2_set_up")
 
 
 def layout(user):
@@ -165,7 +164,6 @@ def zoom(user, film):
     assert end - begin < 0.5 * (whole[1] - whole[0])
     assert abs(layout(user).time_at(at[0] - user.region().x) - time_s) < 0.01
     assert user.view.view_camera_zoom == view_zoom
-    yield from user.picture("4_zoomed")
     yield from user.key("HOME", at)
     assert film.span_s == film.whole_span_s
     yield from user.move(user.middle())
@@ -214,9 +212,3 @@ def take(user, film):
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: user.window.scene.oneframe.frame_path == before, "the frame before")
     assert part("video.session").of(user.window.scene) is film
-    scene = user.window.scene
-    part("video.shown_frame").show(scene, 8)
-    yield from user.until(lambda: film.is_full, "the full frame")
-    with user.context():
-        bpy.ops.oneframe.take_frame("INVOKE_DEFAULT", masked=True)
-    yield from user.until(lambda: user.window.scene.oneframe.frame_path.endswith("_masked.png"), "a masked frame", 30)

@@ -27,7 +27,6 @@ def scenario(user):
     with user.context():
         bpy.ops.oneframe.load_frame("EXEC_DEFAULT", True, filepath=str(user.case.parent / "frame.png"))
     yield from user.at_workbench()
-    yield from user.picture("1_frame_only")
     assert_frame_is_seen(user)
     true = read_case(user.case).camera
     typed = bpy.context.scene.oneframe.camera
@@ -36,15 +35,12 @@ def scenario(user):
         bpy.ops.oneframe.set_camera("EXEC_DEFAULT", True)
     yield 0.5
     yield from user.redraw()
-    yield from user.picture("2_typed_k")
     assert_frame_is_free(user)
     with user.context():
         bpy.ops.oneframe.load_surface("EXEC_DEFAULT", True, filepath=str(user.case.parent / "surface.ply"))
     yield from user.redraw()
-    yield from user.picture("2_ghost")
     yield from user.open_case()
     assert len(bpy.data.scenes) == 2
-    yield from user.picture("3_opened")
     assert_frame_is_free(user)
     with user.context():
         assert active_tool(bpy.context) == PIN_TOOL
@@ -79,7 +75,6 @@ def scenario(user):
     yield from user.until(lambda: user.window.scene.name == "Scene", "the user's scene")
     yield from user.redraw()
     assert users_state(user) == before
-    yield from user.picture("6_disabled")
 
 
 def workspaces():
@@ -106,7 +101,6 @@ def orbit(user):
     yield from user.drag((x, y), (x + 60, y + 30), button="MIDDLEMOUSE")
     yield from user.until(lambda: user.view.view_perspective == "PERSP", "the view to leave the camera")
     yield from user.redraw()
-    yield from user.picture("4_orbit")
     assert user.view.view_distance > 100
     corners = [bpy.context.scene.oneframe.surface.matrix_world @ v for v in corners_of(bpy.context.scene)]
     region = user.region()
@@ -129,7 +123,7 @@ def side_by_side(user):
         bpy.ops.oneframe.side_by_side()
     yield 0.5
     views = sorted((area for area in user.window.screen.areas if area.type == "VIEW_3D"), key=lambda area: area.x)
-    yield from user.picture("5_side_by_side")
+    yield from user.picture("side_by_side")
     assert [area.spaces.active.show_region_ui for area in views] == [True, False]
     sidebar = user.region("UI", views[0]).width
     assert abs(views[0].width - sidebar - views[1].width) < 20

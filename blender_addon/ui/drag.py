@@ -1,4 +1,4 @@
-"""Tools with a round brush: a drag is one operator and one undo step, Esc takes it back, and keys change the size."""
+"""Drags with the mouse: each is one operator and one undo step, Esc takes it back; and keys for the size of a brush."""
 
 import bpy
 from bpy.props import FloatProperty
@@ -8,30 +8,33 @@ from .keymap import Key
 from .operator import OperatorResult
 
 
-class BrushStroke(bpy.types.Operator):
-    """Mixin: a stroke, from the press of the left button until it is let go."""
+class Drag(bpy.types.Operator):
+    """Mixin: a drag, from the press of the button until it is let go."""
 
     bl_options = {"UNDO", "BLOCKING"}
+    button = "LEFTMOUSE"
+    hint: str | None = None
+    """What the status bar says meanwhile."""
 
     def go(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
         """The pointer has moved."""
         raise NotImplementedError
 
     def end(self, context: bpy.types.Context, *, undo: bool) -> OperatorResult:
-        """Keep the stroke or take it back."""
+        """Keep what the drag did or take it back."""
         raise NotImplementedError
 
     def begin(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         """What ``invoke`` returns."""
         self.go(context, event)
-        context.workspace.status_text_set("Esc or Right Click: Take Back the Stroke")
+        context.workspace.status_text_set(self.hint)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS":
+        if event.type in {"ESC", "RIGHTMOUSE"} - {self.button} and event.value == "PRESS":
             return self.leave(context, undo=True)
-        if event.type == "WINDOW_DEACTIVATE" or (event.type == "LEFTMOUSE" and event.value == "RELEASE"):
+        if event.type == "WINDOW_DEACTIVATE" or (event.type == self.button and event.value == "RELEASE"):
             return self.leave(context, undo=False)
         if event.type == "MOUSEMOVE":
             self.go(context, event)
@@ -45,6 +48,12 @@ class BrushStroke(bpy.types.Operator):
         """End the drag."""
         context.workspace.status_text_set(None)
         return self.end(context, undo=undo)
+
+
+class BrushStroke(Drag):
+    """Mixin: a stroke of a round brush."""
+
+    hint = "Esc or Right Click: Take Back the Stroke"
 
 
 class BrushSize(bpy.types.Operator):

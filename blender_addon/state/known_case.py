@@ -1,0 +1,79 @@
+"""The case as its file has it, in one text of the scene: as it was read or written.
+
+What the scene itself holds in other frames or in single precision is the file's while it is the same but for that.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+
+from ..pipeline.blender.bridge.data_blocks import absolute_path
+from ..pipeline.case.case_file import Case, case_from_text, read_case
+from ..pipeline.case.case_writer import case_text
+from ..pipeline.case.frame import UnreadFrame
+from ..pipeline.errors import InputError
+
+UNNAMED = Path("/case.toml")
+"""Where the case lies while the scene has no file: the names of its files are relative to that folder."""
+
+
+def known_case(scene: bpy.types.Scene) -> Case | None:
+    """The case of the scene's file, or what of it still holds for another frame or surface; ``None`` for none."""
+    settings = scene.oneframe
+    if settings.case_text:
+        return _parsed(settings.case_text, _place(scene))
+    return _of_file(_place(scene)) if settings.case_path else None
+
+
+def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:
+    """The case's frames beside the one that is shown, as its file has them."""
+    known = known_case(scene)
+    return () if known is None else known.frames
+
+
+def _place(scene: bpy.types.Scene) -> Path:
+    path = scene.oneframe.case_path
+    return absolute_path(path) if path else UNNAMED
+
+
+@lru_cache(maxsize=4)
+def _parsed(text: str, path: Path) -> Case:
+    return case_from_text(text, path)
+
+
+@lru_cache(maxsize=4)
+def _of_file(path: Path) -> Case | None:
+    """For a .blend file of an earlier version, which kept the case in other ways."""
+    try:
+        return read_case(path, posed=False)
+    except InputError:
+        return None
+
+
+def remember_file(scene: bpy.types.Scene, case: Case) -> None:
+    """Tie the scene to the file of a case, as it was read or written: Save Case writes there."""
+    scene.oneframe.case_path = str(case.path.resolve())
+    keep_known(scene, case)
+
+
+def keep_known(scene: bpy.types.Scene, case: Case) -> None:
+    """Keep a case as that of the scene's file, see :func:`known_case`."""
+    scene.oneframe.case_text = case_text(_place(scene), case)
+
+
+def part_from_case(scene: bpy.types.Scene, *, surface: bool = False) -> None:
+    """End the tie to the case's file and dataset: another frame or surface comes, and must not get into them."""
+    settings, known = scene.oneframe, known_case(scene)
+    if settings.case_path:
+        settings.property_unset("case_path")
+        settings.property_unset("dataset_out")
+    if known is None:
+        return
+    dataset = dict(known.dataset)
+    if isinstance(dataset.get("poses"), str):
+        # which was relative to that file
+        dataset["poses"] = str(known.path.parent / str(dataset["poses"]))
+    name = None if surface else known.object_name
+    keep_known(scene, replace(known, path=UNNAMED, dataset=dataset, frames=(), object_name=name))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..errors import InputError
 from .image_check import LARGEST_FRAME, PNG_SIGNATURE, check_image_file, may_have_alpha
 
 if TYPE_CHECKING:
@@ -52,8 +53,11 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
     has_alpha = may_have_alpha(data)
     values = _plain_png(data)
     if values is None:
-        (decoder,) = _registered
-        values = decoder(data, where)
+        if not _registered:
+            raise InputError(
+                f"{where}: expected a plain PNG, as nothing here reads other images; import oneframe.blender, which does"
+            )
+        values = _registered[0](data, where)
         # of floats; NaN is not within it
         if not (values.min() >= -_BEYOND and values.max() <= 1 + _BEYOND):
             raise InputError(

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..errors import InputError
 from .image_check import LARGEST_FRAME, PNG_SIGNATURE, check_image_file, may_have_alpha
 
 if TYPE_CHECKING:
@@ -55,7 +54,7 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
     if values is None:
         if not _registered:
             raise InputError(
-                f"{where}: expected a plain PNG, as nothing here reads other images; import oneframe.blender, which does"
+                f"{where}: expected a plain PNG, as only Blender reads other images here; import oneframe.blender"
             )
         values = _registered[0](data, where)
         # of floats; NaN is not within it

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import fdtri
 
 from ..camera.pinhole import PinholeCamera
 from ..case.alignment_record import ENTRY_SHAPES
 from ..files.numbers import format_two_digits
 from ..transforms import cross_matrices, inverse_rigid, transform_points
+from .confidence_region import f_quantile
 from .reprojection import jacobian_at, twist_between
 
 REGION_LEVEL = 0.95
@@ -238,14 +238,14 @@ class PoseUncertainty:
 
     def ellipse_scale(self, level: float = REGION_LEVEL) -> float:
         """Scale of the ellipse that holds a projected point with probability ``level``, in standard deviations."""
-        return float(np.sqrt(2 * _f_quantile(level, 2, self.dof)))
+        return float(np.sqrt(2 * f_quantile(level, 2, self.dof)))
 
     def contains(self, pose: np.ndarray, estimate: np.ndarray, level: float = REGION_LEVEL) -> bool:
         """Whether a pose lies in the confidence region of probability ``level`` around the estimated one.
 
         Both are ``(4, 4)`` cam_from_model. :meth:`distance` of the true pose follows F(6, dof).
         """
-        return self.distance(pose, estimate) <= _f_quantile(level, 6, self.dof)
+        return self.distance(pose, estimate) <= f_quantile(level, 6, self.dof)
 
     def distance(self, pose: np.ndarray, estimate: np.ndarray) -> float:
         """d^T C^-1 d / 6, with d the twist from the estimated pose to ``pose`` and C the covariance."""
@@ -327,8 +327,3 @@ def ellipse_outlines(covariances: np.ndarray, scale: float, corners: int = 48) -
     with np.errstate(invalid="ignore"):
         circle = scale * np.stack([np.cos(angle), np.sin(angle)])
         return np.swapaxes(roots @ circle, -1, -2)
-
-
-def _f_quantile(level: float, numerator_dof: int, denominator_dof: float) -> float:
-    # beyond a million degrees of freedom the variance is known
-    return float(fdtri(numerator_dof, min(denominator_dof, 1e6), level))

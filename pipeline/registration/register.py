@@ -8,10 +8,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtr
 
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..alignment.reprojection import apply_twist, zoom_jacobian_at
@@ -94,7 +94,10 @@ def at_same_focal_length(zooms: Sequence[Zoom]) -> np.ndarray:
         share = (SHARE_FRAMES * SHARE + is_zoomed.sum()) / (SHARE_FRAMES + len(logs))
     # a zoom that is found is not the zoom that is
     mean, deviation = logs * (WIDTH / zoomed) ** 2, same * WIDTH / zoomed
-    below, above = (ndtr((limit - mean) / deviation) for limit in (-WITHIN_SHARE, WITHIN_SHARE))
+    below, above = (
+        np.array([NormalDist().cdf(value) for value in (limit - mean) / deviation])
+        for limit in (-WITHIN_SHARE, WITHIN_SHARE)
+    )
     return 1 - is_zoomed * (1 - above + below)
 
 

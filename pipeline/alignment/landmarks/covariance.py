@@ -1,14 +1,11 @@
 """How well the correspondences determine the pose: its covariance, from the click noise."""
 
-import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import fdtrc
 
 from ...transforms import transform_points
+from ..confidence_region import pooled_dof
 from ..pose_uncertainty import REGION_LEVEL, PoseUncertainty
 from ..reprojection import Correspondences, jacobian_at
 
@@ -53,7 +50,7 @@ class NoiseEstimate:
     def region_dof(self) -> float:
         """Degrees of freedom with which an F distribution gives the right regions if the stated noise is right.
 
-        They hold the truth in 95 % of cases then, see :func:`pooled_dof`. With :attr:`dof` they
+        They hold the truth in 95 % of cases then, see :func:`.confidence_region.pooled_dof`. With :attr:`dof` they
         would be too large: only the residuals make the variance vary.
         """
         return pooled_dof(REGION_LEVEL, 6, self.residual_dof, self.prior_dof) if self.residual_dof else np.inf
@@ -107,41 +104,3 @@ def inverse_normal_matrix(jacobian: np.ndarray) -> np.ndarray:
     values = np.maximum(values, 1e-10 * values[0])
     root = across.T / values / scale[:, None]
     return root @ root.T
-
-
-def pooled_survival(value: float, numerator_dof: int, residual_dof: float, prior_dof: float) -> float:
-    """Probability that a ratio with a partly known variance in its denominator exceeds a value >= 0.
-
-    The ratio is (A / d1) / ((p + S) / (p + n)) with independent A ~ chi^2(d1), S ~ chi^2(n): the denominator pools n
-    degrees of freedom of residuals with p of a variance that is known to be 1. Without p it follows F(d1, n).
-
-    Parameters
-    ----------
-    value
-        The ratio.
-    numerator_dof, residual_dof, prior_dof
-        d1, which is even; n and p, not both 0.
-
-    Notes
-    -----
-    As A exceeds c with probability e^(-c/2) sum_{j < d1/2} (c/2)^j / j!, and S has E[S^m e^(-ys)] =
-    2^m (n/2) (n/2 + 1) ... (n/2 + m - 1) / (1 + 2y)^(n/2 + m), the expectation over S is a finite sum.
-    """
-    y = 0.5 * numerator_dof * value / (prior_dof + residual_dof)
-    half, total = residual_dof / 2, 0.0
-    for j in range(numerator_dof // 2):
-        moment = 1.0
-        for m in range(j + 1):
-            total += (
-                math.comb(j, m) * (y * prior_dof) ** (j - m) * (2 * y / (1 + 2 * y)) ** m * moment / math.factorial(j)
-            )
-            moment *= half + m
-    return math.exp(-y * prior_dof - half * math.log1p(2 * y)) * total
-
-
-@lru_cache
-def pooled_dof(level: float, numerator_dof: int, residual_dof: float, prior_dof: float) -> float:
-    """The d2 with which F(d1, d2) has the quantile of probability ``level`` of :func:`pooled_survival`'s ratio."""
-    beyond = 1 - level
-    value = brentq(lambda x: pooled_survival(x, numerator_dof, residual_dof, prior_dof) - beyond, 0, 1e6)
-    return float(brentq(lambda dof: fdtrc(numerator_dof, dof, value) - beyond, 1e-3, 1e6))

@@ -1,8 +1,8 @@
 """Inlier selection: each correspondence is tested against the prediction of the others."""
 
 import numpy as np
-from scipy.special import fdtrc
 
+from ..confidence_region import f_survival
 from ..levenberg_marquardt import fit_poses
 from ..reprojection import Correspondences, Poses, residuals, twist_jacobians
 from .covariance import SELECTION_PRIOR_DOF, NoiseEstimate, inverse_normal_matrix
@@ -95,5 +95,5 @@ def residual_p_values(
     for index in np.flatnonzero(visible):
         without, less = (float(squared[index]), 2) if inliers[index] else (0.0, 0)
         noise = NoiseEstimate.of(max(total - without, 0.0), dof - less, click_sigma_px, SELECTION_PRIOR_DOF)
-        p_values[index] = fdtrc(2, noise.dof, squared[index] / (2 * noise.variance))
+        p_values[index] = f_survival(float(squared[index]) / (2 * noise.variance), 2, noise.dof)
     return p_values

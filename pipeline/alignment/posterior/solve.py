@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
 from ...files.numbers import format_two_digits
 from ...transforms import transform_points
+from ..confidence_region import f_survival
 from ..landmarks.align_landmarks import LANDMARKS, Alignment, align_landmarks, complete_landmarks, landmark_arrays
 from ..landmarks.covariance import REGION_PRIOR_DOF, SELECTION_PRIOR_DOF, NoiseEstimate
 from ..landmarks.degeneracy import UndeterminedPose
@@ -192,7 +192,7 @@ def _explained(pairs: Correspondences, image: PoseEvidence, click_sigma_px: floa
     spreads = spreads + click_sigma_px**2 * np.eye(2)
     squared = np.einsum("ni,ni->n", apart, np.linalg.solve(spreads, apart[..., None])[..., 0])
     least = FALSE_ALARM_PROBABILITY / max(len(pairs), 1)
-    return fdtrc(2, NOISE_PRIOR_DOF, squared / 2) >= least
+    return np.array([f_survival(value / 2, 2, NOISE_PRIOR_DOF) >= least for value in squared], bool)
 
 
 def _joined(

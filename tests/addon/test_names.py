@@ -5,6 +5,8 @@ import re
 from functools import cache
 from pathlib import Path
 
+from oneframe.dataset.options import OPTIONS
+
 ROOT = Path(__file__).resolve().parents[2]
 ADDON, PIPELINE, DOCS = ROOT / "blender_addon", ROOT / "pipeline", ROOT / "docs"
 KEYS = {"N", "Home", "Tab", "Esc", "Enter", "Space"}
@@ -84,7 +86,7 @@ def test_a_message_names_buttons_that_exist():
 
 
 def test_docs_name_what_is_there():
-    known = names() | OTHERS
+    known = names() | OTHERS | {option.label for option in OPTIONS.values()}
     pages = {page: (DOCS / page).read_text() for page in ("aligning.md", "first-session.md")}
     called = [
         (page, name) for page, text in pages.items() for name in re.findall(r"(?<!\*)\*([A-Z][^*›]+)\*(?!\*)", text)

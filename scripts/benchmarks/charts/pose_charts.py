@@ -1,5 +1,6 @@
 """Charts of poses by one method each: from landmarks, from the image, and by a network trained on views."""
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -94,7 +95,7 @@ def refinement_chart(trials: Sequence[RefinementTrial], data: Path) -> Path:
         raise InputError(f"{data.name}: expected trials of the right image to draw, found none; measure with --trials")
     angles, percents = sorted({trial.angle_deg for trial in grid}), sorted({trial.percent for trial in grid})
     boxes: list[Layer] = []
-    for place in np.ndindex(len(angles), len(percents)):
+    for place in itertools.product(range(len(angles)), range(len(percents))):
         at = angles[place[0]], percents[place[1]]
         cell = [trial.right and trial.accepted for trial in grid if (trial.angle_deg, trial.percent) == at]
         good = sum(cell)

@@ -55,8 +55,8 @@ def scenario(user):
     space.show_gizmo = space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = False
     background = scene.oneframe.camera_object.data.background_images[0]
 
-    # the middle of a dot is found to a small part of a pixel of the window
-    user.view.view_camera_zoom = 40.0
+    # zoom in until the window's pixels are smaller than the tolerance
+    user.view.view_camera_zoom = 90.0
     per_offset, at_zero = yield from pan_rule(user)
     scale = FrameView.of(scene, user.region(), user.view).scale
     region_middle = np.array([user.region().width, user.region().height]) / 2
@@ -67,7 +67,7 @@ def scenario(user):
         space.overlay.show_overlays = background.show_background_image = shown == "frame"
         surface.hide_viewport = shown == "frame"
         off = {}
-        for middle in itertools.product((240, 720), (120, 360, 600)):
+        for middle in itertools.product((120, 360, 600, 840), (60, 180, 300, 420, 540, 660)):
             user.view.view_camera_offset = (region_middle - middle * scale - at_zero) / per_offset
             yield from user.redraw()
             view = FrameView.of(scene, user.region(), user.view)

@@ -86,6 +86,8 @@ def drag(user):
     yield from user.until(
         lambda: not np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose to follow"
     )
+    yield from user.redraw()
+    yield 0.3
     user.event("ESC", "PRESS", at)
     user.event("ESC", "RELEASE", at)
     yield from user.until(lambda: np.array_equal(pixel_of(1), pixel), "the drag cancelled")

@@ -50,7 +50,7 @@ def zoom(user, scene):
         yield from user.move(tuple(np.round(corner + np.array(fraction) * [region.width, region.height])))
         place = np.round(user._place)
         under = seen(user).px_from_region(place - corner)
-        for kind in ["WHEELUPMOUSE"] * 14 + ["WHEELDOWNMOUSE"] * 3:
+        for kind in ["WHEELUPMOUSE"] * 15 + ["WHEELDOWNMOUSE"] * 8:
             user.event(kind, "PRESS", tuple(place))
             yield 0.06
             view = seen(user)

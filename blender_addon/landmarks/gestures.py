@@ -15,7 +15,6 @@ from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
 from ..state.events import redraw
-from ..state.landmarks import landmarks_model
 from ..state.pose import set_cam_from_model
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import OperatorResult
@@ -64,13 +63,19 @@ class Gesture:
 class _Snapshot:
     """Everything that a gesture may change, for restoring it."""
 
-    landmarks: tuple
+    landmarks: tuple[dict[str, object], ...]
     active: int
     pose: np.ndarray
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> "_Snapshot":
-        return cls(landmarks_model(scene), scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
+        # as stored: landmarks that are read have the decimals of a file
+        fields = "enabled", "has_point", "has_pixel"
+        landmarks = tuple(
+            {name: getattr(entry, name) for name in fields} | {"point": entry.point[:], "pixel": entry.pixel[:]}
+            for entry in scene.oneframe.landmarks
+        )
+        return cls(landmarks, scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
 
     def restore(self, scene: bpy.types.Scene) -> None:
         with events.muted():
@@ -78,9 +83,8 @@ class _Snapshot:
             while len(settings.landmarks) > len(self.landmarks):
                 settings.landmarks.remove(len(settings.landmarks) - 1)
             for entry, landmark in zip(settings.landmarks, self.landmarks, strict=True):
-                entry.enabled = landmark.enabled
-                entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
-                entry.point, entry.pixel = landmark.point or (0, 0, 0), landmark.pixel or (0, 0)
+                for name, value in landmark.items():
+                    setattr(entry, name, value)
             settings.landmark_index = self.active
         set_cam_from_model(scene, self.pose)
 

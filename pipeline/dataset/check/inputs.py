@@ -59,7 +59,9 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
         require_equal(frame.get("cam_from_model"), pose, "dataset.json: frame: cam_from_model", relative=RELATIVE)
     with findings.collecting(KIND):
         wanted = [described_frame(each, description.mesh_from_model) for each in case.frames]
-        found, expected = dict(enumerate(content.get("frames", []))), dict(enumerate(wanted))
+        found, expected = (
+            {str(number): each for number, each in enumerate(frames)} for frames in (content.get("frames", []), wanted)
+        )
         require_equal(found, expected, f"dataset.json and {case.path}: frames", relative=RELATIVE)
 
 

@@ -204,7 +204,8 @@ class RunFolder(WorkFolder):
         had = json.loads(read_file(record, LARGEST_TEXT)).get(COUNT) if record.exists() else None
         if had != wanted:
             # the tables are, or may be, those of another number of views
-            whole = [scene_folder(number) for number in range(min(had or wanted, wanted) // layout.VIEWS_PER_SCENE)]
+            both = min(had, wanted) if isinstance(had, int) else wanted
+            whole = [scene_folder(number) for number in range(both // layout.VIEWS_PER_SCENE)]
             keep_checksums(self.path, identity_of(self._description), VIDEO_FILES, whole)
         if not self._shared:
             # of scenes that never came, which readers of BOP's folders would open

@@ -105,7 +105,7 @@ class ONEFRAME_PT_dataset_run(PartPanel):
         layout.prop(scene.oneframe, "dataset_out", text="")
         layout.operator_context = "INVOKE_DEFAULT"
         job = background_job.current()
-        if job is None or not job.running:
+        if not background_job.is_running():
             layout.operator("oneframe.render_dataset", icon="RENDER_ANIMATION")
         if job is not None:
             _draw_job(layout, job)

@@ -2,7 +2,7 @@
 
 import re
 
-from ..pipeline.dataset.options import COLOURS, ENGINES, OPTIONS
+from ..pipeline.dataset.options import OPTIONS
 
 _SENTENCES = (
     (" (--out)", ""),
@@ -29,5 +29,5 @@ def _label(name: str) -> str:
 
 def _named(found: re.Match[str]) -> str:
     option, value = found[1].replace("-", "_"), found[2]
-    known = value in (*ENGINES, *COLOURS)
+    known = option in OPTIONS and value in OPTIONS[option].choices
     return _label(option) + ("" if value is None else f" {value.title() if known else value}")

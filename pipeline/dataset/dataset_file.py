@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ class Description:
     mesh_from_model: np.ndarray
     frames: int = 1
 
-    @property
+    @cached_property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of a view's files, without its record."""
         return written_truths(self.content["options"], self.frames)

@@ -27,14 +27,14 @@ def decoded(data: bytes, form: Form, shape: Shape, where: str) -> np.ndarray:
         try:
             width, height = image_size(data)
         except ValueError:
-            raise damaged(where) from None
+            raise _damaged(where) from None
         # before memory is taken for any size that a header claims
         if (height, width) != shape:
-            raise damaged(where)
+            raise _damaged(where)
         flags = cv2.IMREAD_UNCHANGED if form.channels == 1 else cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH
         array = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     if array is None or array.shape != form.shape(shape) or array.dtype != form.dtype:
-        raise damaged(where)
+        raise _damaged(where)
     return array
 
 
@@ -43,7 +43,7 @@ def depth_mm(units: np.ndarray, depth_scale: float) -> np.ndarray:
     return np.multiply(units, np.float32(depth_scale), dtype=np.float32)
 
 
-def damaged(where: str) -> InputError:
+def _damaged(where: str) -> InputError:
     """The error for a file of a view that is none."""
     return InputError(
         f"{where}: expected a file of a view as oneframe writes it, found a damaged one or one of another size; check "

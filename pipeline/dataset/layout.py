@@ -83,10 +83,13 @@ _ENDINGS = {name: truth.form.ending for name, truth in TRUTHS.items()} | {"frame
 """Ends of the names of files, by kind."""
 
 
+_LARGEST_PIXEL = max(np.dtype(truth.form.dtype).itemsize * truth.form.channels for truth in TRUTHS.values())
+"""Bytes of a pixel in the array that has most."""
+
+
 def largest_view_file(width: int, height: int) -> int:
     """No file of a view of this size has more bytes: at worst all of its pixels', and a header."""
-    pixel = max(np.dtype(truth.form.dtype).itemsize * truth.form.channels for truth in TRUTHS.values())
-    return min(pixel * width * height, LARGEST_INPUT) + LARGEST_TEXT
+    return min(_LARGEST_PIXEL * width * height, LARGEST_INPUT) + LARGEST_TEXT
 
 
 def scene_count(count: int) -> int:
@@ -141,7 +144,7 @@ def is_own_file(name: str) -> bool:
         return False
     kind, _, file = in_scene[1].partition("/")
     return in_scene[1] in SCENE_TABLES or (
-        kind in KINDS and re.fullmatch(r"[0-9]{6}(_[0-9]{6})?\.(png|json|npy)", file) is not None
+        kind in KINDS and re.fullmatch(f"[0-9]{{6}}{re.escape(_ENDINGS[kind])}", file) is not None
     )
 
 

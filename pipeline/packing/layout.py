@@ -31,6 +31,7 @@ TABLES = (*COPIED, TARGETS, INFO, KEY_TO_SHARD)
 DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
 MASKS = tuple(name for name, truth in TRUTHS.items() if truth.form is MASK)
+# the one of several frames first, as packs have always had it
 FILES = {
     name: name + truth.form.ending
     for name, truth in sorted(TRUTHS.items(), key=lambda item: not item[1].of_several)

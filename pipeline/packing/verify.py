@@ -80,7 +80,8 @@ def verify_pack(
             + ("an unfinished one; run the command that packs it again" if unfinished else f"no {MANIFEST} in it")
         )
     manifest = read_manifest(folder)
-    orders: list[ShardOrder | None] = [None] * len(manifest.shards)
+    shards = manifest.plan.shards()
+    orders: list[ShardOrder | None] = [None] * len(shards)
     if root is not None:
         orders = [*_orders(folder, root, manifest)]
     findings = Findings()
@@ -94,14 +95,14 @@ def verify_pack(
             problem = damaged_file(folder, shard_name(number), known, hashes=True)
             if problem is None and order is not None:
                 return OTHER, _unlike(order, known, progress.advance)
-            for _ in manifest.plan.shards()[number]:
+            for _ in shards[number]:
                 progress.advance()
             return DAMAGED, problem
 
         for kind, problem in pool.map(checked, range(len(orders)), manifest.shards, orders):
             if problem is not None:
                 findings.add(kind, problem)
-    return VerifyReport(len(manifest.plan.views), len(manifest.shards), root is not None, findings)
+    return VerifyReport(len(manifest.plan.views), len(shards), root is not None, findings)
 
 
 def _orders(folder: Path, root: Path, manifest: Manifest) -> list[ShardOrder]:
@@ -137,13 +138,12 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
         )
         if problem:
             findings.add(DAMAGED, problem)
-    shards = {*map(shard_name, range(len(manifest.shards)))}
-    known_names = {MANIFEST, *manifest.files, *shards}
+    known_names = {MANIFEST, *manifest.files, *map(shard_name, range(len(manifest.shards)))}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if name not in known_names and not path.is_dir() and not is_note(name):
-            own = is_own_name(name) and name not in shards
-            findings.add(FOREIGN, f"{name}: {'this pack has no such shard' if own else 'no pack has such a file'}")
+            what = "this pack has no such shard" if is_own_name(name) else "no pack has such a file"
+            findings.add(FOREIGN, f"{name}: {what}")
     with suppress(InputError, OSError):
         if read_description(folder / RECORD).identity != manifest.plan.identity:
             findings.add(DAMAGED, f"{RECORD}: it describes another dataset than the one that {MANIFEST} names")

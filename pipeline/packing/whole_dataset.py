@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..dataset import layout
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import CHECKSUMS, MOST_VIEWS, RECORD, advice_without_record, scene_views
+from ..dataset.layout import CHECKSUMS, RECORD, advice_without_record
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..files.content import read_content
@@ -35,8 +36,8 @@ class WholeDataset:
     @property
     def targets(self) -> frozenset[int]:
         """The views that ``test_targets_bop19.json`` names."""
-        per_scene = len(scene_views(0, MOST_VIEWS))
-        return frozenset(entry["scene_id"] * per_scene + entry["im_id"] for entry in self.table(TARGETS))
+        entries = self.table(TARGETS)
+        return frozenset(entry["scene_id"] * layout.VIEWS_PER_SCENE + entry["im_id"] for entry in entries)
 
     def table(self, name: str) -> Any:
         """The value in a JSON file beside the views.

@@ -187,6 +187,21 @@ def test_a_damaged_description_is_written_again_where_it_is_removed(tmp_path, da
         assert record.read_bytes() == content
 
 
+@pytest.mark.parametrize("count", [None, "3", 2.5, [3]])
+def test_a_number_of_views_that_is_none_is_written_again(tmp_path, count):
+    (tmp_path / "dataset.json").write_text(json.dumps(IDENTITY | {"count": count}))
+    with RunFolder(tmp_path, IDENTITY, WHOLE):
+        assert json.loads((tmp_path / "dataset.json").read_text()) == IDENTITY
+
+
+@pytest.mark.parametrize("kind", layout.KINDS)
+def test_a_run_knows_its_files_of_a_view_and_no_others(kind):
+    name = ViewPaths(Path(), 1002).relative(kind)
+    assert layout.is_own_file(name)
+    for other in (f"{name}~", name.replace("000002", "2"), str(Path(name).with_suffix(".jpg"))):
+        assert not layout.is_own_file(other)
+
+
 def test_a_dataset_grows_and_never_shrinks(tmp_path):
     larger = IDENTITY | {"count": 300}
     with RunFolder(tmp_path, IDENTITY, WHOLE):

@@ -1,4 +1,4 @@
 """Rendering the surface at a pose.
 
-In: a surface with colours, a camera, a pose. Out: :class:`~oneframe.dataset.view.RenderedView`.
+In: a surface with colours, a camera, a pose. Out: :class:`~oneframe.projection.rendered_view.RenderedView`.
 """

@@ -2,7 +2,7 @@
 
 Images are decoded with OpenCV, and depths computed by projecting the model (:mod:`oneframe.dataset.check.depth`), apart
 from the code that wrote them; tables are made again from the records. The check goes through the views one by one and
-keeps little of each, so its memory does not grow with the masks. Needs cv2 and OpenCV's video reader.
+keeps little of each, so its memory does not grow with the masks. Needs cv2, and PyAV for a video.
 """
 
 from dataclasses import dataclass, replace

@@ -18,6 +18,9 @@ from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import baked_colour_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.check.check_dataset import check_dataset
+from oneframe.dataset.check.findings import Findings
+from oneframe.dataset.check.inputs import check_inputs
+from oneframe.dataset.dataset_file import read_description
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.projection.edge_pixels import edge_pixels
@@ -90,6 +93,10 @@ def test_a_dataset_says_which_frame_colours_a_pixel(loaded, engine, tmp_path):
             named = np.take_along_axis(by_frame, view.source_frame[None, ..., None], axis=0)[0]
             assert np.abs(view.rgb - 255 * named)[view.observed].max() < 0.51
     assert not check_dataset(tmp_path / "out", case=loaded.case).findings
+    first, *others = loaded.case.frames
+    moved = replace(loaded.case, frames=(replace(first, camera=replace(first.camera, fx=1.0)), *others))
+    check_inputs(read_description(tmp_path / "out" / "dataset.json"), moved, None, findings := Findings())
+    assert ["frames: 0.fx is " in message for message in findings.shown()] == [True]
 
 
 @pytest.mark.parametrize("mode", ["texture", "vertex"])

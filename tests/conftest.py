@@ -157,10 +157,7 @@ def stepped_mesh() -> TriangleMesh:
     x, y = np.meshgrid(np.linspace(-30, 30, 61), np.linspace(-25, 25, 51))
     plate = grid_mesh(x, y, np.zeros_like(x))
     above = grid_mesh(x / 4 + 3, y / 4, np.full_like(x, 6.0))
-    mesh = TriangleMesh(
-        np.concatenate([plate.vertices, above.vertices]),
-        np.concatenate([plate.faces, above.faces + len(plate.vertices)]).astype(np.int32),
-    )
+    mesh = joined(plate, above)
     return mesh.moved(-mesh.vertices.mean(axis=0))
 
 

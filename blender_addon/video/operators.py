@@ -8,6 +8,7 @@ from bpy.props import FloatProperty, IntProperty, StringProperty
 
 from ..class_registration import prop
 from ..pipeline.errors import InputError
+from ..pipeline.video import SUFFIXES
 from ..pipeline.video.frame_folder import film_notes
 from ..state import camera_view, from_scene, workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
@@ -16,7 +17,7 @@ from ..view.zoom import fit_soon
 from . import session, shown_frame
 from .session import FilmSession
 
-VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm;*.ts;*.mts;*.wmv;*.mxf"
+VIDEOS = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 
 
 class NeedsFilm(Available):

@@ -4,6 +4,7 @@ OpenCV's own parser crashes on files nested deeply, and takes hours for others.
 """
 
 import re
+from collections import Counter
 from typing import Any
 
 import yaml
@@ -26,7 +27,7 @@ class _Loader(yaml.CSafeLoader):
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, object]:
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         if len(set(keys)) < len(keys):
-            raise ValueError(f"it holds {max(keys, key=keys.count)[:60]!r} twice in one table")
+            raise ValueError(f"it holds {Counter(keys).most_common(1)[0][0][:60]!r} twice in one table")
         return super().construct_mapping(node, deep)
 
 

@@ -13,8 +13,6 @@ from ..process.own_process import own_output
 if TYPE_CHECKING:
     from ..case.frame import Frame
 
-VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm")
-
 ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."
 EPILOG = """examples:
   %(prog)s --surface surface --frame frames/surgery_frame_001234_masked.png --camera camera.json --out case
@@ -157,14 +155,15 @@ def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":
 
     from ..case.frame import Frame, read_frame
     from ..images.pixel_values import to_uint8
+    from ..video import SUFFIXES
 
     path = arguments.frame[0]
     if arguments.frame_number is not None:
         from ..video.film_reader import read_video_frame
 
         pixels = read_video_frame(path, arguments.frame_number)
-        frame = Frame(path, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))
-    elif path.suffix.lower() in VIDEOS:
+        frame = Frame(path, pixels / np.float32(255), np.ones(pixels.shape[:2], np.bool_))
+    elif path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
     else:
         frame = read_frame(path)

@@ -319,6 +319,7 @@ WRONG = {
         lambda given: {"mask": save(given / "m.png", np.zeros((HEIGHT, WIDTH), np.uint8))}, "0 everywhere"
     ),
     "frame is a video": (lambda given: {"frame": given / "f.mp4"}, "--frame-number"),
+    "frame is a video of a camcorder": (lambda given: {"frame": given / "f.MTS"}, "--frame-number"),
     "frame that EXIF turns": (lambda given: {"frame": turned(given / "f.jpg")}, "EXIF orientation"),
     "a surface that is none": (lambda given: {"surface": given / "camera.json"}, "expected a mesh file"),
     "a report with a file elsewhere": (

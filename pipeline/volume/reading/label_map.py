@@ -113,8 +113,11 @@ def names_beside(path: Path) -> dict[int, str]:
     for candidate in [*own, path.resolve().parent.parent / "dataset.json"]:
         if candidate.is_file():
             table = parsed_json(read_content(candidate, "names of labels", most=LARGEST_TEXT), candidate.name)
-            if isinstance(table, dict) and (names := _names_in_json(table.get("labels", table))):
-                return names
+            if isinstance(table, dict):
+                names = _names_in_json(table.get("labels", table))
+                # a flat table holds names alone: what a scanner's converter writes beside a map has numbers, too
+                if names and ("labels" in table or len(names) == len(table)):
+                    return names
     for name in (stem + ".txt", stem + ".label", "labels.txt", "labels.label"):
         candidate = path.with_name(name)
         if candidate.is_file() and (names := _names_in_text(candidate)):

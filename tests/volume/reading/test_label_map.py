@@ -62,6 +62,7 @@ SNAP = '# ITK-SnAP\n    0   0   0   0   0  0  0   "Clear Label"\n    3   255   0
         ("case_1.label", SNAP.encode("utf-16"), "chorda"),
         ("other.json", {"labels": {"3": "no"}}, "label 3"),
         ("dataset.json", {"name": "without labels"}, "label 3"),
+        ("case_1.json", {"Modality": "CT", "SeriesNumber": 3}, "label 3"),
     ],
 )
 def test_names_beside_the_map(tmp_path, name, content, expected):

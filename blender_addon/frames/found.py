@@ -90,7 +90,7 @@ class FoundFrames:
         left = numbers - self.frames.keys()
         if not left:
             left, self.candidates = numbers, Candidates()
-        run, written_s = RegistrationRun(registrar, is_film=True, candidates=self.candidates), time.monotonic()
+        run, written_s = RegistrationRun(registrar, self.candidates, is_film=True), time.monotonic()
         try:
             with registrar.frames(film.path) as opened:
                 for frame in opened.frames:

@@ -131,12 +131,11 @@ def align_case(
     """
     proposals: tuple[str, ...] = ()
     if propose:
-        proposed, proposals = _proposed(case, propose, tool, date)
-        if not refine:
-            unverified = "note: nothing has verified the proposal; look at --picture, or refine it"
-            return AlignedCase(proposed, None, None, (), proposals=(*proposals, unverified))
-        case = proposed.case
+        case, proposals = _proposed(case, propose, tool, date)
     loaded = load_case(case, aligned=False)
+    if propose and not refine:
+        unverified = "note: nothing has verified the proposal; look at --picture, or refine it"
+        return AlignedCase(loaded, None, None, loaded.messages, proposals=(*proposals, unverified))
     if not (case.posed or complete_landmarks(case.landmarks)):
         raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
     alignment, refinement, image, took_refused = None, None, None, False
@@ -186,7 +185,7 @@ def align_case(
     return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused, proposals)
 
 
-def _proposed(case: Case, take: int, tool: str, date: str) -> tuple[LoadedCase, tuple[str, ...]]:
+def _proposed(case: Case, take: int, tool: str, date: str) -> tuple[Case, tuple[str, ...]]:
     """The case with one of the poses that its frame alone proposes, and all of them in lines, the best first."""
     if complete_landmarks(case.landmarks):
         raise InputError(f"{case.path.name}: --propose: expected no landmarks, found some; they say where it is")
@@ -201,8 +200,7 @@ def _proposed(case: Case, take: int, tool: str, date: str) -> tuple[LoadedCase, 
         )
     pose = found[take - 1].cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
     record = {"method": PROPOSED, "tool": tool, "date": date, "explained": found[take - 1].explained}
-    posed = replace(loaded, case=replace(loaded.case, posed=True)).posed(pose, record)
-    return posed, tuple(
+    return replace(case, cam_from_mesh=pose, posed=True, alignment=record), tuple(
         f"proposal {number}: explains {each.explained:.0%} of the image, score {each.score:.0f}"
         f"{', taken' if number == take else ''}"
         for number, each in enumerate(found, 1)

@@ -14,6 +14,7 @@ import numpy as np
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..light.exposure import matched_exposures
+from ..projection.rays import MeshRays
 from ..projection.visible_surface import most_central
 from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
@@ -104,8 +105,8 @@ def traced_view_of(loaded: LoadedCase) -> ReferenceView:
     InputError
         No pixel of a frame shows the surface, or there is no Embree.
     """
-    surface = ColouredSurface(loaded.surface.mesh)
-    seen = [RayTracer(surface, frame.camera).render(frame.cam_from_model) for frame in loaded.frames]
+    surface, rays = ColouredSurface(loaded.surface.mesh), MeshRays(loaded.surface.mesh)
+    seen = [RayTracer(surface, frame.camera, rays=rays).render(frame.cam_from_model) for frame in loaded.frames]
     return view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
 
 
@@ -115,7 +116,7 @@ def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
     Raises
     ------
     InputError
-        No pixel of the frame shows the surface.
+        No pixel of a frame shows the surface, or it needs rays and there is no Embree.
     """
     return rasterised_view_of(loaded) if can_rasterise(loaded) else traced_view_of(loaded)
 

@@ -28,11 +28,11 @@ class FilmReport:
     Attributes
     ----------
     frames
-        Of the film that was written.
+        Number of all its pictures.
     drawn
-        With an overlay.
+        Number of those with an overlay.
     without_pose, out_of_view
-        Without one: no pose, or one that does not show the surface.
+        Numbers of those without one: no pose, or one that does not show the surface.
     repeated, left_out
         Pictures that stand in for frames that cannot be decoded or come late, and frames that come too soon after
         another one.
@@ -53,7 +53,7 @@ class FrameMark:
     Attributes
     ----------
     opacity
-        Of the overlay, 0..1.
+        That of the overlay, 0..1.
     codes
         sRGB of a border for a pose that is not sure; ``None`` for none.
     words

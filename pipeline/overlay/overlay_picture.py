@@ -38,7 +38,7 @@ class StructureView:
     Attributes
     ----------
     name
-        Of the structure.
+        The structure's.
     seen
         How much of it is seen.
     place

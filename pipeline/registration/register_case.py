@@ -13,7 +13,7 @@ from ..case.case_writer import relative_name
 from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase, overlay_scene
 from ..errors import InputError
-from ..files.outputs import check_own_folder, made_folder, write_output, writing
+from ..files.outputs import check_own_folder, write_output, writing
 from ..images.contact_sheet import contact_sheet
 from ..images.legend import Write, put_border
 from ..images.overlay import draw_overlay
@@ -21,7 +21,7 @@ from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..video.film_reader import Film
-from .colour_sources import chosen_sources
+from .colour_sources import Candidates, chosen_sources
 from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
 from .register import RegisteredFrame
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, RegistrationRun, colouring_frames, frame_files
@@ -83,9 +83,9 @@ def register_case(
         A file cannot be written.
     """
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(frames))
-    registrar, is_film = CaseRegistrar(loaded), not frames.is_dir()
-    run, evidence = RegistrationRun(registrar, is_film=is_film), list[FrameEvidence]()
-    drawn, usable = _drawn_points(loaded), False
+    registrar, is_film, candidates = CaseRegistrar(loaded), not frames.is_dir(), Candidates()
+    run = RegistrationRun(registrar, candidates if colour_frames else None, is_film=is_film)
+    evidence, drawn, usable = list[FrameEvidence](), _drawn_points(loaded), False
     with registrar.frames(frames, every) as opened:
         pictures = _Pictures(loaded, registrar, opened.count)
         for done, frame in enumerate(opened.frames):
@@ -103,7 +103,7 @@ def register_case(
     evidence = [each.judged(judged[each.number]) for each in evidence]
     _write_lists(loaded, frames, out, evidence, judged)
     write_output(out / SHEET, pictures.sheet(evidence))
-    colouring = colouring_frames(run.candidates, judged, change)
+    colouring = colouring_frames(candidates, judged, change)
     choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
     known = RegistrationEvidence(
@@ -157,7 +157,6 @@ def _write_lists(
         )
     if frames.is_dir() and loaded.case.distortion is not None:
         entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
-    made_folder(out / POSES)
     for name in (ESTIMATES, SHEET, FILM, PAGE):
         with writing(out / name):
             (out / name).unlink(missing_ok=True)

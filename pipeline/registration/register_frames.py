@@ -237,20 +237,19 @@ class RegistrationRun:
     ----------
     alone
         Number of a frame -> what was found in it, without the fit.
-    candidates
-        Those that may colour the surface.
     """
 
-    def __init__(self, registrar: CaseRegistrar, *, is_film: bool, candidates: Candidates | None = None) -> None:
-        """Begin without frames; ``candidates`` may hold those of an earlier run."""
-        self._registrar, self._is_film = registrar, is_film
+    def __init__(self, registrar: CaseRegistrar, candidates: Candidates | None, *, is_film: bool) -> None:
+        """Begin without frames; ``candidates`` collect those that may colour the surface, if any are wanted."""
+        self._registrar, self._candidates, self._is_film = registrar, candidates, is_film
         self._agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
-        self.alone, self.candidates = dict[int, RegisteredFrame](), candidates or Candidates()
+        self.alone = dict[int, RegisteredFrame]()
 
     def register(self, frame: FurtherFrame) -> RegisteredFrame:
         """Register the next frame, see :meth:`CaseRegistrar.register`."""
         found = self._registrar.register(frame)
-        self.candidates.add(frame.number, frame.image, frame.valid, found)
+        if self._candidates is not None:
+            self._candidates.add(frame.number, frame.image, frame.valid, found)
         if self._is_film and found.fit is not None and found.verdict.state == ACCEPTED:
             self._agreement.add(frame.number, found.fit)
         self.alone[frame.number] = replace(found, fit=None)

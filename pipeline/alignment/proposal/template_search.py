@@ -49,11 +49,10 @@ class Found(NamedTuple):
 
 
 class _TurnedImage(NamedTuple):
-    """The image at a roll on a square canvas of ``size`` px: its transforms, and the warp ``(2, 3)`` to it."""
+    """The image at a roll on a square canvas: its transforms, and the warp ``(2, 3)`` to it."""
 
     spectra: Spectra
     canvas_from_image: np.ndarray
-    size: int
 
 
 def search_everywhere(
@@ -90,7 +89,7 @@ def search_everywhere(
         peaks = []
         for span, images in zip(SPANS, turned, strict=True):
             region, planes = _template(*rendered, span)
-            transforms = [spectrum(plane, (images[0].size,) * 2) for plane in (region, *planes)]
+            transforms = [spectrum(plane, images[0].spectra.region.shape) for plane in (region, *planes)]
             shown_px = float(region.sum())
             for turned_image in images:
                 scores = _scores(transforms, turned_image.spectra, shown_px, MIN_OVERLAP * min(shown_px, image_px))
@@ -171,7 +170,7 @@ def _turned_images(grey: np.ndarray, valid: np.ndarray, diameter_px: float) -> l
         warp[:, 2] = warp[:, 2] + (size - 1) / 2 - np.array([width - 1, height - 1]) / 2
         mask = cv2.warpAffine(valid.astype(np.float32), warp, (size, size))
         values = cv2.warpAffine(detail, warp, (size, size))
-        turned.append(_TurnedImage(Spectra.of(mask, [values], (size, size)), warp, size))
+        turned.append(_TurnedImage(Spectra.of(mask, [values], (size, size)), warp))
     return turned
 
 
@@ -180,7 +179,6 @@ def _scores(transforms: list[np.ndarray], image: Spectra, whole_px: float, least
 
     The features count as orthonormal on the part of the template in the image, too.
     """
-
     shown = correlated(image.region, transforms[0])
     variation = correlated(image.products[0, 0], transforms[0])
     explained = sum(correlated(image.planes[0], each) ** 2 for each in transforms[1:])
@@ -199,7 +197,7 @@ def _pose(
     place: Sequence[int],
 ) -> np.ndarray:
     """The pose of a peak, whose place is (x, y)."""
-    size, canvas = _template_px(span), image.size
+    size, canvas = _template_px(span), len(image.spectra.region)
     x, y = (value - canvas if value > canvas - size // 2 else value for value in place)
     warp = image.canvas_from_image
     pixel = np.linalg.solve(warp[:, :2], np.array([x, y]) + (size - 1) / 2 - warp[:, 2])

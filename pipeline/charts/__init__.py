@@ -1,4 +1,4 @@
 """Charts of what was measured, drawn by matplotlib, which is optional: ``pip install matplotlib``.
 
-In: the records of a data file. Out: SVG and PNG next to that file, each for light and for dark pages.
+In: the records of a data file. Out: a PNG next to that file.
 """

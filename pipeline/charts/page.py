@@ -13,13 +13,12 @@ from typing import Any
 from ..errors import RunError
 from ..files.outputs import write_output
 
-DPI = 160
 PAPER, TEXT, MUTED, GRID = "#ffffff", "#1f2328", "#59636e", "#d8dee4"
 OURS, WARNING, PEER = "#0072b2", "#d55e00", "#007d5a"
 """Colours of series, which suit colour-blind readers too (after Okabe and Ito 2008)."""
 DASHED = (0, (4, 3))
 STYLE: dict[Any, Any] = {
-    "savefig.dpi": DPI,
+    "savefig.dpi": 160,
     "font.size": 11,
     "figure.facecolor": PAPER,
     "axes.facecolor": PAPER,

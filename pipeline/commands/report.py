@@ -18,7 +18,7 @@ EPILOG = """examples:
   %(prog)s evaluation --out evaluation.html
 
 DIR is a folder of oneframe render or of an evaluation. The page of a dataset shows its views with masks and depth,
-their poses in 3D, distributions, what oneframe check finds, and provenance. It stays below 20 MB up to 1000 views.
+their poses, distributions, what oneframe check finds, and provenance. It stays below 20 MB up to 1000 views.
 """
 
 

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from .. import __version__
-from ..files.content import write_bytes_atomically
+from ..files.outputs import write_output
 
 COMMENT = "# "
 """Begins each line of the conditions in a table (CSV)."""
@@ -95,10 +95,16 @@ def _processor() -> str:
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], conditions: Conditions) -> None:
-    """Write a table below its conditions, whole or not at all; floats keep six significant digits."""
+    """Write a table below its conditions, whole or not at all; floats keep six significant digits.
+
+    Raises
+    ------
+    RunError
+        It cannot be written.
+    """
     text = io.StringIO(newline="")
     text.writelines(f"{COMMENT}{line}\n" for line in conditions.lines())
     table = csv.writer(text, lineterminator="\n")
     table.writerow(columns)
     table.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
-    write_bytes_atomically(path, text.getvalue().encode())
+    write_output(path, text.getvalue().encode())

@@ -13,9 +13,8 @@ import numpy as np
 
 from ..case.case_file import read_case
 from ..case.loaded_case import load_case
-from ..charts.page import chart_path
 from ..errors import InputError
-from ..files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
+from ..files.outputs import check_outputs, check_own_folder, write_output
 from ..progress import ShareProgress
 from ..registration.pose_list import read_photographs
 from .conditions import Conditions, current_conditions, write_table
@@ -33,7 +32,7 @@ from .evaluate import (
 from .finished_scores import FinishedScores, identity_of
 from .gallery import FIGURE, PAIR_COLUMNS, PAIR_ROWS, PAIRS, PICTURES, Gallery, picture_stems
 from .methods import ChosenMethods
-from .record.evaluation_chart import evaluation_charts
+from .record.evaluation_chart import chart_files, evaluation_charts
 from .record.evaluation_record import (
     ALL,
     EVALUATION,
@@ -143,7 +142,7 @@ def _check(run: EvaluationRun) -> None:
     kinds += [f"{method.key}{suffix}" for method in run.settings.methods.running for suffix in ("", " difference")]
     outputs = [out / name for name in _FILES]
     outputs += [out / f"{stem} {kind}.png" for stem in picture_stems(run).values() for kind in kinds]
-    outputs += map(chart_path, _chart_files(out, len(run.cases)))
+    outputs += chart_files(out / CHART, len(run.cases))
     check_outputs(outputs, read)
 
 
@@ -168,7 +167,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     began, gallery, conditions = time.perf_counter(), Gallery(run), _conditions(run)
     read = [*run.inputs.values(), *(photograph.image for case in run.cases for photograph in case.photographs)]
     known = {"versions": conditions.versions, "machine": conditions.machine, "configuration": conditions.configuration}
-    finished = FinishedScores(made_folder(run.out / EVALUATION).parent, identity_of(known, read))
+    finished = FinishedScores(run.out, identity_of(known, read))
     findings = Findings(finished)
     # what a step takes depends on the size of the photograph
     methods = run.settings.methods
@@ -210,8 +209,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     gallery.write_sheets()
     evaluation = draw_charts(evaluation, run.out)
     notes = evaluation_notes(evaluation, findings.without_overlap)
-    with writing(made_folder(run.out / TABLE)):
-        write_table(run.out / TABLE, FRAME_COLUMNS, frame_rows(evaluation), evaluation.conditions)
+    write_table(run.out / TABLE, FRAME_COLUMNS, frame_rows(evaluation), evaluation.conditions)
     for name, data in (
         (MARKDOWN_FILE, markdown_summary(evaluation, notes)),
         (LATEX_FILE, latex_summary(evaluation)),
@@ -234,14 +232,8 @@ def draw_charts(evaluation: Evaluation, out: Path) -> Evaluation:
         import_module("matplotlib")
     except ImportError:
         return evaluation
-    made_folder(out / CHART)
     written = evaluation_charts(evaluation, out / CHART)
     return replace(evaluation, charts=tuple(path.relative_to(out).as_posix() for path in written))
-
-
-def _chart_files(out: Path, cases: int) -> list[Path]:
-    data = out / CHART
-    return [data, data.with_stem(f"{data.stem}_cases")] if cases > 1 else [data]
 
 
 def _conditions(run: EvaluationRun) -> Conditions:

@@ -49,7 +49,7 @@ def html_page(*, title: str, body: str, data: Mapping[str, object], scripts: Seq
     style = asset("report.css")
     code = "(() => {\n'use strict';\n" + "\n".join(asset(name) for name in scripts) + "\n})();\n"
     policy = (
-        f"default-src 'none'; script-src {_source_hash(code)}; style-src {_source_hash(style)}; img-src data: blob:; "
+        f"default-src 'none'; script-src {_source_hash(code)}; style-src {_source_hash(style)}; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
     text = (
@@ -85,7 +85,7 @@ def page_header(*, kind: str, name: str, facts: Sequence[str], status: str = "")
         '<button id="theme" class="quiet" type="button" aria-label="Switch between light and dark" '
         'title="Switch between light and dark"><span aria-hidden="true">◐</span></button></div>'
         f'<div class="title"><h1>{escaped(name)}</h1>{status}</div><ul class="facts">{line}</ul></header>\n'
-        "<noscript><p class='note warning'>This page shows its pictures with JavaScript, which is switched off here."
+        "<noscript><p class='muted'>This page shows its pictures with JavaScript, which is switched off here."
         "</p></noscript>"
     )
 

@@ -16,7 +16,7 @@ from .surface_sides import surface_sides
 from .thumbnails import base64_text
 from .view_geometry import SourceFrame, pose_data
 
-SCRIPTS = ("elements.js", "layers.js", "table.js", "poses.js", "registration.js")
+SCRIPTS = ("elements.js", "table.js", "poses.js", "registration.js")
 QUANTITIES = (
     {"key": "state", "name": "State", "colours": COLOURS},
     {"key": "probability", "name": "Probability", "unit": "", "digits": 3, "about": "that the pose is right"},

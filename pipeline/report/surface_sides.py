@@ -23,9 +23,11 @@ def surface_sides(surface: tuple[TriangleMesh, np.ndarray] | None, source: Sourc
     ``box`` is where the picture lies: left, lower, right and upper end, in mm from the pivot along the axes.
     """
     right, up, towards = source.cam_from_model[:3, :3] * np.array([[1], [-1], [-1]])
-    sides = ("from the source frame", up), ("from the side", towards)
-    axes = [(name, {"across": right.tolist(), "up": axis.tolist()}, axis) for name, axis in sides]
-    return [{"name": name, **given, **_picture(surface, source.pivot_model, right, axis)} for name, given, axis in axes]
+    return [
+        {"name": name, "across": right.tolist(), "up": axis.tolist()}
+        | _picture(surface, source.pivot_model, right, axis)
+        for name, axis in (("from the source frame", up), ("from the side", towards))
+    ]
 
 
 def _picture(

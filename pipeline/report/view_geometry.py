@@ -51,11 +51,6 @@ class SourceFrame:
         """For a page."""
         return pose_data(self.cam_from_model) | {"pivot": self.pivot_model.tolist()}
 
-    @property
-    def distance_mm(self) -> float:
-        """From the centre of projection to the pivot."""
-        return float(np.linalg.norm(camera_centre(self.cam_from_model) - self.pivot_model))
-
     def angle_deg(self, cam_from_model: np.ndarray) -> float:
         """At the pivot, between the directions to the source frame's camera and to another, 0..180."""
         own, other = (

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from oneframe.errors import InputError
 from oneframe.evaluation.conditions import COMMENT, Conditions, write_table
 from oneframe.files.content import decoded, read_content
-from oneframe.files.outputs import made_folder, write_output, writing
+from oneframe.files.outputs import write_output
 from oneframe.files.tables import parsed_json
 
 Row = TypeVar("Row")
@@ -31,8 +31,7 @@ def read_figures(path: Path) -> dict[str, Any]:
 def write_rows(path: Path, rows: Sequence[Any], conditions: Conditions, *properties: str) -> None:
     """Write a table of dataclasses of one kind, with some of their properties after the fields."""
     columns = [*(field.name for field in fields(rows[0])), *properties]
-    with writing(made_folder(path)):
-        write_table(path, columns, ([getattr(row, name) for name in columns] for row in rows), conditions)
+    write_table(path, columns, ([getattr(row, name) for name in columns] for row in rows), conditions)
 
 
 def read_rows(path: Path, kind: type[Row]) -> tuple[list[Row], list[str]]:

@@ -15,10 +15,9 @@ from typing import Any, Self
 
 PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SWITCHES = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars", "--force-device-scale-factor=1",
-    "--remote-debugging-pipe",
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
+    "--hide-scrollbars", "--force-device-scale-factor=1", "--remote-debugging-pipe",
 )  # fmt: skip
 SECONDS = 600.0
 """Longest wait for an answer."""
@@ -102,9 +101,7 @@ class Chromium:
             details = given["exceptionDetails"]
             self.errors.append(details.get("exception", {}).get("description") or details["text"])
         elif method == "Log.entryAdded" and given["entry"]["level"] in ("error", "warning"):
-            # software OpenGL remarks on screenshots
-            if "GL Driver Message (OpenGL, Performance" not in given["entry"]["text"]:
-                self.errors.append(given["entry"]["text"])
+            self.errors.append(given["entry"]["text"])
         elif method == "Runtime.consoleAPICalled" and given["type"] in ("error", "warning", "assert"):
             self.errors.append(" ".join(str(argument.get("value")) for argument in given["args"]))
         elif method == "Network.requestWillBeSent":
@@ -177,4 +174,4 @@ class Chromium:
 
     def outside_requests(self) -> list[str]:
         """Requests for anything but the page itself and what is in it."""
-        return [url for url in self.requests if url != self._page and not url.startswith(("data:", "blob:"))]
+        return [url for url in self.requests if url != self._page and not url.startswith("data:")]

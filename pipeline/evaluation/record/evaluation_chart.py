@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...charts.page import DASHED, MUTED, OURS, TEXT, WARNING, note, round_ticks_inside, write_chart
+from ...charts.page import DASHED, MUTED, OURS, TEXT, WARNING, chart_path, note, round_ticks_inside, write_chart
 from .evaluation_record import ALL, Evaluation
 from .evaluation_tables import where_peers_lead
 
@@ -34,15 +34,19 @@ def evaluation_charts(evaluation: Evaluation, data: Path) -> list[Path]:
     """
     names = [case.name for case in evaluation.cases]
     overall = ALL if len(names) > 1 else names[0]
-    written = [_method_chart(evaluation, overall, data)]
-    if 1 < len(names) <= MOST_CASES:
-        written.append(_case_chart(evaluation, names, data.with_stem(f"{data.stem}_cases")))
-    return written
+    file, *by_case = chart_files(data, len(names))
+    return [_method_chart(evaluation, overall, file), *(_case_chart(evaluation, names, each) for each in by_case)]
+
+
+def chart_files(data: Path, cases: int) -> list[Path]:
+    """The files of :func:`evaluation_charts` of so many cases."""
+    files = [data, data.with_stem(f"{data.stem}_cases")]
+    return list(map(chart_path, files if 1 < cases <= MOST_CASES else files[:1]))
 
 
 def _method_chart(evaluation: Evaluation, case: str, data: Path) -> Path:
     """One panel for each score, one row for each method: mean, confidence interval, and the bound."""
-    methods = evaluation.ran
+    methods, lines = evaluation.ran, _explanations(evaluation, case)
 
     def draw(figure: Any) -> None:
         for axes, (score, title) in zip(figure.subplots(2, 3, sharey=True).flat, PANELS.items(), strict=True):
@@ -71,14 +75,13 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> Path:
             axes.tick_params(axis="y", length=0)
             axes.grid(axis="x")
             round_ticks_inside(axes, margin=0.14)
-        note(figure, "\n".join(_explanations(evaluation, case)))
+        note(figure, "\n".join(lines))
 
     scored = max(
         (entry.n for entry in evaluation.summary if (entry.case, entry.score) == (case, "ssim_whole")), default=0
     )
     title = f"Views against {scored} photographs"
-    lines = len(_explanations(evaluation, case))
-    return write_chart(data, draw, (11.6, 2.9 + 0.62 * len(methods) + 0.17 * lines), title=title)
+    return write_chart(data, draw, (11.6, 2.9 + 0.62 * len(methods) + 0.17 * len(lines)), title=title)
 
 
 def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> Path:

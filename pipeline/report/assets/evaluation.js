@@ -205,7 +205,7 @@ byId('distribution').hidden = !data.distribution.length && !byId('distribution')
 
 function showRows() {
     byId('all-rows').replaceChildren(createTable({
-        caption: 'All photographs', rows: data.rows, sort: null,
+        caption: 'All photographs', rows: data.rows,
         columns: [{ key: 'image', name: 'Photograph' }, { key: 'case', name: 'Case' }, { key: 'method', name: 'Method' },
             ...(byId('all-scores').checked ? scores : mainScores).map(column)],
     }));

@@ -35,12 +35,12 @@ function createPoses(stage, views, described, chosen) {
 
     // --- drawing ------------------------------------------------------------------------------------------------------------
     function paint() {
-        const known = posed.map(({ view }) => (quantity ? view[quantity.key] : NaN)).filter(Number.isFinite);
+        const known = posed.map(({ view }) => view[quantity.key]).filter(Number.isFinite);
         const [low, high] = [Math.min(...known), Math.max(...known)];
         const colours = posed.map(({ view, place }) => {
-            const value = quantity ? view[quantity.key] : NaN;
+            const value = view[quantity.key];
             if (passing && !passing.has(place)) return null;
-            if (quantity?.colours) return `rgb(${quantity.colours[value]})`;
+            if (quantity.colours) return `rgb(${quantity.colours[value]})`;
             return Number.isFinite(value) ? `rgb(${scaleColour(high > low ? (value - low) / (high - low) : 0.5)})` : colour('muted');
         });
         for (const side of sides) paintSide(side, colours);

@@ -1,10 +1,10 @@
 // Tables that sort by a click on a heading.
 
 /**
- * `columns`: {key, name, title, digits, number, shown}, `shown(row)` an element for the cell; `rows`: objects; `best(row, key)` marks a cell. `first` columns stay in
- * sight when the table is scrolled sideways.
+ * `columns`: {key, name, title, digits, number, shown}, `shown(row)` an element for the cell; `rows`: objects; `best(row, key)` marks a cell. The first
+ * column stays in sight when the table is scrolled sideways.
  */
-function createTable({ caption, columns, rows, best = () => false, sort = null }) {
+function createTable({ caption, columns, rows, best = () => false }) {
     const body = el('tbody');
     const headings = columns.map((column) => el('th', { scope: 'col', class: column.number ? 'number' : null, 'aria-sort': 'none' },
         el('button', { type: 'button', title: column.title || null, click: () => order(column) }, el('span', { text: column.name }))));
@@ -19,7 +19,8 @@ function createTable({ caption, columns, rows, best = () => false, sort = null }
         }, column.shown?.(row));
     })) }));
 
-    function order(column, down = sorted?.key === column.key ? !sorted.down : Boolean(column.number)) {
+    function order(column) {
+        const down = sorted?.key === column.key ? !sorted.down : Boolean(column.number);
         sorted = { key: column.key, down };
         headings.forEach((heading, place) => heading.setAttribute('aria-sort',
             columns[place] === column ? (down ? 'descending' : 'ascending') : 'none'));
@@ -30,7 +31,6 @@ function createTable({ caption, columns, rows, best = () => false, sort = null }
             : String(one.row[column.key]).localeCompare(String(other.row[column.key]), undefined, { numeric: true })) : 0));
         body.replaceChildren(...lines.map(({ line }) => line));
     }
-    if (sort) order(columns.find(({ key }) => key === sort.key) || columns[0], sort.down);
-    else body.replaceChildren(...lines.map(({ line }) => line));
+    body.replaceChildren(...lines.map(({ line }) => line));
     return el('div', { class: 'scroll', tabindex: 0, role: 'region', 'aria-label': caption }, table);
 }

@@ -64,6 +64,8 @@ _REGISTRATIONS = tuple(
     registration(import_module(f".{name}", __name__))
     for name in (
         "state.properties",
+        # its handlers come before those that read a pose
+        "state.workbench",
         "ui.question",
         "ui.step_panel",
         "setup.panel",

@@ -7,7 +7,9 @@ interface follows: ``view.workspace`` is one of the :data:`listeners`.
 from collections.abc import Callable
 
 import bpy
+from bpy.app.handlers import persistent
 
+from ..class_registration import listening
 from . import from_scene
 
 NAME = "OneFrame"
@@ -82,3 +84,21 @@ def next_step(scene: bpy.types.Scene) -> str:
         name = bpy.path.basename(settings.aligned_path)
         return f"Pose and landmarks are of another frame, {name}; press Keep Pose to start from it, or Clear."
     return ""
+
+
+@persistent
+def _place_objects(*_arguments: object) -> None:
+    """Give the objects their places: undo and files leave them in the origin until Blender draws the scene.
+
+    Handlers and timers, such as the autosave, read the pose before; and another scene may be shown.
+    """
+    scene = existing()
+    for layer in scene.view_layers if scene is not None else ():
+        layer.update()
+
+
+PARTS = (
+    listening(bpy.app.handlers.undo_post, _place_objects),
+    listening(bpy.app.handlers.redo_post, _place_objects),
+    listening(bpy.app.handlers.load_post, _place_objects),
+)

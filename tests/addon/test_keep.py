@@ -96,6 +96,33 @@ def test_what_is_not_saved_is_kept_aside_and_restored(session):
     assert np.allclose(read_case(path).cam_from_mesh[0, 3], from_scene.cam_from_mesh(bpy.context.scene)[0, 3])
 
 
+def test_a_pose_is_kept_as_it_is_before_blender_draws_the_scene(addon, write_tiny_case, tmp_path):
+    """Right after undo and redo, and in a file that shows another scene."""
+    path, seen = write_tiny_case(tmp_path / "case"), []
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    poses = []
+    for _ in range(2):
+        move([1.0, 0.0, 0.0])
+        bpy.context.view_layer.update()
+        poses.append(from_scene.cam_from_mesh(bpy.context.scene))
+        bpy.ops.ed.undo_push(message="moved")
+
+    def look(*_):
+        autosave.flush()
+        seen.append(read_case(autosave.aside(path)).cam_from_mesh)
+
+    for handlers, step in ((bpy.app.handlers.undo_post, bpy.ops.ed.undo), (bpy.app.handlers.redo_post, bpy.ops.ed.redo)):
+        handlers.append(look)
+        step()
+        handlers.remove(look)
+    window = bpy.context.window_manager.windows[0]
+    window.scene = next(scene for scene in bpy.data.scenes if scene != window.scene)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "work.blend"))
+    look()
+    assert np.allclose(seen, [poses[0], poses[1], poses[1]], rtol=0, atol=1e-9)
+
+
 def test_an_unanswered_pose_goes_into_the_history_and_a_discarded_one_ends(session):
     path = session[0] / "frame" / "case.toml"
     kept = autosave.aside(path)

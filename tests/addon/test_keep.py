@@ -111,7 +111,10 @@ def test_a_pose_is_kept_as_it_is_before_blender_draws_the_scene(addon, write_tin
         autosave.flush()
         seen.append(read_case(autosave.aside(path)).cam_from_mesh)
 
-    for handlers, step in ((bpy.app.handlers.undo_post, bpy.ops.ed.undo), (bpy.app.handlers.redo_post, bpy.ops.ed.redo)):
+    for handlers, step in (
+        (bpy.app.handlers.undo_post, bpy.ops.ed.undo),
+        (bpy.app.handlers.redo_post, bpy.ops.ed.redo),
+    ):
         handlers.append(look)
         step()
         handlers.remove(look)

@@ -46,10 +46,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="standard deviation of the click noise along each image axis, in px (default %(default)g)",
     )  # fmt: skip
     method.add_argument(
-        "--estimate-focal", action="store_true",
-        help="estimate the focal length from the landmarks too, if they determine it; K keeps cx, cy and fy / fx",
-    )  # fmt: skip
-    method.add_argument(
         "--refine", action="store_true",
         help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
     )  # fmt: skip
@@ -76,16 +72,11 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.take_refused and not arguments.refine:
         raise InputError("command line: --take-refused: expected --refine with it")
     from ..alignment.align_case import align_case
-    from ..alignment.landmarks.focal_length import focal_length
     from ..case.landmark_file import read_landmarks
 
     output, case = own_output(), _checked_case(arguments)
     if arguments.landmarks:
         case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
-    if arguments.estimate_focal:
-        found_focal = focal_length(case.landmarks, case.camera, click_sigma_px=arguments.click_sigma_px)
-        case = replace(case, camera=found_focal.camera)
-        output.write(f"{found_focal.text}\n")
     aligned = align_case(
         case,
         click_sigma_px=arguments.click_sigma_px,
@@ -145,7 +136,7 @@ def _restore(arguments: argparse.Namespace) -> None:
     from ..case.case_update import update_case
     from ..files.outputs import writing
 
-    chosen = ("landmarks", "estimate_focal", "refine", "take_refused", "out", "json", "picture")
+    chosen = ("landmarks", "refine", "take_refused", "out", "json", "picture")
     if others := [name for name in chosen if getattr(arguments, name)]:
         raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
     path, number, output = arguments.case, arguments.restore, own_output()

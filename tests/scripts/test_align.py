@@ -115,26 +115,6 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     assert printed_matrix(again.stdout, "cam_from_mesh") == pytest.approx(pose, abs=1e-5)
 
 
-def test_an_unknown_focal_length_comes_out_of_the_landmarks(case_path, tmp_path, align, addon):
-    """As the operator finds it too."""
-    import bpy
-
-    case, out = true_case(case_path), tmp_path / "out.toml"
-    wrong = dataclasses.replace(case.camera, fx=1.4 * case.camera.fx, fy=1.4 * case.camera.fy)
-    write_case(case_path, dataclasses.replace(case, camera=wrong, landmarks=tuple(clicked_landmarks(case_path, 60))))
-    ended = align(case_path, "--click-sigma-px=0.05", "--estimate-focal", "--out", out)
-    assert ended.returncode == 0, ended.stderr
-    assert f"focal length: {case.camera.fx:.0f} px ±" in ended.stdout
-    written = read_case(out)
-    assert dataclasses.astuple(written.camera) == pytest.approx(dataclasses.astuple(case.camera), rel=1e-3)
-    assert written.cam_from_mesh == pytest.approx(case.cam_from_mesh, abs=0.2)
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    bpy.context.scene.oneframe.click_sigma_px = 0.05
-    bpy.ops.oneframe.estimate_focal_length()
-    typed = bpy.context.scene.oneframe.camera
-    assert (float(typed.fx), float(typed.fy)) == pytest.approx((written.camera.fx, written.camera.fy), rel=1e-6)
-
-
 def test_the_script_says_what_the_operator_says(case_path, tmp_path, align, addon):
     """Pose, rejected landmarks, residuals, landmarks off the surface, and the record in the case."""
     import bpy

@@ -55,7 +55,7 @@ def test_the_table_has_all_rows():
 def test_the_table_says_what_the_code_does(row):
     _, works, _, constant, module, topic = row
     assert number_of(works) == pytest.approx(getattr(importlib.import_module(module), constant), rel=1e-5)
-    assert topic.removeprefix("stability_") in ("pnp", "refinement", "colouring", "camera", "renderers", "sampling")
+    assert topic.removeprefix("stability_") in ("pnp", "refinement", "colouring", "camera", "renderers", "arithmetic")
 
 
 # --- the answers, by limit -------------------------------------------------------------------------------------------

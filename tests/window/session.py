@@ -31,7 +31,7 @@ def window_flags(size_wh: tuple[int, int] = SIZE) -> list[str]:
 
 
 def install_extension(blender: str, extension_zip: Path, resources: Path) -> None:
-    """Install the extension into a separate user configuration; enabled once, it has its wheels, and no session waits."""
+    """Install the extension into a separate user configuration; enabled once, it has unpacked its wheels."""
     install = ["--command", "extension", "install-file", "-r", "user_default", extension_zip]
     enable = f"import bpy; bpy.ops.preferences.addon_enable(module={PACKAGE!r})"
     for arguments in (install, ["-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", enable]):
@@ -151,7 +151,7 @@ def _end_with_parent() -> None:
 
 
 def _copy(source: str, target: str) -> None:
-    """Link wheels and what is installed of them, which are large; copy all else, since Blender writes to its records."""
+    """Link wheels and what is unpacked of them, which are large; copy all else: Blender writes to its records."""
     if source.endswith(".whl") or "/.local/" in source:
         with suppress(OSError):
             os.link(source, target)

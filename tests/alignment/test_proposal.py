@@ -39,7 +39,9 @@ def shaded() -> tuple[TriangleMesh, np.ndarray]:
 
 def test_a_shaded_surface_is_found_without_a_rough_pose(shaded, monkeypatch):
     mesh, image = shaded
-    monkeypatch.setattr(template_search, "SPANS", (0.78, 0.97, 1.2))
+    # sizes and candidates enough for this surface
+    monkeypatch.setattr(template_search, "SPANS", (0.78, 0.97))
+    monkeypatch.setattr(propose, "REFINED", (30, 4))
     seen: list[float] = []
     found = propose.propose_poses(image, np.ones(CAMERA.shape_hw, bool), CAMERA, mesh, progress=seen.append)
     best = found[0].cam_from_model

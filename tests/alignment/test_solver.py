@@ -125,7 +125,7 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
 # --- wrong pairs -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("count", "wrong", "shift_px"), [(6, 1, 60), (8, 2, 60), (12, 4, 60), (20, 8, 150)])
+@pytest.mark.parametrize(("count", "wrong", "shift_px"), [(6, 1, 60), (20, 8, 150)])
 def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
     rng = np.random.default_rng(count)
     exact, trials = 0, 8

@@ -169,6 +169,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         landmarks=landmarks,
         video=video(scene),
         object_name=None if known is None else known.object_name,
+        light=None if known is None else known.light,
     )
 
 

@@ -18,6 +18,7 @@ from ..files.content import LARGEST_TEXT, read_content
 from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
+from ..light.lens_light import LensLight, checked_lens_light
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
 from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
@@ -82,6 +83,8 @@ class Case:
         Origin of the pose: see :mod:`oneframe.case.alignment_record`.
     video
         Origin of the frame: the name of the film that it was taken from, and its number there, from 0.
+    light
+        The lamp at the lens, or ``None`` if none is known.
     """
 
     path: Path
@@ -100,6 +103,7 @@ class Case:
     alignment: dict[str, object] = field(default_factory=dict)
     video: tuple[str, int] | None = None
     posed: bool = True
+    light: LensLight | None = None
 
     @property
     def every_frame(self) -> tuple[UnreadFrame, ...]:
@@ -148,7 +152,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     table = parsed_toml(text, name)
     check_keys(
         table, ("units", "frame", "camera", "surface"),
-        ("pose", "frames", "structures", "landmarks", "alignment", "dataset"), f"{name}: ",
+        ("pose", "frames", "structures", "landmarks", "alignment", "light", "dataset"), f"{name}: ",
     )  # fmt: skip
     if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
         raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
@@ -196,6 +200,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         alignment=checked_alignment_record(table.get("alignment", {}), f"{name}: [alignment]"),
         video=_video(frame, f"{name}: [frame]"),
         posed="pose" in table,
+        light=_light(table, name),
     )
 
 
@@ -236,6 +241,14 @@ def _table(table: dict, key: str, name: str) -> dict:
     required, optional = _TABLES[key]
     check_keys(table[key], required, optional, f"{name}: [{key}] ")
     return table[key]
+
+
+def _light(table: dict, name: str) -> LensLight | None:
+    if "light" not in table:
+        return None
+    if not isinstance(table["light"], dict):
+        raise InputError(f"{name}: expected a table [light], found {table['light']!r}")
+    return checked_lens_light(table["light"], f"{name}: [light]")
 
 
 def _object_name(value: object, where: str) -> str | None:

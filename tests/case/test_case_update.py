@@ -23,6 +23,7 @@ SECTIONS = (
     "pose",
     "frames",
     "alignment",
+    "light",
     "landmarks",
     "structures",
     "dataset",
@@ -87,6 +88,7 @@ def keys(case):
     tables = {name: getattr(case, name) for name in ("alignment", "dataset")}
     names = {(name, key) for name, table in tables.items() for key in table}
     names |= {name for name in ("distortion", "object_name", "video") if getattr(case, name) is not None}
+    names |= {("light", key) for key in ({} if case.light is None else {"lamp_cam_mm": 0, **case.light.origin})}
     names |= {(each.name, key) for each in case.landmarks for key in ("name", "point", "pixel") if getattr(each, key)}
     names |= {str(each) for each in case.frames}
     return names | {each.name for each in case.structures} | {each.name for each in case.landmarks if not each.enabled}

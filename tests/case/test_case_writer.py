@@ -20,6 +20,7 @@ from oneframe.case.landmarks import Landmark
 from oneframe.dataset.description import object_name
 from oneframe.errors import InputError
 from oneframe.files.numbers import WrittenFloat, length_text, millimetres
+from oneframe.light.lens_light import LensLight
 from oneframe.transforms import rigid, se3_exp
 
 lengths = st.floats(-1e6, 1e6)
@@ -68,6 +69,15 @@ alignments = st.fixed_dictionaries(
         "standard_deviation_deg": st.lists(st.floats(0, 1e3), min_size=3, max_size=3),
         "weakest": any_text,
     },
+)
+lights = st.builds(
+    LensLight,
+    lamp_cam_mm=st.tuples(st.floats(-200, 200), st.floats(-200, 200), st.floats(-100, 200)),
+    ambient=st.floats(0, 1),
+    falloff=st.floats(0, 4),
+    origin=st.fixed_dictionaries(
+        {}, optional={"method": any_text, "frames": st.integers(1, 9), "explained": st.floats(0, 1)}
+    ),
 )
 cameras = st.builds(
     PinholeCamera,
@@ -119,6 +129,7 @@ def cases(draw, folder: Path = Path("/case")) -> Case:
         dataset=draw(st.dictionaries(any_text, toml_values, max_size=3)),
         landmarks=draw(landmarks),
         alignment=draw(alignments),
+        light=draw(maybe(lights)),
         video=draw(maybe(st.tuples(names, st.integers(0, 2**62)))),
     )
 

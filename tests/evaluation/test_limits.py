@@ -55,7 +55,7 @@ def test_the_table_has_all_rows():
 def test_the_table_says_what_the_code_does(row):
     _, works, _, constant, module, topic = row
     assert number_of(works) == pytest.approx(getattr(importlib.import_module(module), constant), rel=1e-5)
-    assert topic.removeprefix("stability_") in ("pnp", "refinement", "colouring", "camera", "renderers", "sampling")
+    assert topic.removeprefix("stability_") in ("pnp", "refinement", "colouring", "camera", "renderers", "arithmetic")
 
 
 # --- the answers, by limit -------------------------------------------------------------------------------------------
@@ -334,7 +334,7 @@ def test_a_frame_needs_contrast(bumpy_mesh, frontal_pose):
     assert "no detail" in refined(0.9 * limit).message
 
 
-def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path, monkeypatch):
+def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path):
     case = read_case(write_tiny_case(tmp_path / "case"))
 
     def messages(**options: object) -> str:
@@ -347,5 +347,5 @@ def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path, monkeypa
     far = {"scale": 0.25, "distance_max": 3.0, "min_surface": 0.0}
     assert "views reduce the frame up to 12 times" in messages(**far)
     assert "reduce" not in messages(**far, samples=4)
-    with pytest.raises(InputError, match="of 50 poses tried, 50 came nearer"):
+    with pytest.raises(InputError, match="of 5000 poses tried, 5000 came nearer"):
         messages(min_clearance_mm=1e6)

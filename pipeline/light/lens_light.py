@@ -1,0 +1,174 @@
+"""The light of a lamp at the lens, which moves with it, and what it does to a surface: a lamp and an ambient part.
+
+A matt surface sends back, in linear light, its albedo times
+
+    ambient + V max(cos θ, 0) (D / r)^falloff,
+
+where θ is the angle between the surface's normal and the direction of the lamp, r the distance of the lamp, V 1 where
+nothing stands between, and D the constant :func:`working_distance_mm` of a case, at which the lamp counts 1. What lamp
+and exposure are worth together is part of the albedo.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.keys import check_keys
+from ..files.numbers import is_number
+
+PHYSICAL = 2.0
+"""The falloff of a small lamp."""
+STEEPEST = 4.0
+FARTHEST_MM, FARTHEST_BEHIND_MM = 500.0, 100.0
+"""How far a lamp may be from the lens, and how far behind it: the length of a microscope's head."""
+
+ORIGIN_KEYS = (
+    "method",
+    "tool",
+    "date",
+    "frames",
+    "explained",
+    "correlation",
+    "standard_deviation_mm",
+    "ambient_standard_deviation",
+)
+"""How a lamp was found: the method in words, program and version, day; how many frames; the part of their shading that
+it explains, 0..1, and the correlation; the uncertainty of its place along the camera's axes, and of the ambient part.
+"""
+_TEXTS = ("method", "tool", "date")
+
+
+@dataclass(frozen=True)
+class LensLight:
+    """A lamp that moves with the lens, and light that is the same from everywhere.
+
+    Attributes
+    ----------
+    lamp_cam_mm
+        Where the lamp is, camera axes, mm.
+    ambient
+        The ambient part, 0..1 of what the lamp gives a surface that faces it at the working distance.
+    falloff
+        Exponent of the distance.
+    origin
+        Where these come from, by :data:`ORIGIN_KEYS`; nothing is computed from it.
+
+    Raises
+    ------
+    InputError
+        A value that is not finite or out of range.
+    """
+
+    lamp_cam_mm: tuple[float, float, float]
+    ambient: float
+    falloff: float = PHYSICAL
+    origin: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        lamp = np.asarray(self.lamp_cam_mm, np.float64)
+        if lamp.shape != (3,) or not np.isfinite(lamp).all():
+            raise InputError(f"lamp_cam_mm: expected three finite numbers, found {self.lamp_cam_mm!r}")
+        object.__setattr__(self, "lamp_cam_mm", tuple(lamp.tolist()))
+        away = float(np.linalg.norm(lamp))
+        if away > FARTHEST_MM or lamp[2] < -FARTHEST_BEHIND_MM:
+            raise InputError(
+                f"lamp_cam_mm: expected a lamp at the lens, at most {FARTHEST_MM:g} mm from it and "
+                f"{FARTHEST_BEHIND_MM:g} mm behind it, found one {away:.3g} mm away with z {lamp[2]:.3g} mm; give its "
+                "place in the camera's axes (x right, y down, z forward), mm"
+            )
+        for name, value, most in (("ambient", self.ambient, 1.0), ("falloff", self.falloff, STEEPEST)):
+            if not (math.isfinite(value) and 0 <= value <= most):
+                raise InputError(f"{name}: expected a number from 0 to {most:g}, found {value!r}")
+
+
+def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
+    """The light of a case file's table ``[light]``; ``where`` begins messages.
+
+    Raises
+    ------
+    InputError
+        An unknown or missing key, or a value of the wrong kind or out of range.
+    """
+    check_keys(table, ("lamp_cam_mm", "ambient"), ("falloff", *ORIGIN_KEYS), f"{where} ")
+    lamp, origin = table["lamp_cam_mm"], {key: table[key] for key in ORIGIN_KEYS if key in table}
+    if not isinstance(lamp, list) or len(lamp) != 3 or not all(map(is_number, lamp)):
+        raise InputError(f"{where} lamp_cam_mm: expected three numbers, found {lamp!r}")
+    for key in ("ambient", "falloff"):
+        if not is_number(table.get(key, 0)):
+            raise InputError(f"{where} {key}: expected a number, found {table[key]!r}")
+    for key, value in origin.items():
+        origin[key] = _checked_origin(key, value, f"{where} {key}")
+    values = {key: float(table[key]) for key in ("ambient", "falloff") if key in table}  # type: ignore[arg-type]
+    try:
+        x, y, z = map(float, lamp)
+        return LensLight((x, y, z), **values, origin=origin)
+    except InputError as error:
+        raise InputError(f"{where} {error}") from None
+
+
+def _checked_origin(key: str, value: object, where: str) -> object:
+    if key in _TEXTS:
+        if isinstance(value, date):
+            return value.isoformat()
+        if not isinstance(value, str):
+            raise InputError(f"{where}: expected text, found {value!r}")
+        return value
+    if key == "standard_deviation_mm":
+        if not isinstance(value, list) or len(value) != 3 or not all(is_number(each) and each >= 0 for each in value):
+            raise InputError(f"{where}: expected three numbers, for the camera's x, y and z axis, found {value!r}")
+        return [float(each) for each in value]
+    if not is_number(value):
+        raise InputError(f"{where}: expected a number, found {value!r}")
+    return value
+
+
+def working_distance_mm(cam_from_model: np.ndarray) -> float:
+    """The distance D of a case, mm: from the lens of its own frame to the middle of the surface, the model's origin."""
+    return float(np.linalg.norm(cam_from_model[:3, 3]))
+
+
+def shading(
+    light: LensLight,
+    points: np.ndarray,
+    normals: np.ndarray,
+    cam_from_model: np.ndarray,
+    distance_mm: float,
+    lit: np.ndarray | None = None,
+) -> np.ndarray:
+    """What points of a surface get of the light of a lens: the law of this module.
+
+    Parameters
+    ----------
+    light
+        At the lens.
+    points, normals
+        ``(N, 3)`` model frame, mm, and unit normals on the lens' side.
+    cam_from_model
+        4x4, mm: the pose of the lens.
+    distance_mm
+        The case's :func:`working_distance_mm`, whatever the pose.
+    lit
+        ``(N,)`` V, 0..1; everywhere 1 if left out.
+
+    Returns
+    -------
+    ``(N,)``, linear, at least the ambient part, in the precision of ``points``.
+    """
+    lamp = cam_from_model[:3, :3].T @ (np.array(light.lamp_cam_mm) - cam_from_model[:3, 3])
+    # column by column: numpy is slow at reductions along an axis of three
+    x, y, z = (points.dtype.type(at) - column for at, column in zip(lamp, points.T, strict=True))
+    nx, ny, nz = normals.T
+    squared = x * x + y * y + z * z
+    direct = np.maximum(x * nx + y * ny + z * nz, 0)
+    # cos θ (D / r)^falloff; a point in the lamp itself has no direction
+    direct *= np.maximum(squared, 1e-6) ** points.dtype.type(-(light.falloff + 1) / 2)
+    direct *= points.dtype.type(distance_mm**light.falloff)
+    if lit is not None:
+        direct *= lit
+    direct += points.dtype.type(light.ambient)
+    return direct

@@ -17,7 +17,7 @@ from tests.video.surgical_film import Event, surgical_film, write_film
 
 pytestmark = [pytest.mark.render, pytest.mark.usefixtures("decoded_here")]
 
-KINDS, EACH = ("clear", "tool", "clear", "glove", "blur", "clear"), 6
+KINDS, EACH = ("clear", "tool", "clear", "glove", "blur", "clear"), 8
 """What happens in a film, and for how many frames."""
 
 

@@ -164,10 +164,10 @@ def test_a_coloured_object_in_front_of_clutter(rng):
     points = radius[..., None] * np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), 1.2 * np.cos(v)], axis=-1)
     mesh = grid_mesh(*np.moveaxis(points, -1, 0)).flipped()
     colours = 0.5 + 0.4 * np.sin(mesh.vertices / [6.0, 9.0, 7.0] + [0.0, 1.0, 2.0])
-    camera = PinholeCamera(240, 180, fx=427.5, fy=429.0, cx=122.25, cy=87.75)
+    camera = PinholeCamera(320, 240, fx=570.0, fy=572.0, cx=163.0, cy=117.0)
     pose = rigid(rotation_from_vector(np.array([0.4, 1.1, -0.3])), np.array([20.0, 12.0, 330.0]))
     raster = rasterise_depth(mesh, camera, pose)
-    clutter = 0.5 + 4 * cv2.GaussianBlur(rng.normal(size=(180, 240, 3)), (0, 0), 5)
+    clutter = 0.5 + 4 * cv2.GaussianBlur(rng.normal(size=(240, 320, 3)), (0, 0), 7)
     shown = colours[mesh.faces].mean(axis=1)[raster.face]
     image = np.clip(np.where(raster.face[..., None] >= 0, 0.8 * shown, clutter), 0, 1).astype(np.float32)
     rotated = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
@@ -175,4 +175,4 @@ def test_a_coloured_object_in_front_of_clutter(rng):
     result = refine_pose(image, np.ones(camera.shape_hw, bool), camera, mesh, start, colours=colours)
     assert result.accepted, result.message
     projected = [camera.project(transform_points(p, mesh.vertices)) for p in (pose, result.cam_from_model)]
-    assert np.linalg.norm(projected[0] - projected[1], axis=1).mean() < 0.55
+    assert np.linalg.norm(projected[0] - projected[1], axis=1).mean() < 0.7

@@ -14,6 +14,7 @@ from bl_ext.user_default.oneframe.pipeline.images.image_reader import read_image
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL
 
+WINDOW = 1024, 640
 STILL_PX = 1.0
 """How far the frame may move under the pointer while the wheel is turned, pixels of the screen."""
 

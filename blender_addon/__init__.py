@@ -112,7 +112,6 @@ _REGISTRATIONS = tuple(
         "view.panel",
         "video.strip_gizmo",
         "video.strip_drawing",
-        "move.proposals",
         "move.panel",
         "refine.operator",
         "refine.status_line",

@@ -1,17 +1,14 @@
 """The panel Move: nudges with their keys, and the current pose in both directions."""
 
 import bpy
-import numpy as np
 
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
-from ..state import from_scene
 from ..state.pose import cam_from_mesh_of
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import binding
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import PartPanel, StepPanel
-from . import proposals
 from .operators import STEPS
 
 _PAIRS = (
@@ -41,7 +38,6 @@ class ONEFRAME_PT_pose(AlignmentPanel, StepPanel):
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         settings = context.scene.oneframe
-        _draw_proposals(layout, context.scene)
         layout.operator_context = "EXEC_DEFAULT"
         row = layout.row(align=True)
         row.prop(settings, "step", expand=True)
@@ -67,25 +63,6 @@ class ONEFRAME_PT_pose(AlignmentPanel, StepPanel):
         keys.label(text=f"{first}  {second.split()[-1]}" if has_keys and second else "")
         if has_keys:
             layout.label(text="Alt: 10 px, Shift: 0.1 px, Hold: Repeat", icon="INFO")
-
-
-def _draw_proposals(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """The search, and its pictures side by side, each above the button that takes its pose."""
-    layout.operator_context = "INVOKE_DEFAULT"
-    layout.operator("oneframe.propose_poses", icon="VIEWZOOM")
-    try:
-        found = proposals.found(scene)
-    except InputError:
-        return  # nothing is set up yet
-    if found is None:
-        return
-    row = layout.row(align=True)
-    for index, (pose, icon) in enumerate(zip(found.poses, found.icons, strict=True)):
-        cell = row.column(align=True)
-        cell.template_icon(icon, scale=5.0)
-        is_shown = np.array_equal(from_scene.cam_from_model(scene), pose.cam_from_model)
-        button = cell.operator("oneframe.take_proposal", text=f"{pose.explained:.0%}", depress=is_shown)
-        button.index = index
 
 
 class _Matrix(PartPanel):

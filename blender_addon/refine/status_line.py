@@ -16,10 +16,10 @@ from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.alignment_record import (
+    FOUND,
     FURTHER_FRAMES,
     INITIAL_GUESS,
     OTHER_FRAME,
-    PROPOSED,
     REGISTERED,
     is_a_start,
 )
@@ -55,7 +55,6 @@ KINDS = {
     REGISTERED: ("Registered to another frame", "CON_CAMERASOLVER"),
     "manual": ("By hand", "VIEW_PAN"),
     INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
-    PROPOSED: ("Proposed by a search, not verified", "QUESTION"),
     OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
 }
 """Method of a record -> its description and icon."""
@@ -137,10 +136,10 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if len(solve.solution(scene).doubtful) > 1:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
     if is_a_start(record) or "doubt" in record:
-        return "Next: drag pins, pick landmarks, or press Propose Poses"
+        return "Next: drag pins or pick landmarks"
     if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"
-    if not pose_evidence.is_refined(scene):
+    if record.get("method") not in FOUND:
         return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
     if entries := queue_of(scene):
         if not is_saved or entries[position(scene)].state != CHECKED:

@@ -8,12 +8,10 @@ import bpy
 
 from ..landmarks import solve
 from ..pipeline import __version__
-from ..pipeline.alignment.landmarks.report import alignment_record
-from ..pipeline.alignment.posterior.report import joined_record
+from ..pipeline.alignment.pose_record import alignment_record, joined_record, refinement_record
 from ..pipeline.alignment.posterior.solve import IMAGE
-from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, PROPOSED, is_a_start
+from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, is_a_start
 from ..pipeline.case.case_file import Case
 from ..state import from_scene, image_evidence, pose_evidence
 from ..state.initial_pose import has_initial_pose
@@ -63,8 +61,6 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
     found = [] if size is None else [f"In doubt: {size.message}."]
     if record.get("method") == INITIAL_GUESS:
         found.append("The pose is an initial guess: nobody has aligned it with the frame.")
-    if record.get("method") == PROPOSED:
-        found.append("The pose was proposed by a search of the frame: nothing has verified it.")
     if record.get("method") == OTHER_FRAME:
         origin = record.get("doubt", "found in another frame")
         found.append(f"The pose was {origin}: nobody has aligned it with this one.")

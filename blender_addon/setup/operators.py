@@ -24,7 +24,7 @@ from ..state.camera_view import WORKSPACE
 from ..state.events import areas
 from ..state.from_scene import surface_bounds, surface_extents
 from ..state.initial_pose import set_initial_pose
-from ..state.landmarks import landmarks_model, replace_landmarks
+from ..state.landmarks import replace_landmarks
 from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..state.scene_files import input_files
@@ -117,24 +117,6 @@ class ONEFRAME_OT_set_camera(Reporting):
         camera, distortion = to_scene.typed_camera(context.scene)
         to_scene.set_camera(context, camera, distortion)
         return *to_scene.frame_warnings(context.scene), *camera_doubts(camera)
-
-
-class ONEFRAME_OT_estimate_focal_length(Reporting):
-    """Estimate the focal length with the pose from the landmarks, if they determine it; cx, cy and fy / fx stay"""
-
-    bl_label = "Focal Length from Landmarks"
-
-    needs = (lambda context: len(context.scene.oneframe.landmarks), "Set landmarks first")
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        # OpenCV comes with the extension
-        from ..pipeline.alignment.landmarks.focal_length import focal_length
-
-        scene = context.scene
-        landmarks, sigma_px = landmarks_model(scene), scene.oneframe.click_sigma_px
-        found = focal_length(landmarks, from_scene.camera(scene), click_sigma_px=sigma_px)
-        to_scene.set_camera(context, found.camera, from_scene.distortion(scene))
-        return (found.text,)
 
 
 class ONEFRAME_OT_rescale_camera(Reporting):

@@ -108,7 +108,6 @@ class ONEFRAME_PT_camera(PartPanel):
         layout.prop(typed, "pixel_origin")
         layout.prop(typed, "distortion")
         layout.operator("oneframe.set_camera", icon="CHECKMARK")
-        layout.operator("oneframe.estimate_focal_length", icon="CAMERA_DATA")
 
 
 class ONEFRAME_PT_structures(PartPanel):

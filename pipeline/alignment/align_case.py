@@ -1,10 +1,9 @@
 """Align a case: by its landmarks, its image, or both in one solve."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..case.alignment_record import PROPOSED
 from ..case.case_file import Case
 from ..case.loaded_case import LoadedCase, check_pose, frame_overlay, load_case
 from ..errors import InputError
@@ -18,15 +17,13 @@ from .landmarks.align_landmarks import (
 )
 from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
 from .landmarks.picture import marked
-from .landmarks.report import alignment_record, pose_lines, pose_table, report_lines, report_table
+from .pose_record import alignment_record, image_table, joined_record, refinement_record
 from .pose_uncertainty import PoseEvidence, PoseMode
 from .posterior.next_click import corners_in_view, next_click, rough_mode, visible_points
-from .posterior.report import image_table, joined_record
 from .posterior.solve import pose_posterior
-from .proposal.propose import propose_poses
 from .refinement.refine import refine_pose
-from .refinement.report import refinement_record, refinement_table
 from .refinement.verdict import Refinement
+from .report import pose_lines, pose_table, refinement_table, report_lines, report_table
 
 
 @dataclass(frozen=True)
@@ -46,8 +43,6 @@ class AlignedCase:
         Messages about the files and the landmarks.
     took_refused
         Whether the pose is that of a refused refinement.
-    proposals
-        What the frame alone proposes, in lines, if that was asked.
     """
 
     loaded: LoadedCase
@@ -55,7 +50,6 @@ class AlignedCase:
     refinement: Refinement | None
     messages: tuple[str, ...]
     took_refused: bool = False
-    proposals: tuple[str, ...] = ()
 
     @property
     def by_landmarks(self) -> Alignment | None:
@@ -65,9 +59,8 @@ class AlignedCase:
 
     def lines(self) -> list[str]:
         """The report: the pose with all its digits, what it rests on, and what is doubtful."""
-        lines, refinement, alignment = list(self.proposals), self.refinement, self.alignment
-        if alignment is not None and alignment.landmarks:
-            lines += report_lines(alignment)
+        refinement, alignment = self.refinement, self.alignment
+        lines = report_lines(alignment) if alignment is not None and alignment.landmarks else []
         lines += [f"note: {message}" for message in self.messages]
         if refinement is not None and self.took_refused:
             lines.append(f"warning: taken although refused: {refinement.objection}")
@@ -99,7 +92,6 @@ def align_case(
     click_sigma_px: float,
     refine: bool,
     take_refused: bool = False,
-    propose: int = 0,
     tool: str,
     date: str,
 ) -> AlignedCase:
@@ -116,8 +108,6 @@ def align_case(
         Also take the image as evidence.
     take_refused
         Take the pose that the refinement has found even if it refuses it; the record in the case says so.
-    propose
-        Take this one, counted from 1, of the poses that the frame alone proposes, instead of the case's.
     tool, date
         For the record in the case.
 
@@ -127,15 +117,9 @@ def align_case(
         The evidence does not determine a pose.
     InputError
         A file cannot be used, the landmarks belong to another surface, the pose does not show the surface, or, without
-        landmarks, the refinement is refused; or there are landmarks or too few poses where one is to be proposed.
+        landmarks, the refinement is refused.
     """
-    proposals: tuple[str, ...] = ()
-    if propose:
-        case, proposals = _proposed(case, propose, tool, date)
     loaded = load_case(case, aligned=False)
-    if propose and not refine:
-        unverified = "note: nothing has verified the proposal; look at --picture, or refine it"
-        return AlignedCase(loaded, None, None, loaded.messages, proposals=(*proposals, unverified))
     if not (case.posed or complete_landmarks(case.landmarks)):
         raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
     alignment, refinement, image, took_refused = None, None, None, False
@@ -182,29 +166,7 @@ def align_case(
         elif took_refused:
             loaded = loaded.posed(refinement.found @ model_from_mesh, record)
     found = alignment.estimate.messages if alignment is not None and not took_refused else ()
-    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused, proposals)
-
-
-def _proposed(case: Case, take: int, tool: str, date: str) -> tuple[Case, tuple[str, ...]]:
-    """The case with one of the poses that its frame alone proposes, and all of them in lines, the best first."""
-    if complete_landmarks(case.landmarks):
-        raise InputError(f"{case.path.name}: --propose: expected no landmarks, found some; they say where it is")
-    loaded = load_case(case, aligned=False)
-    frame = loaded.frame
-    found = propose_poses(frame.image, frame.valid, case.camera, loaded.surface.mesh)
-    if not 1 <= take <= len(found):
-        raise InputError(
-            f"{case.path.name}: --propose {take}: expected a number from 1 to {len(found)}, the poses found"
-            if found
-            else f"{case.path.name}: --propose: no pose was found, the frame shows no detail; align by landmarks"
-        )
-    pose = found[take - 1].cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
-    record = {"method": PROPOSED, "tool": tool, "date": date, "explained": found[take - 1].explained}
-    return replace(case, cam_from_mesh=pose, posed=True, alignment=record), tuple(
-        f"proposal {number}: explains {each.explained:.0%} of the image, score {each.score:.0f}"
-        f"{', taken' if number == take else ''}"
-        for number, each in enumerate(found, 1)
-    )
+    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
 
 
 def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:

@@ -52,7 +52,7 @@ KEYS = (
 
 ``method``
     How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`REGISTERED`,
-    :data:`FURTHER_FRAMES`, :data:`PROPOSED`, :data:`INITIAL_GUESS`, :data:`OTHER_FRAME`.
+    :data:`FURTHER_FRAMES`, :data:`INITIAL_GUESS`, :data:`OTHER_FRAME`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
 ``checked``
@@ -111,9 +111,6 @@ in camera axes (mm, radians) about the pivot, see :mod:`oneframe.alignment.pose_
 
 INITIAL_GUESS = "initial guess"
 """Method of a pose that was computed without the frame: nobody has aligned it."""
-
-PROPOSED = "proposed"
-"""Method of a pose that a search over all poses found in the frame, and nobody has verified."""
 
 FURTHER_FRAMES = "further frames"
 """Method of a pose that was corrected by further frames of the surface."""

@@ -20,7 +20,6 @@ EPILOG = """examples:
   %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml --picture overlay.png
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
-  %(prog)s case.toml --propose --refine --out refined.toml --picture overlay.png   (no landmark, no rough pose)
   %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
   %(prog)s case.toml --restore                  (which poses the file had before; --restore 1: take the last one back)
 
@@ -29,9 +28,6 @@ frame. They come from --landmarks (CSV or JSON) or else from the case file. The 
 directions, the residual of every pair and the uncertainty. The pose in the case file may be rough, or missing: it only
 decides between poses that fit equally well. Exit code 2: the pairs do not determine a pose.
 """
-
-PROPOSALS = 3
-"""As many poses as :mod:`oneframe.alignment.proposal` proposes; that is imported only when it is needed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,15 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     method.add_argument(
         "--click-sigma-px", metavar="X", type=float, default=2.0,
         help="standard deviation of the click noise along each image axis, in px (default %(default)g)",
-    )  # fmt: skip
-    method.add_argument(
-        "--estimate-focal", action="store_true",
-        help="estimate the focal length from the landmarks too, if they determine it; K keeps cx, cy and fy / fx",
-    )  # fmt: skip
-    method.add_argument(
-        "--propose", metavar="N", type=int, nargs="?", const=1, choices=range(1, PROPOSALS + 1),
-        help="search all poses for the three that explain the frame best, without landmarks, and take the best, or "
-        "the second (2) or third (3); the surface must span about half to three times the frame; look at --picture",
     )  # fmt: skip
     method.add_argument(
         "--refine", action="store_true",
@@ -84,25 +71,17 @@ def run(arguments: argparse.Namespace) -> None:
         return
     if arguments.take_refused and not arguments.refine:
         raise InputError("command line: --take-refused: expected --refine with it")
-    if arguments.propose and arguments.landmarks:
-        raise InputError("command line: --propose: expected no --landmarks with it, which would decide the pose")
     from ..alignment.align_case import align_case
-    from ..alignment.landmarks.focal_length import focal_length
     from ..case.landmark_file import read_landmarks
 
     output, case = own_output(), _checked_case(arguments)
     if arguments.landmarks:
         case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
-    if arguments.estimate_focal:
-        found_focal = focal_length(case.landmarks, case.camera, click_sigma_px=arguments.click_sigma_px)
-        case = replace(case, camera=found_focal.camera)
-        output.write(f"{found_focal.text}\n")
     aligned = align_case(
         case,
         click_sigma_px=arguments.click_sigma_px,
         refine=arguments.refine,
         take_refused=arguments.take_refused,
-        propose=arguments.propose or 0,
         tool=f"OneFrame {__version__}, align",
         date=datetime.date.today().isoformat(),
     )
@@ -157,7 +136,7 @@ def _restore(arguments: argparse.Namespace) -> None:
     from ..case.case_update import update_case
     from ..files.outputs import writing
 
-    chosen = ("landmarks", "estimate_focal", "propose", "refine", "take_refused", "out", "json", "picture")
+    chosen = ("landmarks", "refine", "take_refused", "out", "json", "picture")
     if others := [name for name in chosen if getattr(arguments, name)]:
         raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
     path, number, output = arguments.case, arguments.restore, own_output()

@@ -12,7 +12,6 @@ from oneframe.errors import InputError
 from oneframe.evaluation.conditions import COMMENT, Conditions, write_table
 from oneframe.files.content import decoded, read_content
 from oneframe.files.outputs import write_output
-from oneframe.files.tables import parsed_json
 
 Row = TypeVar("Row")
 CONVERT: dict[object, Callable[[str], Any]] = {str: str, int: int, float: float, bool: lambda text: text == "True"}
@@ -21,11 +20,6 @@ CONVERT: dict[object, Callable[[str], Any]] = {str: str, int: int, float: float,
 def write_figures(path: Path, figures: Mapping[str, object]) -> None:
     """Write figures as JSON; infinite ones are ``Infinity``, as Python's json writes and reads them."""
     write_output(path, (json.dumps(figures, indent=2) + "\n").encode())
-
-
-def read_figures(path: Path) -> dict[str, Any]:
-    """Read what :func:`write_figures` wrote."""
-    return parsed_json(read_content(path, "the figures of a benchmark"), path.name)
 
 
 def write_rows(path: Path, rows: Sequence[Any], conditions: Conditions, *properties: str) -> None:

@@ -1,7 +1,7 @@
 """Where methods fail, past the breaking point, and what the software answers there.
 
 Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case, and on photographs
-with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K), renderers, sampling.
+with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K), renderers.
 Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong results, wrong results without a word, answers
 (works, warns, falls back, refuses), errors and the software's limit; and its chart. Times and memory are those of this
 machine.
@@ -26,7 +26,7 @@ from oneframe.sample.temporal_bone import sample_surface
 from .alignment.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
 from .charts.stability_charts import CHARTS
 from .figures import read_rows, write_rows
-from .sweeps import camera, colouring, landmarks, photographs, refinement, renderers, sampling
+from .sweeps import camera, colouring, landmarks, photographs, refinement, renderers
 from .sweeps.cells import Cell, Task
 
 QUICK: dict[str, object] = {}
@@ -76,8 +76,6 @@ def tasks_of(topic: str, folder: Path, arguments: argparse.Namespace) -> Iterato
             yield from refinement.tasks(source, scenes, seed, quick=quick)
     elif topic == landmarks.TOPIC:
         yield from landmarks.tasks(seed, quick=quick)
-    elif topic == sampling.TOPIC:
-        yield from sampling.tasks(seed, quick=quick)
     elif topic == colouring.TOPIC:
         yield from colouring.tasks(quick=quick)
         if arguments.bloster:

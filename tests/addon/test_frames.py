@@ -116,7 +116,6 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
         for name, given in (
             ("nudge", {}),
             ("paste_pose", {}),
-            ("take_proposal", {}),
             ("landmark_set", {"point": (0, 0, 0)}),
         ):
             with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Back"):

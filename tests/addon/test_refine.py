@@ -8,16 +8,14 @@ import pytest
 
 from blender_addon.landmarks import solve
 from blender_addon.landmarks.uncertainty_drawing import current_uncertainty
-from blender_addon.move import proposals
 from blender_addon.refine import operator
 from blender_addon.refine.panel import record_lines
 from blender_addon.refine.status_line import status
-from blender_addon.setup.alignment_record import doubts, pose_record
+from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.pose import set_cam_from_model
 from blender_addon.ui import frame_view
 from oneframe.alignment.align_case import align_case
-from oneframe.alignment.proposal import propose, template_search
 from oneframe.blender.alignment import surface_object
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
@@ -198,6 +196,7 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
     assert any("6 correspondences" in line for line in evidence_of(opened))
     record = pose_record(opened)
     assert (record["method"], record["evidence"], record["pairs"]) == ("refined", "landmarks, image", 6)
+    assert status(opened)[0].endswith("Next: Save Case")
     pulls = solve.pulls(opened)
     assert 0 < pulls["landmarks"] < pulls["image"]
     # each can be switched off
@@ -338,23 +337,3 @@ def test_colours_count_only_if_they_come_from_another_frame(addon, case_folder):
     surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     bpy.ops.oneframe.refine()
     assert rotation_error_deg(scene) < 0.5
-
-
-def test_poses_are_proposed_and_one_is_taken_until_the_frame_changes(opened, case_folder, monkeypatch):
-    # what it finds is tested elsewhere
-    monkeypatch.setattr(template_search, "DIRECTIONS", 8)
-    monkeypatch.setattr(propose, "REFINED", (6, 3))
-    with pytest.raises(RuntimeError, match="press Propose Poses"):
-        bpy.ops.oneframe.take_proposal(index=0)
-    assert bpy.ops.oneframe.propose_poses() == {"FINISHED"}
-    found = proposals.found(opened)
-    assert len(found.poses) == len(found.icons) > 1
-    assert np.array_equal(
-        from_scene.cam_from_model(opened), START @ from_scene.loaded_case(opened).surface.mesh_from_model
-    )
-    bpy.ops.oneframe.take_proposal(index=1)
-    assert np.array_equal(from_scene.cam_from_model(opened), found.poses[1].cam_from_model)
-    assert pose_record(opened)["method"] == "proposed"
-    assert any("nothing has verified it" in sentence for sentence in doubts(opened))
-    bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
-    assert proposals.found(opened) is None

@@ -33,7 +33,7 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
         ["registration_photographs.csv", *(f"{name}.png" for name in REGISTRATION)],
     ),
     "stability": (
-        "", ["--only", "sampling"], ["stability_sampling.csv", "stability_sampling.png"]
+        "", ["--only", "camera"], ["stability_camera.csv", "stability_camera.png"]
     ),
     "training": (
         "training.csv", ["--without-sample", "--case", "{case}", "{photographs}"],

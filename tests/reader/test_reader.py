@@ -117,7 +117,7 @@ def total(views: Dataset, place: int) -> float:
     return float(views[place].depth_mm.sum())
 
 
-@pytest.mark.parametrize("method", ["fork", "spawn"])
+@pytest.mark.parametrize(("method", "opened"), [("fork", "pack"), ("spawn", "folder")], indirect=["opened"])
 def test_processes_share_it(method, opened):
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"this system has no {method}")

@@ -10,18 +10,15 @@ import numpy as np
 import pytest
 
 from oneframe.alignment import align_case
-from oneframe.alignment.proposal.propose import Proposal
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.landmark_file import write_landmarks
 from oneframe.case.landmarks import Landmark
-from oneframe.case.loaded_case import load_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
-from oneframe.transforms import rigid, transform_points
+from oneframe.transforms import transform_points
 
 ROUGH = "cam_from_mesh = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"
 FINE = "--click-sigma-px=0.1"
@@ -116,26 +113,6 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     again = align(out, FINE)
     assert again.returncode == 0, again.stderr
     assert printed_matrix(again.stdout, "cam_from_mesh") == pytest.approx(pose, abs=1e-5)
-
-
-def test_an_unknown_focal_length_comes_out_of_the_landmarks(case_path, tmp_path, align, addon):
-    """As the operator finds it too."""
-    import bpy
-
-    case, out = true_case(case_path), tmp_path / "out.toml"
-    wrong = dataclasses.replace(case.camera, fx=1.4 * case.camera.fx, fy=1.4 * case.camera.fy)
-    write_case(case_path, dataclasses.replace(case, camera=wrong, landmarks=tuple(clicked_landmarks(case_path, 60))))
-    ended = align(case_path, "--click-sigma-px=0.05", "--estimate-focal", "--out", out)
-    assert ended.returncode == 0, ended.stderr
-    assert f"focal length: {case.camera.fx:.0f} px ±" in ended.stdout
-    written = read_case(out)
-    assert dataclasses.astuple(written.camera) == pytest.approx(dataclasses.astuple(case.camera), rel=1e-3)
-    assert written.cam_from_mesh == pytest.approx(case.cam_from_mesh, abs=0.2)
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    bpy.context.scene.oneframe.click_sigma_px = 0.05
-    bpy.ops.oneframe.estimate_focal_length()
-    typed = bpy.context.scene.oneframe.camera
-    assert (float(typed.fx), float(typed.fy)) == pytest.approx((written.camera.fx, written.camera.fy), rel=1e-6)
 
 
 def test_the_script_says_what_the_operator_says(case_path, tmp_path, align, addon):
@@ -252,26 +229,6 @@ def test_what_cannot_be_used_ends_with_one_line(case_path, tmp_path, align, kind
     assert message in ended.stderr
     assert ended.stderr.startswith("error: ")
     assert ended.stderr.count("\n") == 1
-
-
-def test_a_proposal_is_taken_with_the_notes_on_the_files(case_path, tmp_path, align, monkeypatch):
-    """The search itself is tried elsewhere."""
-    case, out = read_case(case_path), tmp_path / "out.toml"
-    mesh, _ = read_mesh(case.mesh)
-    true_pose = true_case(case_path).cam_from_mesh
-    in_model = true_pose @ rigid(translation=mesh.vertices.mean(axis=0))
-    monkeypatch.setattr(
-        align_case, "propose_poses", lambda *_: (Proposal(np.eye(4), 0.4, 9.0), Proposal(in_model, 0.3, 8.0))
-    )
-    # a face without area is dropped, and said
-    write_ply(case.mesh, TriangleMesh(mesh.vertices, np.vstack([mesh.faces, [[0, 0, 1]]]).astype(np.int32)))
-    (told,) = load_case(true_case(case_path)).messages
-    ended = align(case_path, "--propose", "2", "--out", out)
-    assert ended.returncode == 0, ended.stderr
-    assert "proposal 2: explains 30% of the image, score 8, taken\nnote: nothing has verified" in ended.stdout
-    assert f"\nnote: {told}\n" in ended.stdout
-    assert read_case(out).cam_from_mesh == pytest.approx(true_pose, abs=1e-9)
-    assert read_case(out).alignment["method"] == "proposed"
 
 
 @pytest.mark.usefixtures("refined_once")

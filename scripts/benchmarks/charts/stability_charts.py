@@ -5,8 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from oneframe.case.precision import EXACT_PX
-from oneframe.charts.page import DASHED, PEER, TEXT, WARNING
-from oneframe.poses.constraints import MAX_ATTEMPTS
+from oneframe.charts.page import PEER, WARNING
 
 from ..figures import conditions_note
 from ..sweeps import colouring, landmarks, refinement
@@ -21,7 +20,7 @@ from .cell_panels import (
     right_of_all,
     with_lines,
 )
-from .panels import PARTS, Axis, Panel, distinct, draw_chart, handle, line, rule
+from .panels import PARTS, Axis, Panel, distinct, draw_chart, handle, line
 
 Conditions = Sequence[str]
 CAMERA = (
@@ -73,11 +72,6 @@ FRAMES = (
     ("specular", "", "Specular", "part under glare"),
     ("noisy", "", "Noisy", "standard deviation (of 1)"),
     ("blurred", "", "Blurred", "blur (px)"),
-)
-SAMPLING = (
-    ("min_observed", "--min-observed", "least observed part of the surface"),
-    ("min_surface", "--min-surface", "least surface, of the frame's"),
-    ("min_clearance_mm", "--min-clearance-mm", "least clearance (mm)"),
 )
 
 
@@ -229,30 +223,11 @@ def renderer_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -
     return [draw_chart(data, title, [panels[:3], panels[3:]], small, size=(4.2, 3.2), key=answer_key())]
 
 
-def sampling_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
-    """Poses tried for a view by constraint, and the chance that a long run fails."""
-    y = Axis("poses tried for a view", log=True, ends=(0.7, 2.0 * MAX_ATTEMPTS))
-    all_tried = rule(MAX_ATTEMPTS, colour=TEXT, style=DASHED)
-    panels = list[Panel]()
-    for sweep, title, label in SAMPLING:
-        panel = Panel(title, Axis(label), y, [all_tried], None if panels else "center left")
-        panels.append(with_lines(panel, in_sweep(cells, sweep), quantity="value"))
-    accepted = Axis("part of the poses that is accepted", log=True)
-    panel = Panel("100 000 views: run ends early", accepted, PARTS)
-    panels.append(with_lines(panel, in_sweep(cells, "long run")))
-    small = (
-        f"A ridged bowl of 60 mm at 300 mm. Dashed: MAX_ATTEMPTS, {MAX_ATTEMPTS} poses tried, then a view is refused.",
-        conditions_note(conditions),
-    )
-    return [draw_chart(data, "Sampling poses: tight constraints", [panels], small, size=(3.15, 3.4), key=answer_key())]
-
-
 CHARTS: dict[str, Callable[[Sequence[Cell], Conditions, Path], list[Path]]] = {
     "pnp": landmark_charts,
     "refinement": refinement_charts,
     "colouring": colouring_charts,
     "camera": camera_charts,
     "renderers": renderer_charts,
-    "sampling": sampling_charts,
 }
 """By topic: draws charts of cells, with their conditions, next to their table; gives the files written."""

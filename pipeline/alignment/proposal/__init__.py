@@ -1,1 +1,0 @@
-"""Poses proposed from the frame alone, without a rough pose."""

@@ -82,14 +82,14 @@ class CornerNormals:
 
     def at(self, faces: np.ndarray, points: np.ndarray, front: np.ndarray) -> np.ndarray:
         """``(N, 3)`` float32 unit normals at points ``(N, 3)`` of faces, on the side that is seen: the front or not."""
-        columns, places, squared = points.T, 3 * faces.astype(np.intp), np.float32(0)
-        normals = np.empty((3, len(points)), np.float32)
+        columns, places = points.T, 3 * faces.astype(np.intp)
+        normals, squared = np.empty((3, len(points)), np.float32), np.zeros(len(points), np.float32)
         for axis, normal in enumerate(normals):
             *slopes, start = self._functions[axis:].take(places, mode="clip").view(np.float32).reshape(-1, 4).T
             normal[:] = start
             for slope, column in zip(slopes, columns, strict=True):
                 normal += slope * column
-            squared = squared + normal * normal
+            squared += normal * normal
         normals /= np.sqrt(np.maximum(squared, np.float32(1e-24))) * np.where(front, np.float32(1), np.float32(-1))
         return normals.T
 

@@ -89,7 +89,8 @@ def assign_colour(mesh_object: bpy.types.Object, surface: ColouredSurface, *, fi
             other = nodes.add("ShaderNodeAttribute", attribute_name=UNSEEN_ATTRIBUTE).outputs["Color"]
         shown = nodes.mixed(flag, other, rgb)
     if surface.light is not None:
-        shown = _in_light(nodes, mesh_object, surface.mesh, surface.light, shown, backfacing)
+        albedo = NEUTRAL_RGBA[:3] if rgb is None else shown
+        shown = _in_light(nodes, mesh_object, surface.mesh, surface.light, albedo, backfacing)
     emission = nodes.add("ShaderNodeEmission", {"Color": shown})
     output = nodes.add("ShaderNodeOutputMaterial")
     nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
@@ -128,7 +129,7 @@ def _in_light(
     nearness = nodes.math("POWER", squared, -(lens.light.falloff + 1) / 2)
     linear = nodes.math("MULTIPLY_ADD", nodes.math("MAXIMUM", along, 0.0), nearness, lens.light.ambient)
     factor = nodes.math("POWER", nodes.math("MAXIMUM", linear, lens.least), POWER)
-    return nodes.scaled(vector("ADD", rgb[:3] if isinstance(rgb, tuple) else rgb, (SHIFT,) * 3), factor)
+    return nodes.scaled(vector("ADD", rgb, (SHIFT,) * 3), factor)
 
 
 def move_lamp(mesh_object: bpy.types.Object, light: LensLight, cam_from_model: np.ndarray) -> None:

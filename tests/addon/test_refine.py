@@ -196,6 +196,7 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
     assert any("6 correspondences" in line for line in evidence_of(opened))
     record = pose_record(opened)
     assert (record["method"], record["evidence"], record["pairs"]) == ("refined", "landmarks, image", 6)
+    assert status(opened)[0].endswith("Next: Save Case")
     pulls = solve.pulls(opened)
     assert 0 < pulls["landmarks"] < pulls["image"]
     # each can be switched off

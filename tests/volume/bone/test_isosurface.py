@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
@@ -73,7 +73,6 @@ def test_drilled_surface_of_noise_is_closed_and_bone_keeps_its_vertices(seed):
     assert not intact.drilled.any()
 
 
-@settings(max_examples=20)
 @given(SEEDS, st.integers(1, 5))
 def test_blocks_are_parts_of_the_whole(seed, side):
     values, rng = noise(seed), np.random.default_rng(seed)

@@ -59,7 +59,6 @@ def test_twists_go_both_ways_and_their_jacobian_is_the_derivative():
 # --- recovery --------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=30)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(4, 14),

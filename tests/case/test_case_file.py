@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.camera.distortion import Distortion
@@ -203,7 +203,6 @@ def message_of(path: Path) -> str:
     return "case.toml: taken"
 
 
-@settings(max_examples=25)
 @given(key=st.sampled_from(sorted(PARTS)), value=values, option=st.sampled_from(["count", "scale", "engine", "video"]))
 def test_any_value_is_accepted_or_refused_with_a_message(tmp_path_factory, key, value, option):
     folder = tmp_path_factory.getbasetemp()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
@@ -54,7 +54,6 @@ cases = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=25)
 @given(cases)
 def test_parts_are_a_gap_apart(case):
     poses = drawn(case["sampler"], case["count"], case["seed"])

@@ -18,7 +18,7 @@ from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from oneframe.surface.winding import consistent_winding
 
-quick = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+quick = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @st.composite

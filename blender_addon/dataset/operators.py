@@ -10,6 +10,7 @@ import numpy as np
 from ..class_registration import at_end, listening
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
+from ..pipeline.dataset.options import LENS
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.events import areas
@@ -82,7 +83,9 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
         count = options.count if listed is None else len(listed)
         if index >= count:
             raise InputError(f"view {index}: expected a view of the dataset, 0 to {count - 1}; choose a smaller number")
-        with ViewRenderer(loaded, reference_view_of(loaded, options.engine), options, listed) as renderer:
+        with ViewRenderer(
+            loaded, reference_view_of(loaded, options.engine, lens=options.light == LENS), options, listed
+        ) as renderer:
             view = renderer.make(index)
             messages = renderer.messages
         statistics = view.planned.statistics

@@ -81,10 +81,6 @@ class ONEFRAME_PT_evidence(PartPanel):
             return  # the sidebar says what is wrong with the pose
         layout.label(text=title, icon=icon)
         _draw_kinds(layout, scene)
-        if "doubt" in record:
-            draw_text(layout, f"In doubt: {record['doubt']}", icon="ERROR")
-        if "refused" in record:
-            draw_text(layout, f"Taken although the refinement was refused: {record['refused']}", icon="ERROR")
         lines = layout.column(align=True)
         lines.scale_y = 0.8
         texts = record_lines(record)

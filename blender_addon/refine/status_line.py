@@ -16,6 +16,7 @@ from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.alignment_record import (
+    FOUND,
     FURTHER_FRAMES,
     INITIAL_GUESS,
     OTHER_FRAME,
@@ -138,7 +139,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return "Next: drag pins or pick landmarks"
     if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"
-    if not pose_evidence.is_refined(scene):
+    if record.get("method") not in FOUND:
         return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
     if entries := queue_of(scene):
         if not is_saved or entries[position(scene)].state != CHECKED:

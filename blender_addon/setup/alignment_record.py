@@ -8,10 +8,8 @@ import bpy
 
 from ..landmarks import solve
 from ..pipeline import __version__
-from ..pipeline.alignment.landmarks.report import alignment_record
-from ..pipeline.alignment.posterior.report import joined_record
+from ..pipeline.alignment.pose_record import alignment_record, joined_record, refinement_record
 from ..pipeline.alignment.posterior.solve import IMAGE
-from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, is_a_start
 from ..pipeline.case.case_file import Case

@@ -12,8 +12,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..pipeline.alignment.pose_record import image_evidence_of, image_table
 from ..pipeline.alignment.pose_uncertainty import PoseEvidence, PoseUncertainty
-from ..pipeline.alignment.posterior.report import image_evidence_of, image_table
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
 from ..pipeline.case.alignment_record import scaled_record
 from ..pipeline.transforms import inverse_rigid

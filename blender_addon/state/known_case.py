@@ -10,10 +10,9 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.blender.bridge.data_blocks import absolute_path
-from ..pipeline.case.case_file import Case, case_from_text, read_case
+from ..pipeline.case.case_file import Case, case_from_text
 from ..pipeline.case.case_writer import case_text
 from ..pipeline.case.frame import UnreadFrame
-from ..pipeline.errors import InputError
 
 UNNAMED = Path("/case.toml")
 """Where the case lies while the scene has no file: the names of its files are relative to that folder."""
@@ -21,10 +20,8 @@ UNNAMED = Path("/case.toml")
 
 def known_case(scene: bpy.types.Scene) -> Case | None:
     """The case of the scene's file, or what of it still holds for another frame or surface; ``None`` for none."""
-    settings = scene.oneframe
-    if settings.case_text:
-        return _parsed(settings.case_text, _place(scene))
-    return _of_file(_place(scene)) if settings.case_path else None
+    text = scene.oneframe.case_text
+    return _parsed(text, _place(scene)) if text else None
 
 
 def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:
@@ -41,15 +38,6 @@ def _place(scene: bpy.types.Scene) -> Path:
 @lru_cache(maxsize=4)
 def _parsed(text: str, path: Path) -> Case:
     return case_from_text(text, path)
-
-
-@lru_cache(maxsize=4)
-def _of_file(path: Path) -> Case | None:
-    """For a .blend file of an earlier version, which kept the case in other ways."""
-    try:
-        return read_case(path, posed=False)
-    except InputError:
-        return None
 
 
 def remember_file(scene: bpy.types.Scene, case: Case) -> None:

@@ -17,14 +17,13 @@ from .landmarks.align_landmarks import (
 )
 from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
 from .landmarks.picture import marked
-from .landmarks.report import alignment_record, pose_lines, pose_table, report_lines, report_table
+from .pose_record import alignment_record, image_table, joined_record, refinement_record
 from .pose_uncertainty import PoseEvidence, PoseMode
 from .posterior.next_click import corners_in_view, next_click, rough_mode, visible_points
-from .posterior.report import image_table, joined_record
 from .posterior.solve import pose_posterior
 from .refinement.refine import refine_pose
-from .refinement.report import refinement_record, refinement_table
 from .refinement.verdict import Refinement
+from .report import pose_lines, pose_table, refinement_table, report_lines, report_table
 
 
 @dataclass(frozen=True)

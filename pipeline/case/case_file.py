@@ -110,6 +110,22 @@ class Case:
         """The frame, and the further ones."""
         return UnreadFrame(self.image, self.camera, self.distortion, self.cam_from_mesh), *self.frames
 
+    @property
+    def lens_light(self) -> LensLight:
+        """The lamp at the lens, for views in its light.
+
+        Raises
+        ------
+        InputError
+            None is known.
+        """
+        if self.light is None:
+            raise InputError(
+                f"{self.path.name}: expected the lamp at the lens, a table [light], found none; give its place, "
+                "lamp_cam_mm, and the ambient part, or render with --light none"
+            )
+        return self.light
+
     def input_files(self) -> dict[str, Path]:
         """All files that the results depend on, by a name that does not depend on their location."""
         files = {"case": self.path, "frame": self.image, "surface": self.mesh}

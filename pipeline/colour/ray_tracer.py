@@ -24,6 +24,7 @@ from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
+from .lens_shading import CornerNormals, shown_codes
 from .shading import ColouredSurface, ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .texture_atlas import TextureAtlas
 from .vertex_colours import NEUTRAL, VertexColours
@@ -43,6 +44,7 @@ class _Eye(NamedTuple):
     of this module for each frame, and ``scales`` the sides of a pixel in it, in a view that is to be anti-aliased.
     """
 
+    cam_from_model: np.ndarray
     centre: np.ndarray
     start_mm: float
     model_from_px: np.ndarray
@@ -149,6 +151,8 @@ class RayTracer:
         self._painters = [_Painter(mesh, colour) for colour in colours or (None,)]
         self._pivot_model = None if samples == 1 else surface.pivot_model
         self._pattern = pixel_pattern(samples)
+        self._light = surface.light
+        self._normals = None if surface.light is None else CornerNormals(mesh)
         by_place = self._unseen is not None or any(isinstance(each, VertexColours | TextureAtlas) for each in colours)
         self._by_rays = by_place or len(mesh.faces) > FACES_A_PIXEL * camera.width * camera.height
 
@@ -186,6 +190,7 @@ class RayTracer:
             if self._pivot_model is not None:
                 scales.append(footprint_scale(source, self._pivot_model, self._camera, cam_from_model))
         return _Eye(
+            cam_from_model,
             camera_centre(cam_from_model),
             max(float(cam_from_model[2, 3]) - 1.01 * self._mesh.radius, 0.0),
             cam_from_model[:3, :3].T @ k_inverse,
@@ -242,8 +247,7 @@ class RayTracer:
         hits = rays.hits
         if len(self._painters) == 1:
             rgb, seen, near = painted(0, rays)
-            self._show_unseen(rgb, hits, seen)
-            return rgb, seen.astype(np.uint8), near
+            return self._finished(eye, rays, rgb, seen), seen.astype(np.uint8), near
         u, v = np.broadcast_arrays(rays.u, rays.v)
         flat = rays._replace(u=u.ravel(), v=v.ravel())
         rgb, source = np.zeros((len(hits.face), 3), np.float32), np.zeros(len(hits.face), np.uint8)
@@ -257,8 +261,7 @@ class RayTracer:
             if near is not None:
                 border[left[near]] = True
             left = left[~seen]
-        self._show_unseen(rgb, hits, source > 0)
-        return rgb, source, border
+        return self._finished(eye, flat, rgb, source > 0), source, border
 
     def _bounds(self, eye: _Eye) -> tuple[int, int, int, int]:
         """First and end column and row of the pixels that can show the surface."""
@@ -302,13 +305,23 @@ class RayTracer:
         depth_mm = np.where(hits.face >= 0, np.add(hits.distance, eye.start_mm, dtype=np.float64), 1)
         return hits, depth_mm.astype(np.float32)
 
-    def _show_unseen(self, rgb: np.ndarray, hits: Hits, seen: np.ndarray) -> None:
-        """Set the colours of what no frame saw, in place, and black without a hit."""
+    def _finished(self, eye: _Eye, rays: _Rays, rgb: np.ndarray, seen: np.ndarray) -> np.ndarray:
+        """The colours in their light, in place, with those of what no frame saw, and black without a hit."""
+        hits = rays.hits
         hit = hits.face >= 0
         unseen = np.flatnonzero(hit & ~seen)
-        rgb[~hit] = 0
         if self._unseen is None:
             rgb[unseen] = NEUTRAL
-            return
-        part = Hits(*(values[unseen] for values in hits))
-        rgb[unseen] = corner_means(self._unseen[self._mesh.faces[part.face]], part)
+        else:
+            part = Hits(*(values[unseen] for values in hits))
+            rgb[unseen] = corner_means(self._unseen[self._mesh.faces[part.face]], part)
+        if self._light is not None and self._normals is not None:
+            points = np.empty((3, len(hits.face)), np.float32)
+            for point, (right, down, ahead), centre in zip(points, eye.model_from_px, eye.centre, strict=True):
+                direction = (right * rays.u).astype(np.float32) + (down * rays.v + ahead).astype(np.float32)
+                np.multiply(direction.ravel(), rays.depth_mm, out=point)
+                point += np.float32(centre)
+            normals = self._normals.at(hits.face, points.T, hits.front)
+            shown_codes(rgb, self._light.factors(points.T, normals, eye.cam_from_model))
+        rgb[~hit] = 0
+        return rgb

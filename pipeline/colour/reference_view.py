@@ -15,11 +15,13 @@ from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..light.exposure import matched_exposures
 from ..projection.rays import MeshRays
+from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import most_central
 from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid, transform_points
 from .fill import filled_colours
+from .lens_shading import LensShading, lens_doubts, lens_shading_of, without_light
 from .ray_tracer import RayTracer
 from .shading import ColouredSurface, SurfaceColour
 from .source_view import SourceView
@@ -47,6 +49,8 @@ class ReferenceView:
         Messages for the user.
     raster
         The z-buffer of the first view, if it comes from one.
+    light
+        The light at the lens if the images of ``views`` are without it: albedos.
     """
 
     mesh: TriangleMesh
@@ -54,6 +58,7 @@ class ReferenceView:
     pivot_model: np.ndarray
     messages: tuple[str, ...]
     raster: DepthRaster | None = None
+    light: LensShading | None = None
 
     @property
     def view(self) -> SourceView:
@@ -97,17 +102,20 @@ def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
     return view_of_depths(loaded, depths_mm, front, raster)
 
 
-def traced_view_of(loaded: LoadedCase) -> ReferenceView:
+def traced_view_of(loaded: LoadedCase, *, lens: bool = False) -> ReferenceView:
     """The reference view from rays, as the views of ``raster`` are; without Blender too.
+
+    With ``lens`` the light at the lens is taken out of the frames.
 
     Raises
     ------
     InputError
-        No pixel of a frame shows the surface, or there is no Embree.
+        No pixel of a frame shows the surface, or there is no Embree; no such light, see :func:`.lens_shading_of`.
     """
-    surface, rays = ColouredSurface(loaded.surface.mesh), MeshRays(loaded.surface.mesh)
+    surface = ColouredSurface(loaded.surface.mesh, light=lens_shading_of(loaded) if lens else None)
+    rays = MeshRays(surface.mesh)
     seen = [RayTracer(surface, frame.camera, rays=rays).render(frame.cam_from_model) for frame in loaded.frames]
-    return view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
+    return view_of_renders(loaded, seen, surface.light)
 
 
 def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
@@ -119,6 +127,18 @@ def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
         No pixel of a frame shows the surface, or it needs rays and there is no Embree.
     """
     return rasterised_view_of(loaded) if can_rasterise(loaded) else traced_view_of(loaded)
+
+
+def view_of_renders(
+    loaded: LoadedCase, seen: Sequence[RenderedView], light: LensShading | None = None
+) -> ReferenceView:
+    """The reference view from the bare surface rendered at each frame's pose, in a light that is taken out of them."""
+    said: list[str] = []
+    if light is not None:
+        said = lens_doubts(loaded, seen[0])
+        loaded = without_light(loaded, seen)
+    view = view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
+    return replace(view, messages=(*view.messages, *said), light=light)
 
 
 def view_of_depths(

@@ -12,6 +12,7 @@ from ..projection.rays import Hits
 from ..surface.mesh import TriangleMesh
 from .anti_aliasing import filtered_image
 from .footprint_filter import squares_for
+from .lens_shading import LensShading
 from .source_view import SourceView
 from .texture_atlas import COVERED_LEAST, TextureAtlas
 from .vertex_colours import VertexColours
@@ -34,12 +35,16 @@ class ColouredSurface:
         ``(V, 3)`` code values 0..1 of the vertices for what no frame saw; ``None``: neutral grey.
     pivot_model
         ``(3,)`` mm: the point whose distance determines the filter of anti-aliased views; the origin if left out.
+    light
+        The light at the lens, in which the colours are albedos, see :mod:`oneframe.colour.lens_shading`; ``None``: the
+        colours are shown as they are.
     """
 
     mesh: TriangleMesh
     colours: tuple[SurfaceColour, ...] = ()
     unseen: np.ndarray | None = None
     pivot_model: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    light: LensShading | None = None
 
 
 def source_of(colour: SurfaceColour) -> SourceView | None:

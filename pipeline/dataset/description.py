@@ -17,7 +17,7 @@ from ..files.content import hashed_reading, read_content
 from ..poses.distributions import PoseDistribution, ReferencePose, Trajectory, farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
-from .options import SAMPLERS, DatasetOptions
+from .options import LENS, SAMPLERS, DatasetOptions
 from .truths import depth_scale_for
 
 POSES = "poses"
@@ -72,7 +72,8 @@ def describe(
     Raises
     ------
     InputError
-        The views would have no pixels, or all listed poses are behind the camera.
+        The views would have no pixels, or all listed poses are behind the camera; the case has no light at the lens,
+        and is asked for it.
     """
     case, camera = loaded.case, view_camera(loaded, options)
     count = options.count if poses is None else len(poses)
@@ -98,6 +99,7 @@ def describe(
         # a dataset of one frame is described as ever
         **({"frames": frames[1:]} if case.frames else {}),
         "mesh_from_model": loaded.surface.mesh_from_model.tolist(),
+        **_described_light(loaded, options),
         "mm_per_unit": case.mm_per_unit,
         "geometry_sha256": geometry_hash(loaded.surface.mesh),
         "structures": {structure.name: list(structure.colour) for structure in case.structures},
@@ -105,6 +107,13 @@ def describe(
         "inputs_sha256": {name: digest for name, digest in hashes.items() if name != POSES},
         **listed,
     }
+
+
+def _described_light(loaded: LoadedCase, options: DatasetOptions) -> dict[str, object]:
+    if options.light != LENS:
+        return {}
+    light = loaded.case.lens_light
+    return {"light": {"lamp_cam_mm": light.lamp_cam_mm, "ambient": light.ambient, "falloff": light.falloff}}
 
 
 def described_frame(frame: UnreadFrame, mesh_from_model: np.ndarray) -> dict[str, object]:

@@ -196,10 +196,12 @@ def evaluate_case(
     Raises
     ------
     InputError
-        A photograph cannot be used, or the case shows no surface.
+        A photograph cannot be used, or the case shows no surface, or has no light at the lens that a method needs.
     """
     began = time.perf_counter()
     reference = traced_view_of(case.loaded)
+    in_lens = any(method.lens for method in settings.methods.running)
+    without_light = traced_view_of(case.loaded, lens=True) if in_lens else reference
     trace = RayTracer(ColouredSurface(reference.mesh, reference.views), case.loaded.frame.camera).render
     novel_poses = _novel_poses(case, reference, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
@@ -214,7 +216,8 @@ def evaluate_case(
         rendered = [number for number in numbers if number in again or number not in known]
         for _ in known:
             advance()
-        with opened(method, settings.methods.renderers, reference, case.loaded.frame.camera, poses) as render:
+        source = without_light if method.lens else reference
+        with opened(method, settings.methods.renderers, source, case.loaded.frame.camera, poses) as render:
             findings.preparation_seconds += time.perf_counter() - began
             for shown in _shown_surfaces(case, trace, rendered):
                 key, both = keys[shown.number], None

@@ -13,7 +13,7 @@ from ..camera.pinhole import PinholeCamera
 from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ..colour.shading import ColouredSurface, SurfaceColour
 from ..colour.vertex_colours import VertexColours
-from ..dataset.options import COLOURS, ENGINES, UNSEEN
+from ..dataset.options import COLOURS, ENGINES, LENS, UNSEEN
 from ..errors import InputError, RunError
 from ..files.keys import nearest_name
 from ..images.pixel_values import to_uint8
@@ -42,6 +42,8 @@ class Method:
         One of :data:`oneframe.dataset.options.ENGINES`, or ``"pyvista"``.
     unseen
         What surface looks like that the frame did not see: one of :data:`oneframe.dataset.options.UNSEEN`.
+    lens
+        Whether the light at the lens moves with it: cases without such a light are refused.
     """
 
     key: str
@@ -49,6 +51,7 @@ class Method:
     colour: str
     renderer: str
     unseen: str = "neutral"
+    lens: bool = False
 
     @property
     def peer(self) -> bool:
@@ -56,15 +59,16 @@ class Method:
         return self.colour in (PAPER, PAPER_CLAMPED)
 
 
-def _ours(colour: str, engine: str, unseen: str = "neutral") -> Method:
-    words = (colour, engine) if unseen == "neutral" else (colour, unseen, engine)
-    return Method("-".join(words), "ours, " + ", ".join(words), colour, engine, unseen)
+def _ours(colour: str, engine: str, unseen: str = "neutral", *, lens: bool = False) -> Method:
+    words = [colour, *([] if unseen == "neutral" else [unseen]), *([LENS] if lens else []), engine]
+    return Method("-".join(words), "ours, " + ", ".join(words), colour, engine, unseen, lens)
 
 
 METHODS = {
     method.key: method
     for method in (
         *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ENGINES for colour in COLOURS),
+        *(_ours("projective", engine, unseen, lens=True) for unseen in UNSEEN for engine in ENGINES),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-clamped-pyvista", "paper, clamped (PyVista)", PAPER_CLAMPED, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
@@ -112,7 +116,7 @@ class ChosenMethods:
 
 
 def chosen_methods(keys: Sequence[str], renderers: Renderers) -> ChosenMethods:
-    """The methods of some keys, or all of them for :data:`EVERY`.
+    """The methods of some keys, or for :data:`EVERY` all that any case can have.
 
     Raises
     ------
@@ -124,7 +128,10 @@ def chosen_methods(keys: Sequence[str], renderers: Renderers) -> ChosenMethods:
     for key in keys:
         if key not in METHODS and key != EVERY:
             raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, (*METHODS, EVERY))}")
-    methods = [METHODS[key] for key in (METHODS if EVERY in keys else dict.fromkeys(keys))]
+    every = [key for key, method in METHODS.items() if not method.lens]
+    methods = [
+        METHODS[key] for key in dict.fromkeys(part for key in keys for part in (every if key == EVERY else [key]))
+    ]
     failed = {renderer: _failure(renderer, renderers) for renderer in {method.renderer for method in methods}}
     running = tuple(method for method in methods if not failed[method.renderer])
     if not running:
@@ -164,7 +171,7 @@ def opened(
     method, renderers
         One that can run, see :func:`chosen_methods`, and what it renders with.
     reference
-        The frame's view of the surface.
+        The frame's view of the surface, without its light for methods in that of the lens.
     camera
         Intrinsics of the views.
     poses
@@ -176,7 +183,7 @@ def opened(
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
     unseen = unseen_colours_of(reference, method.unseen)
-    surface = ColouredSurface(reference.mesh, _colours(method, reference), unseen)
+    surface = ColouredSurface(reference.mesh, _colours(method, reference), unseen, light=reference.light)
     with renderers.opened(method.renderer, surface, camera) as render_view:
         yield lambda pose: render_view(pose).rgb
 

@@ -1,13 +1,12 @@
-"""Registration of further frames: found, refused and wrong, where it ends, the corrected source, and what it colours.
+"""Registration of further frames: found, refused and wrong, where it ends, and the corrected source.
 
 The images of the sample and of --bones are rendered; bloster's and LM-O's are photographs. Writes, in PATH,
-registration_PART.csv, a row for each frame, their charts, and with --bloster the evaluation of the colours. Wrong:
-accepted, and off by more than 2 degrees, 2 % of the distance, or 5 px at the size of registration. It takes the
-arguments of the topic evaluation, of which --methods, --inception and --pictures say nothing here.
+registration_PART.csv, a row for each frame, and their charts. Wrong: accepted, and off by more than 2 degrees, 2 % of
+the distance, or 5 px at the size of registration. It takes the arguments of the topic evaluation, of which --methods,
+--inception and --pictures say nothing here.
 """
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,14 +14,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from oneframe.blender.render.engines import RENDERERS
 from oneframe.blender.sample.sample_case import FILM_POSES, write_sample_film
 from oneframe.case.case_file import read_case
 from oneframe.case.frame import load_posed_frame
 from oneframe.case.loaded_case import load_case
 from oneframe.evaluation.conditions import current_conditions
-from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
-from oneframe.evaluation.methods import chosen_methods
 from oneframe.files.temporary import temporary_folder
 from oneframe.registration.pose_list import read_photographs
 from oneframe.registration.verdict import ACCEPTED
@@ -34,10 +30,8 @@ from .charts.registration_charts import registration_charts
 from .figures import read_rows, write_rows
 from .published import CaseFiles
 from .sweeps import registration as sweeps
-from .sweeps.registered_colour import METHODS, colour_cases
 
-COLOUR = "colour"
-PARTS = ("photographs", "zoom", "film", "grid", "limits", "correction", COLOUR)
+PARTS = ("photographs", "zoom", "film", "grid", "limits", "correction")
 TABLE = "registration_{}.csv"
 HEAD = "| part | data | kind | frames | found (95 %) | wrong | median | worst | seconds |\n|" + 9 * "---|"
 SAMPLE, BONES = "sample", "bones"
@@ -66,9 +60,6 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     with temporary_folder() as folder:
         scenes = [scene_of(pair, folder) for pair in evaluation.case_files(arguments, folder)]
         for part in arguments.only:
-            if part == COLOUR:
-                colour(arguments, folder, report)
-                continue
             rows = list(trials_of(part, scenes, arguments, folder))
             if rows:
                 write_rows(arguments.out / TABLE.format(part), rows, conditions, "right")
@@ -119,15 +110,6 @@ def film_trials(sample: Sequence[Scene], folder: Path, zoom: float) -> sweeps.Tr
             for _ in write_sample_film(folder, sample_surface()):
                 pass
         yield from sweeps.film(scene, folder, zoom)
-
-
-def colour(arguments: argparse.Namespace, folder: Path, report: Callable[[str], None]) -> None:
-    """Evaluate bloster's colours, from one frame and from three."""
-    if arguments.bloster and not arguments.quick:
-        pairs, methods = colour_cases(arguments.bloster, folder / "colour"), chosen_methods(METHODS, RENDERERS)
-        prepared = evaluation_run(pairs, arguments.out / "colour", methods, seed=arguments.seed)
-        for line in run_evaluation(prepared, stream=sys.stderr):
-            report(line)
 
 
 def scene_of(pair: CaseFiles, folder: Path) -> Scene:

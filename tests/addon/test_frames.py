@@ -12,17 +12,20 @@ from blender_addon.setup.alignment_record import recorded_case
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.state import another_frame, from_scene, pose_evidence
 from blender_addon.state.known_case import further_frames
+from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.colour.surface_colour import colour_record
 from oneframe.case import case_queue
 from oneframe.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, checked_alignment_record
 from oneframe.case.case_file import read_case
+from oneframe.registration.register import Registrar
 from oneframe.registration.register_frames import CaseRegistrar
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, PIVOT, SOURCE, photograph, seen_from, write_case
+from tests.remembered import registration, remembered
 from tests.video.surgical_film import write_film
 
 ROUGH = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([0.6, -0.8, 0.4])]), SOURCE, PIVOT)
@@ -40,6 +43,13 @@ def folder(tmp_path_factory):
     images = [*(photograph(mesh, pose) for pose in POSES), photograph(mesh, SOURCE)[:, ::-1]]
     write_film(made / "film.avi", [np.rint(255 * image[..., ::-1]).astype(np.uint8) for image in images], "MJPG")
     return made
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered_once():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Registrar, "register", remembered(Registrar.register, registration))
+        yield
 
 
 @pytest.fixture
@@ -206,6 +216,7 @@ def registered_in(scene):
 def forget():
     """As another session of Blender begins."""
     found._known.clear()
+    forget_stamps()
 
 
 def test_found_frames_are_kept_beside_the_case_and_a_stopped_run_goes_on(opened, folder, tmp_path):

@@ -15,7 +15,9 @@ from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.pose import set_cam_from_model
 from blender_addon.ui import frame_view
+from oneframe.alignment import align_case as align
 from oneframe.alignment.align_case import align_case
+from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.blender.alignment import surface_object
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
@@ -26,6 +28,7 @@ from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from tests.alignment.test_refinement import hills
+from tests.remembered import refinement, remembered
 
 CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
@@ -66,6 +69,15 @@ def case_folder(tmp_path_factory):
     for name, pose in (("start", START), ("true", TRUE_POSE)):
         (folder / f"{name}.toml").write_text(CASE.format(pose=pose.tolist()))
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def refined_once():
+    once = remembered(refine_pose, refinement())
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (align, operator):
+            patch.setattr(module, "refine_pose", once)
+        yield
 
 
 @pytest.fixture
@@ -157,6 +169,7 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, cas
     assert operator.is_taken(bpy.context.scene)
     assert saved(bpy.context.scene, tmp_path / "again.toml").alignment == case.alignment
     # refined again from there, and not taken: the new refusal is no pose that somebody took
+    bpy.context.scene.oneframe.frame_path = str(case_folder / "flat.png")
     with pytest.raises(RuntimeError, match="Refused"):
         bpy.ops.oneframe.refine()
     assert not operator.is_taken(bpy.context.scene)
@@ -196,6 +209,7 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
     assert any("6 correspondences" in line for line in evidence_of(opened))
     record = pose_record(opened)
     assert (record["method"], record["evidence"], record["pairs"]) == ("refined", "landmarks, image", 6)
+    assert status(opened)[0].endswith("Next: Save Case")
     pulls = solve.pulls(opened)
     assert 0 < pulls["landmarks"] < pulls["image"]
     # each can be switched off

@@ -44,6 +44,11 @@ pixel = [20.25, 30.5]
 name = "B"
 pixel = [10.0, 12.0]
 enabled = false
+[light]
+lamp_cam_mm = [-13.0, -16.0, 0.0]
+ambient = 0.05
+falloff = 2.0
+method = "given"
 [dataset]
 count = 12
 cone_deg = 30.5

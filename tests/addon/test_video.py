@@ -41,9 +41,26 @@ def case_path(write_tiny_case, tmp_path):
     return write_tiny_case(tmp_path / "case")
 
 
+@pytest.fixture(scope="module")
+def scored():
+    """Scores a film as the window does; a part of it only once."""
+    known = {}
+
+    def score(path, *, progress, thumbnails, **part):
+        key = path, *part.items()
+        if key not in known:
+            known[key] = score_frames(path, progress=progress, thumbnails=thumbnails, **part), vars(thumbnails)
+        scores, shown = known[key]
+        vars(thumbnails).update(shown)
+        return scores
+
+    return score
+
+
 @pytest.fixture
-def film(addon, case_path, video):
+def film(addon, case_path, video, scored, monkeypatch):
     """The small case, and the film opened over it."""
+    monkeypatch.setattr(session, "score_frames", scored)
     bpy.ops.oneframe.open_case(filepath=str(case_path))
     bpy.ops.oneframe.open_video(filepath=str(video))
     return session.of(bpy.context.scene)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.alignment.manual.pins import MAX_DISTANCE_RATIO, pull_pins
@@ -54,7 +54,6 @@ def test_one_pin_shifts_parallel_to_the_image(seed, camera):
     assert pulled[2, 3] == pose[2, 3]
 
 
-@settings(max_examples=40)
 @given(seeds, cameras, st.floats(-3.1, 3.1), st.floats(-0.2, 0.3))
 def test_two_pins_shift_roll_and_change_the_distance(seed, camera, roll, nearer):
     rng, points, pose, _ = scene(seed, camera, 2)
@@ -70,7 +69,6 @@ def test_two_pins_shift_roll_and_change_the_distance(seed, camera, roll, nearer)
     assert rotation @ ray == pytest.approx(roll, abs=2e-3)
 
 
-@settings(max_examples=40)
 @given(seeds, cameras, st.integers(3, 7))
 def test_more_pins_use_all_six_degrees_of_freedom(seed, camera, count):
     rng, points, pose, _ = scene(seed, camera, count)
@@ -83,7 +81,6 @@ def test_more_pins_use_all_six_degrees_of_freedom(seed, camera, count):
     assert rotation_angle_deg(pulled[:3, :3] @ pose[:3, :3].T) < 60
 
 
-@settings(max_examples=30)
 @given(seeds, cameras, st.integers(1, 6))
 def test_pulling_does_not_depend_on_the_model_frame(seed, camera, count):
     rng, points, pose, _ = scene(seed, camera, count)
@@ -98,7 +95,6 @@ def test_pulling_does_not_depend_on_the_model_frame(seed, camera, count):
     assert shown(camera, turned, given_points) == pytest.approx(shown(camera, pulled, points), abs=1e-3)
 
 
-@settings(max_examples=20)
 @given(seeds, cameras)
 def test_the_pin_in_the_hand_wins(seed, camera):
     rng, points, pose, pixels = scene(seed, camera, 6)

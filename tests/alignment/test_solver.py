@@ -59,7 +59,6 @@ def test_twists_go_both_ways_and_their_jacobian_is_the_derivative():
 # --- recovery --------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=30)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(4, 14),
@@ -125,7 +124,7 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
 # --- wrong pairs -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("count", "wrong", "shift_px"), [(6, 1, 60), (8, 2, 60), (12, 4, 60), (20, 8, 150)])
+@pytest.mark.parametrize(("count", "wrong", "shift_px"), [(6, 1, 60), (20, 8, 150)])
 def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
     rng = np.random.default_rng(count)
     exact, trials = 0, 8
@@ -221,7 +220,7 @@ def test_nearly_collinear_points_are_recognised_by_the_click_noise():
     assert solve_pose(points, exact, MICROSCOPE, click_sigma_px=0.01).inliers.all()
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 # a covariance that is singular in double precision
 @example(7, 7, 60.0, 1e-2, "line", 50.0)
 @given(

@@ -63,7 +63,7 @@ json_values = st.recursive(
 )
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from([place for place in places(RECORD) if place]), json_values)
 def test_any_change_is_a_value_or_a_sentence(folder, place, value):
     record = copy.deepcopy(RECORD)

@@ -1,7 +1,7 @@
 """The fill: the observed colours and nothing else, along the surface, smooth, always the same."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.colour.fill import filled_colours
@@ -17,7 +17,6 @@ def tube(rows: int, around: int, low: float = 0.0) -> tuple[np.ndarray, np.ndarr
     return np.stack([np.cos(angle), np.sin(angle), z], axis=-1).reshape(-1, 3), faces.astype(np.int32)
 
 
-@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), rows=st.integers(2, 40), around=st.integers(3, 20))
 def test_known_colours_stay_and_the_others_are_within_their_range(seed, rows, around):
     rng = np.random.default_rng(seed)

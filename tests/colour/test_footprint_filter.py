@@ -1,5 +1,6 @@
 """The averaged frames against scenes of which the frame's and the view's pixels are true means."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -15,13 +16,18 @@ def scene() -> np.ndarray:
     """``(SIZE FINE, SIZE FINE)`` code values with detail down to a third of a frame pixel."""
     noise = np.random.default_rng(5).normal(size=(SIZE * FINE, SIZE * FINE)).astype(np.float32)
     layers = ((0.35, 0.3), (0.7, 0.5), (2, 1), (8, 1.5))
-    total = sum(w * each / each.std() for s, w in layers for each in [gaussian_filter(noise, s * FINE)])
+    total = sum(w * each / each.std() for s, w in layers for each in [cv2.GaussianBlur(noise, (0, 0), s * FINE)])
     return 127 + 38 * total / total.std()
 
 
-def means_over_squares(scene: np.ndarray, centres: np.ndarray, side: float) -> np.ndarray:
+@pytest.fixture(scope="module")
+def sums(scene) -> np.ndarray:
+    """Of all that is above and left of each corner of the scene's pixels."""
+    return np.pad(scene.astype(np.float64).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+
+
+def means_over_squares(sums: np.ndarray, centres: np.ndarray, side: float) -> np.ndarray:
     """The means of a scene over squares, all in frame pixels, and in whole steps of 1 / FINE."""
-    sums = np.pad(scene.astype(np.float64).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
     low, high = (np.rint((centres + sign * side / 2 + 0.5) * FINE).astype(int) for sign in (-1, 1))
     (left, top), (right, bottom) = low.T, high.T
     total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
@@ -51,10 +57,10 @@ def rms(difference: np.ndarray) -> float:
     return float(np.sqrt(np.mean(difference**2)))
 
 
-@pytest.mark.parametrize("scale", [1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.5, 6.0, 11.0])
-def test_near_to_the_scene(rng, scene, scale):
+@pytest.mark.parametrize("scale", [1.0, 1.1, 1.5, 2.0, 3.0, 4.5, 11.0])
+def test_near_to_the_scene(rng, scene, sums, scale):
     frame, centres = frame_of(scene), np.rint(rng.uniform(16, SIZE - 17, (600, 2)) * FINE) / FINE
-    truth = means_over_squares(scene, centres, scale)
+    truth = means_over_squares(sums, centres, scale)
     error = rms(filtered_lookups(frame, centres, scale) - truth)
     if scale <= 3:
         assert error < 0.9 * rms(means_of_interpolant(frame, centres, scale) - truth)

@@ -28,7 +28,7 @@ pytestmark = [pytest.mark.long, pytest.mark.render]
 @pytest.fixture(scope="module")
 def sample(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("sample")
-    for _ in write_sample_case(folder, sample_surface(), camera=MICROSCOPE.resized(64, 48)):
+    for _ in write_sample_case(folder, sample_surface(spacing_mm=0.8), camera=MICROSCOPE.resized(64, 48)):
         pass
     return folder
 
@@ -103,8 +103,7 @@ class Killed(BaseException):
     """What nothing catches."""
 
 
-@pytest.mark.parametrize("share", [0.3, 0.75])
-def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch, share):
+def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch):
     listed = json.loads((sample / "held_out.json").read_text())[:3]
     listed[0]["cam_from_mesh"] = (np.eye(4, k=3) * 1e4 + np.array(listed[0]["cam_from_mesh"])).tolist()
     (sample / "three.json").write_text(json.dumps(listed))
@@ -138,18 +137,21 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch,
         del record["seconds"], files["summary.md"]
         return files | {"evaluation.json": json.dumps(record).encode()}
 
-    every = run(tmp_path / "whole")
-    with pytest.raises(Killed):
-        run(tmp_path / "killed", share)
-    with open(tmp_path / "killed" / FINISHED, "ab") as file:
+    def killed(out: Path, share: float, seed: int = 0) -> int:
+        with pytest.raises(Killed):
+            run(out, share, seed)
+        return len(scored)
+
+    every, out = run(tmp_path / "whole"), tmp_path / "killed"
+    early = killed(out, 0.3)
+    with open(out / FINISHED, "ab") as file:
         file.write(b'{"vi\xffew": [\n["no view"]\n{"view": ["torn')
-    assert 0 < len(scored) < every
-    assert len(scored) + run(tmp_path / "killed") == every
-    assert results(tmp_path / "killed") == results(tmp_path / "whole")
+    later = killed(out, 0.75)
+    assert 0 < early < early + later < every
+    assert early + later + run(out) == every
+    assert results(out) == results(tmp_path / "whole")
     # of other inputs nothing is taken
-    with pytest.raises(Killed):
-        run(tmp_path / "killed", share)
-    assert run(tmp_path / "killed", seed=1) == every
+    assert killed(out, 0.3) == killed(out, 0.3, seed=1) == early
 
 
 def read_pose(case: Path) -> list:

@@ -12,7 +12,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
 from tests.conftest import grid_mesh
 
-CAMERA = PinholeCamera(240, 180, fx=680.0, fy=678.0, cx=121.0, cy=88.0)
+CAMERA = PinholeCamera(180, 135, fx=510.0, fy=508.5, cx=90.75, cy=66.0)
 POSE = rigid(rotation_from_vector(np.array([3.0, 0.25, 0.1])), np.array([1.0, -1.0, 300.0]))
 SPACING_MM = 1.2
 
@@ -92,10 +92,10 @@ def test_cast_shadows_do_not_draw_a_pose_away(relief):
     image = photograph(height, mesh, sun(250.0, 25.0), np.random.default_rng(1))
     valid = np.ones(CAMERA.shape_hw, bool)
     stays = refine_pose(image, valid, CAMERA, mesh, POSE)
-    assert off_px(mesh, stays.found) < 1.0
+    assert off_px(mesh, stays.found) < 0.75
     assert not stays.accepted, stays.message
     assert "shadows of a side light" in stays.message
     moved = rigid(rotation_from_vector(np.radians([0.8, -0.6, 0.5])), np.array([1.5, -1.0, 2.0])) @ POSE
     result = refine_pose(image, valid, CAMERA, mesh, moved)
     assert result.accepted, result.message
-    assert off_px(mesh, result.cam_from_model) < min(1.0, result.after.error_px)
+    assert off_px(mesh, result.cam_from_model) < min(0.75, result.after.error_px)

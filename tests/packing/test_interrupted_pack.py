@@ -34,7 +34,7 @@ def whole(dataset, tmp_path_factory) -> tuple[dict[str, bytes], int]:
 def test_a_killed_pack_is_finished_by_the_same_command(dataset, whole, tmp_path, long_form):
     expected, changes = whole
     assert changes > 20
-    for place in range(changes) if long_form else range(1, changes, -(-changes // 4)):
+    for place in range(changes) if long_form else range(1, changes, -(-changes // 3)):
         out = tmp_path / str(place)
         assert run(dataset, out, place).returncode == -signal.SIGKILL
         for shard in out.glob("shard-*.tar"):

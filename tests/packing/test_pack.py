@@ -11,14 +11,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from oneframe.commands.__main__ import dispatch
 from oneframe.dataset.tables.bop import write_test_targets
+from oneframe.dataset.tables.coco import run_lengths
 from oneframe.errors import InputError, RunError
 from oneframe.packing import pack as packing
+from oneframe.packing.layout import mask_columns, mask_json
 from oneframe.packing.pack import PackOptions, pack_dataset
 from oneframe.packing.shard import pack_shard
 from oneframe.packing.verify import verify_pack
+from tests.dataset.masks import masks
 from tests.tree import tree
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -134,6 +139,16 @@ def test_jpeg_is_the_rgb_as_opencv_compresses_it(dataset, tmp_path):
     with pytest.raises(InputError, match=r"OpenCV 1\.2 compressed its RGB.*: leave out the dataset"):
         verify_pack(out, dataset)
     assert not verify_pack(out, stream=io.StringIO()).findings
+
+
+@given(mask=masks, data=st.data())
+def test_masks_come_back_and_damaged_ones_are_a_sentence(mask, data):
+    text = mask_json(mask)
+    entry = json.loads(text)["0"]
+    assert (tuple(entry["counts"]), tuple(entry["size"])) == (run_lengths(mask), mask.shape)
+    np.testing.assert_array_equal(mask_columns(text, mask.shape, "m").T, mask)
+    with pytest.raises(InputError, match="m: expected"):
+        mask_columns(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")
 
 
 # --- what is refused ------------------------------------------------------------------------------------------------

@@ -86,7 +86,7 @@ def test_parts_are_a_gap_apart(case):
 @pytest.mark.parametrize("sampler", ["cone", "gaussian", "shell"])
 def test_val_and_test_are_spread_over_all_views(sampler):
     """Not a corner of the space of poses: the middle and the spread of distances and tilts are like those of all."""
-    poses = drawn(sampler, 2000, 1)
+    poses = drawn(sampler, 1000, 1)
     split = split_of_views(poses, CORNERS, CAMERA)
     for values in (poses[:, 2, 3], np.degrees(np.arccos(np.clip(-poses[:, 2, 2], -1, 1)))):
         for part in parts(split):

@@ -54,7 +54,7 @@ def test_a_sound_pack_is_whole(dataset, packed):
     )
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_flipped_bit_anywhere_is_found(data, copied_pack):
     path = copied_pack / data.draw(st.sampled_from(sorted(p.name for p in copied_pack.iterdir() if p.is_file())))

@@ -10,7 +10,7 @@ from math import erf
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
@@ -234,7 +234,6 @@ vectors = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
     *(st.sampled_from([Cone, Gaussian, Shell, Trajectory]), degrees, degrees, factors, st.floats(0, 500)),
     *(vectors, vectors, st.tuples(st.floats(-80, 80), st.floats(-80, 80), st.floats(20, 900)), st.integers(0, 2**40)),
 )
-@settings(max_examples=150)
 def test_poses_are_rigid_and_keep_the_pivot_on_its_pixel(kind, cone, roll, factor, mm, turn, pivot, pivot_cam, seed):
     rotation = rotation_from_vector(turn)
     reference = ReferencePose(rigid(rotation, np.array(pivot_cam) - rotation @ pivot), pivot)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
@@ -35,7 +35,6 @@ directions = st.integers(0, 2**32 - 1).map(
 )
 
 
-@settings(max_examples=20)
 @given(directions, st.sampled_from(CAMERAS), st.floats(0.3, 1.5))
 def test_the_camera_looks_into_the_cavity_from_where_it_is_open(direction, camera, scale):
     mesh = bone_with_cavity(direction)

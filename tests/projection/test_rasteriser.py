@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.projection.rasteriser import barycentric, rasterise
@@ -35,7 +35,6 @@ def triangulated_box(rng, low, high, cells, grid):
     )
 
 
-@settings(max_examples=60)
 @given(
     seed=st.integers(0, 2**32),
     corner=st.tuples(st.integers(-400, 400), st.integers(-400, 400)),
@@ -75,7 +74,6 @@ def chebyshev_distance(triangle, points):
     return np.where(inside, 0, best)
 
 
-@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32), size=st.sampled_from([0.2, 3, 20]), margin=st.sampled_from([0.0, 0.5, 1.0, 2.3]))
 def test_margin_is_a_square_round_the_triangle(seed, size, margin):
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
@@ -89,7 +89,6 @@ def ray_cast_mask(mesh: TriangleMesh, cam_from_model: np.ndarray, window: tuple[
     return hit.any(axis=1).reshape(x.shape)
 
 
-@settings(max_examples=60)
 @given(meshes, poses, seeds)
 def test_winding_of_faces_does_not_matter(mesh, pose, rng):
     flip = rng.random(len(mesh.faces)) < 0.5
@@ -99,7 +98,6 @@ def test_winding_of_faces_does_not_matter(mesh, pose, rng):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@settings(max_examples=40)
 @given(rng=seeds, pose=poses)
 def test_statistics_are_those_of_casting_rays(shape, rng, pose):
     mesh = shape(rng)
@@ -116,7 +114,6 @@ def test_statistics_are_those_of_casting_rays(shape, rng, pose):
     assert statistics.bbox_obj == expected
 
 
-@settings(max_examples=30)
 @given(seeds)
 def test_every_pixel_of_a_tiling_belongs_to_one_tile(rng):
     """Vertices and edges exactly on pixel centres: no pixel twice, none left out, for any order of corners."""

@@ -21,11 +21,11 @@ import pytest
 
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import InputError
+from oneframe.files.content import LARGEST_INPUT
 from oneframe.images.png import encode_png
 from oneframe.packing.pack import PackOptions, pack_dataset
 from oneframe.reader import Dataset, View, open_dataset
 from oneframe.reader.pack_files import MOST_OPEN
-from tests.impossible_files import impossible
 
 PARTS = ("rgb", "depth_mm", "mask", "observed", "source_frame", "k", "cam_from_model")
 ROOT = Path(__file__).resolve().parents[2]
@@ -117,7 +117,7 @@ def total(views: Dataset, place: int) -> float:
     return float(views[place].depth_mm.sum())
 
 
-@pytest.mark.parametrize("method", ["fork", "spawn"])
+@pytest.mark.parametrize(("method", "opened"), [("fork", "pack"), ("spawn", "folder")], indirect=["opened"])
 def test_processes_share_it(method, opened):
     if method not in multiprocessing.get_all_start_methods():
         pytest.skip(f"this system has no {method}")
@@ -242,10 +242,23 @@ def test_claims_take_no_memory(copied, copied_pack):
             open_dataset(copied_pack)
 
 
-@impossible
+def huge(path: Path) -> None:
+    path.touch()
+    os.truncate(path, 8 * LARGEST_INPUT)
+
+
+def device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes, devices and sparse files of POSIX")
 @pytest.mark.parametrize("kind", ["rgb", "depth_mm", "mask_visib", "mask_observed", "frame"])
-def test_what_cannot_be_a_file_of_a_view_is_a_sentence(kind, place, copied):
-    place(ViewPaths(copied, 1).file(kind))
+@pytest.mark.parametrize("make", [huge, os.mkfifo, device])
+def test_what_cannot_be_a_file_of_a_view_is_a_sentence(kind, make, copied):
+    """None of them is waited for, or read into memory."""
+    path = ViewPaths(copied, 1).file(kind)
+    path.unlink()
+    make(path)
     view = open_dataset(copied)[1]
     with pytest.raises(InputError, match=f"{kind}/000001.*: expected .*; .*"):
         [getattr(view, part) for part in ("rgb", "depth_mm", "mask", "observed", "k")]

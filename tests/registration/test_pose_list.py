@@ -1,4 +1,4 @@
-"""A list of poses gives back what it was written from, as does the record of a case; views are taken from far apart."""
+"""A list of poses gives back what it was written from, as does the record of a case; photographs have their poses."""
 
 import itertools
 import json
@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
+from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import checked_alignment_record, scaled_record
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
+from oneframe.case.frame import load_frame, load_posed_frame
 from oneframe.errors import InputError
+from oneframe.images.png import encode_png
 from oneframe.poses.view_spread import spread_views
-from oneframe.registration.pose_list import encoded_list, found_of, pose_entry
+from oneframe.registration.pose_list import encoded_list, found_of, pose_entry, read_photographs
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.report import registration_record
 from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
@@ -109,3 +112,51 @@ def test_views_come_from_far_apart():
     assert narrowest(all_of) >= best / 2
     assert sorted(spread_views(poses, 20)) == list(range(9))
     assert spread_views([], 3, poses) == []
+
+
+# --- lists of photographs
+
+SMALL = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
+MESH_FROM_MODEL = se3_exp(np.array([20.0, -7.0, 3.0, 0.2, -0.1, 0.4]))
+
+
+@pytest.fixture
+def loaded(loaded_case, bumpy_mesh, frontal_pose):
+    image = np.zeros((48, 64, 3), np.float32)
+    return loaded_case(bumpy_mesh, image, frontal_pose, SMALL, mesh_from_model=MESH_FROM_MODEL, mm_per_unit=1000.0)
+
+
+def listed(pose: object, image: object = "a.png") -> dict:
+    return {"image": image, "cam_from_mesh": pose}
+
+
+def test_poses_are_those_of_the_model_in_millimetres(tmp_path, loaded, oblique_pose):
+    in_metres = oblique_pose @ inverse_rigid(MESH_FROM_MODEL)
+    in_metres[:3, 3] /= 1000
+    path = tmp_path / "list.json"
+    path.write_text(json.dumps([listed(in_metres.tolist())]))
+    (photograph,), messages = read_photographs(path, loaded.case)
+    assert photograph.image == tmp_path / "a.png"
+    assert not messages
+    np.testing.assert_allclose(photograph.cam_from_mesh @ MESH_FROM_MODEL, oblique_pose, atol=1e-9)
+
+
+def test_a_photograph_as_the_lens_took_it_is_undistorted(tmp_path, loaded, oblique_pose):
+    """As the frame of a case with this distortion, and only where its entry says so."""
+    v, u = np.mgrid[:48, :64]
+    codes = np.stack([u * 4, v * 5, 255 - u - v], -1).astype(np.uint8)
+    (tmp_path / "a.png").write_bytes(encode_png(codes))
+    path, lens = tmp_path / "list.json", [0.4, -0.1, 0.002, 0.001, 0.0]
+    entry = listed(oblique_pose.tolist())
+    for distortion in (None, lens):
+        path.write_text(json.dumps([entry if distortion is None else entry | {"distortion": distortion}]))
+        (photograph,), _ = read_photographs(path, loaded.case)
+        shown = load_posed_frame(photograph, MESH_FROM_MODEL, name="case.toml")
+        expected = Distortion(*distortion) if distortion else None
+        image, valid = load_frame(tmp_path / "a.png", SMALL, expected, name="case.toml")
+        np.testing.assert_array_equal(shown.image, image)
+        np.testing.assert_array_equal(shown.valid, valid)
+        assert np.array_equal(np.rint(image * 255), codes) == (distortion is None)
+    path.write_text(json.dumps([entry | {"distortion": "none"}]))
+    with pytest.raises(InputError, match=r"list\.json: entry 0: distortion"):
+        read_photographs(path, loaded.case)

@@ -358,20 +358,18 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
         (folder / f"{number}.png").write_bytes(encoded(mesh, pose))
         writer.write(np.rint(255 * photograph(mesh, pose)).astype(np.uint8))
     writer.release()
-    mirrored = np.ascontiguousarray(photograph(mesh, SOURCE)[:, ::-1])
-    (folder / "mirrored.png").write_bytes(encode_png(np.rint(255 * mirrored).astype(np.uint8)))
     unusable = {"v empty": b"", "w cut off": encoded(mesh, SOURCE)[:5000]}
     unusable["x wide"] = encode_png(np.zeros((240, 640, 3), np.uint8))
     for name, content in unusable.items():
         (folder / f"{name}.png").write_bytes(content)
     write_case(tmp_path, mesh, SOURCE)
-    for name, states in (("frames", [ACCEPTED] * 3 + [REFUSED] * 4), ("film.avi", [ACCEPTED] * 3)):
+    for name, states in (("frames", [ACCEPTED] * 3 + [REFUSED] * 3), ("film.avi", [ACCEPTED] * 3)):
         out = tmp_path / f"registered_{name}"
         found = registered(tmp_path, name, out, *(["--colour-frames", "1", "--denoise"] if name == "film.avi" else []))
         assert [entry["state"] for entry in found] == states
         for entry, true in zip(found, poses, strict=False):
             assert rotation_angle_deg(np.array(entry["cam_from_mesh"])[:3, :3] @ true[:3, :3].T) < 0.5
-        for entry, words in zip(found[4:], ("an empty file", "cut off", "expected the proportions"), strict=False):
+        for entry, words in zip(found[3:], ("an empty file", "cut off", "expected the proportions"), strict=False):
             assert words in entry["reason"]
             assert ".png" not in entry["reason"]
         lines = (out / "bop_estimates.csv").read_text().splitlines()
@@ -388,11 +386,11 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     listed, messages = read_photographs(tmp_path / "registered_frames" / "poses.json", read_case(out / "case.toml"))
     assert [each.image.resolve().name for each in listed] == ["0.png", "1.png", "2.png"]
     assert all(each.image.exists() for each in listed)
-    assert "4 of 7 entries have no pose" in messages[-1]
+    assert "3 of 6 entries have no pose" in messages[-1]
     (source,) = read_case(out / "case.toml").frames
     assert source.image.exists()
     assert min(np.abs(source.cam_from_mesh - pose).max() for pose in poses) < 1.0
-    for name in ("0", "1", "2", "mirrored"):
+    for name in ("0", "1", "2"):
         (folder / f"{name}.png").unlink()
     with pytest.raises(InputError, match=r"v empty\.png: .* empty.*; nor can any other frame be used"):
         registered(tmp_path, "frames", tmp_path / "none")
@@ -402,18 +400,18 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
 def test_of_a_film_other_sizes_are_refused_and_its_end_is_missed(mesh, tmp_path, capfd):
     write_case(tmp_path, mesh, SOURCE)
     image = np.rint(255 * photograph(mesh, seen_from(4, 0))).astype(np.uint8)
-    film = write_images(tmp_path / "cut.mkv", [image] * 60)
+    film = write_images(tmp_path / "cut.mkv", [image] * 20)
     film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
     registered(tmp_path, film.name, tmp_path / "cut", "--every", "9")
     assert "note: the file is cut off: it ends " in capfd.readouterr().out
     assert b"The video&#x27;s file is cut off" in (tmp_path / "cut" / "registration.html").read_bytes()
 
-    stills = {"whole": [image] * 3, "half": [cv2.resize(image, (160, 120))] * 3}
+    stills = {"whole": [image], "half": [cv2.resize(image, (160, 120))]}
     parts = {name: write_images(tmp_path / f"{name}.h264", images).read_bytes() for name, images in stills.items()}
     (tmp_path / "film.h264").write_bytes(parts["whole"] + parts["half"] + parts["whole"])
     found = registered(tmp_path, "film.h264", tmp_path / "out")
-    assert [entry["state"] for entry in found] == [ACCEPTED] * 3 + [REFUSED] * 3 + [ACCEPTED] * 3
-    assert found[4]["reason"] == "it has 160x120 px, the film's first frame 320x240"
+    assert [entry["state"] for entry in found] == [ACCEPTED, REFUSED, ACCEPTED]
+    assert found[1]["reason"] == "it has 160x120 px, the film's first frame 320x240"
 
 
 def test_distorted_images_with_odd_names_are_a_list_of_photographs(mesh, tmp_path):

@@ -19,6 +19,7 @@ from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import transform_points
+from tests.remembered import refinement, remembered
 
 ROUGH = "cam_from_mesh = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"
 FINE = "--click-sigma-px=0.1"
@@ -42,16 +43,8 @@ def align(run_oneframe):
 @pytest.fixture(scope="module")
 def refined_once():
     """From about the same pose and image, the refinement is what it was: it takes long where an image shows nothing."""
-    found, refine = {}, align_case.refine_pose
-
-    def refined(image, valid, camera, mesh, start):
-        key = image.tobytes(), (start.round(3) + 0.0).tobytes()
-        if key not in found:
-            found[key] = refine(image, valid, camera, mesh, start)
-        return found[key]
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(align_case, "refine_pose", refined)
+        patch.setattr(align_case, "refine_pose", remembered(align_case.refine_pose, refinement(decimals=3)))
         yield
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.surface.deviation import SurfaceTree, deviation
@@ -17,7 +17,6 @@ def _brute_force(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.linalg.norm(nearest - repeated, axis=1).reshape(len(points), len(triangles))
 
 
-@settings(max_examples=20)
 @given(st.integers(0, 10**6), st.integers(1, 300), st.floats(0.01, 100))
 def test_equals_brute_force(seed: int, faces: int, spread: float) -> None:
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -104,7 +104,6 @@ def test_vertex_normals_of_a_sphere_are_radial():
     assert (mesh.vertex_normals[-1] == 0).all()  # no face uses it
 
 
-@settings(max_examples=50)
 @given(st.data())
 def test_checked_mesh_keeps_the_surface_and_nothing_else(data):
     vertices = data.draw(hnp.arrays(np.float64, (12, 3), elements=st.integers(-4, 4).map(float)))

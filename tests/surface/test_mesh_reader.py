@@ -29,7 +29,7 @@ TYPE_NAMES = {
     "d": ("double", "float64"),
 }
 ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-quick = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+quick = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @st.composite
@@ -200,7 +200,7 @@ obj_lines = st.one_of(
 ).map(lambda line: line[0] + " ".join(line[1]))
 
 
-@settings(quick, max_examples=60)
+@quick
 @given(
     st.lists(
         st.tuples(obj_lines, st.sampled_from(["\n"] * 4 + ["\r\n", "\r", " \\\n", "  \n", " # 1 v\n"])), max_size=12

@@ -68,6 +68,7 @@ def test_frames_and_times_of_a_variable_rate_are_the_containers(tmp_path, suffix
     assert video_info(path).frames == FRAMES
 
 
+@pytest.mark.usefixtures("decoded_here")
 def test_of_a_damaged_film_the_intact_frames_are_used(tmp_path):
     path = write_frames(tmp_path / "film.avi", FRAMES, "mjpeg", strict="-1")
     whole, intact = frames_of(path), path.read_bytes()
@@ -112,6 +113,7 @@ def test_interlacing_is_found_where_something_moves(tmp_path):
     assert comb_ratio(noise) < 1.05
 
 
+@pytest.mark.usefixtures("decoded_here")
 def test_what_is_no_film_is_refused(tmp_path):
     (tmp_path / "text.mp4").write_text("not a video")
     (tmp_path / "empty.mp4").touch()
@@ -121,7 +123,7 @@ def test_what_is_no_film_is_refused(tmp_path):
         sound.setparams((1, 2, 8000, 0, "NONE", ""))
         sound.writeframes(bytes(8000))
     (tmp_path / "playlist.mp4").write_text("#EXTM3U\n#EXTINF:8,\nlarge.mkv\n#EXT-X-ENDLIST\n")
-    write_film(tmp_path / "large.mkv", [np.zeros((5008, 5008, 3), np.uint8)])
+    write_film(tmp_path / "large.mkv", [np.zeros((5008, 5008, 3), np.uint8)], "MJPG")
     for name, message in {
         "text.mp4": "cannot open it; it is cut off, without pictures, or in an unknown format",
         "empty.mp4": "it is empty",

@@ -11,19 +11,20 @@ from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.video.frame_folder import write_frame, write_frames, write_frames_only
 from oneframe.video.frame_mask import single_mask
-from oneframe.video.frame_scores import best_frames, score_frames
+from oneframe.video.frame_scores import FilmScores, best_frames, score_frames
 from oneframe.video.view_circle import Circle
 from tests.video.surgical_film import Event, surgical_film, write_film
 
 pytestmark = [pytest.mark.render, pytest.mark.usefixtures("decoded_here")]
 
-KINDS = ("clear", "tool", "clear", "glove", "blur", "clear")
+KINDS, EACH = ("clear", "tool", "clear", "glove", "blur", "clear"), 8
+"""What happens in a film, and for how many frames."""
 
 
 @pytest.fixture(scope="module")
 def film(sample_views, tmp_path_factory) -> tuple[Path, list[np.ndarray], list[np.ndarray]]:
     """A film without loss, its frames, and its frames as they would be without faults."""
-    events = [Event(kind, 8 * number, 8 * number + 8) for number, kind in enumerate(KINDS)]
+    events = [Event(kind, EACH * number, EACH * number + EACH) for number, kind in enumerate(KINDS)]
     clear = [Event("clear", 0, events[-1].end)]
     faulty, faultless = (
         list(surgical_film(sample_views[:1], each, np.random.default_rng(3), noise=0, drift_px=0))
@@ -33,14 +34,18 @@ def film(sample_views, tmp_path_factory) -> tuple[Path, list[np.ndarray], list[n
     return write_film(path, faulty), faulty, faultless
 
 
-def test_chosen_frames_are_exact_and_their_table_has_all(film, tmp_path):
+@pytest.fixture(scope="module")
+def scores(film) -> FilmScores:
+    return score_frames(film[0])
+
+
+def test_chosen_frames_are_exact_and_their_table_has_all(film, scores, tmp_path):
     path, images, _ = film
-    scores = score_frames(path)
     chosen = best_frames(scores.frames, 3)
     written = write_frames(path, tmp_path / "out", scores, chosen)
     assert [each.score for each in written] == list(chosen)
     for each in written:
-        assert KINDS[each.score.index // 8] == "clear"
+        assert KINDS[each.score.index // EACH] == "clear"
         assert np.array_equal(cv2.imread(str(each.image))[..., ::-1], images[each.score.index])
         masked = cv2.imread(str(each.masked), cv2.IMREAD_UNCHANGED)
         assert np.array_equal(masked[..., 2::-1], images[each.score.index])
@@ -60,15 +65,14 @@ def test_chosen_frames_are_exact_and_their_table_has_all(film, tmp_path):
     some = [scores.frames[number] for number in (3, 4, 20, len(images) - 1)]
     for score, file in zip(some, write_frames_only(path, tmp_path / "only", some), strict=True):
         assert np.array_equal(cv2.imread(str(file))[..., ::-1], images[score.index])
-        assert file.read_bytes() == write_frame(path, file.parent, scores, score).read_bytes()
+    assert file.read_bytes() == write_frame(path, file.parent, scores, score).read_bytes()
 
 
 @pytest.mark.parametrize(("kind", "known"), [("tool", "film"), ("glove", "film"), ("glove", "frame alone")])
-def test_the_mask_covers_what_lies_in_front(film, tmp_path, kind, known):
+def test_the_mask_covers_what_lies_in_front(film, scores, tmp_path, kind, known):
     path, images, faultless = film
-    index = 8 * KINDS.index(kind) + 4
+    index = EACH * KINDS.index(kind) + EACH // 2
     if known == "film":
-        scores = score_frames(path)
         (written,) = write_frames(path, tmp_path / "out", scores, [scores.frames[index]])
         hidden = cv2.imread(str(written.masked), cv2.IMREAD_UNCHANGED)[..., 3] == 0
     else:

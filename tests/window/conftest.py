@@ -33,7 +33,7 @@ def blender() -> str:
 
 @pytest.fixture(scope="session")
 def resources(blender: str, extension_zip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user configuration with the extension installed from the zip, not enabled."""
+    """A user configuration with the extension installed from the zip."""
     folder = tmp_path_factory.mktemp("resources")
     session.install_extension(blender, extension_zip, folder)
     return folder

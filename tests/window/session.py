@@ -20,6 +20,7 @@ from oneframe.images.png import encode_png
 from tests.window import x11
 
 DRIVER = Path(__file__).resolve().parent / "driver.py"
+PACKAGE = "bl_ext.user_default.oneframe"
 SIZE = (1280, 800) if os.environ.get("ONEFRAME_SCREENSHOTS") else (1024, 640)
 """Of the window, pixels: most of the time goes into drawing them in software."""
 
@@ -30,17 +31,19 @@ def window_flags(size_wh: tuple[int, int] = SIZE) -> list[str]:
 
 
 def install_extension(blender: str, extension_zip: Path, resources: Path) -> None:
-    """Install the extension, without enabling it, into a separate user configuration."""
-    ended = subprocess.run(
-        [blender, "--command", "extension", "install-file", "-r", "user_default", extension_zip],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"BLENDER_USER_RESOURCES": str(resources)},
-    )
-    installed = (resources / "extensions" / "user_default" / "oneframe").is_dir()
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    assert installed, ended.stdout + ended.stderr
+    """Install the extension into a separate user configuration; enabled once, it has unpacked its wheels."""
+    install = ["--command", "extension", "install-file", "-r", "user_default", extension_zip]
+    enable = f"import bpy; bpy.ops.preferences.addon_enable(module={PACKAGE!r})"
+    for arguments in (install, ["-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", enable]):
+        ended = subprocess.run(
+            [blender, *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=os.environ | {"BLENDER_USER_RESOURCES": str(resources)},
+        )
+        assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert (resources / "extensions" / "user_default" / "oneframe").is_dir(), ended.stdout + ended.stderr
 
 
 def play_scenario(
@@ -148,8 +151,8 @@ def _end_with_parent() -> None:
 
 
 def _copy(source: str, target: str) -> None:
-    """Link wheels, which are large; copy everything else, since Blender writes to its own records."""
-    if source.endswith(".whl"):
+    """Link wheels and what is unpacked of them, which are large; copy all else: Blender writes to its records."""
+    if source.endswith(".whl") or "/.local/" in source:
         with suppress(OSError):
             os.link(source, target)
             return

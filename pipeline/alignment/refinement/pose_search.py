@@ -37,13 +37,6 @@ REACH = 0.058
 """Largest shift, as a fraction of the distance."""
 
 
-class Candidate(NamedTuple):
-    """A ``(4, 4)`` pose and its score: the sum of its squared canonical correlations with the image."""
-
-    score: float
-    cam_from_model: np.ndarray
-
-
 class _WarpedImage(NamedTuple):
     """The image rotated and scaled: its transforms, the affine warp ``(2, 3)``, its scale and its area in px."""
 
@@ -57,10 +50,11 @@ def search_poses(
     level: PyramidLevel,
     cam_from_model: np.ndarray,
     pivot_cam: np.ndarray,
+    most: int,
     *,
     progress: Callable[[float], None] = lambda fraction: None,
-) -> list[Candidate]:
-    """Local maxima of the correlation around a pose, best first.
+) -> list[np.ndarray]:
+    """Poses ``(4, 4)`` of local maxima around a pose, by the sum of squared canonical correlations, best first.
 
     Parameters
     ----------
@@ -68,6 +62,8 @@ def search_poses(
         ``(4, 4)`` the rough pose.
     pivot_cam
         ``(3,)`` mm: the centre of rotations, a point on the surface at the rough pose, in the camera frame.
+    most
+        How many at most.
     progress
         Called with the fraction done.
     """
@@ -89,8 +85,8 @@ def search_poses(
     found.sort(key=lambda entry: -entry[0])
     pivot_canvas = canvas.project(pivot_cam[None])[0]
     return [
-        Candidate(score, _candidate_pose(tilted, warped, pivot_cam, pivot_canvas - shift, level))
-        for score, shift, warped, tilted in found
+        _candidate_pose(tilted, warped, pivot_cam, pivot_canvas - shift, level)
+        for _score, shift, warped, tilted in found[:most]
     ]
 
 

@@ -128,9 +128,11 @@ def refine_pose(
             return local
     report(0.25)
     pivot = transform_points(start, points).mean(axis=0)
-    candidates = search_poses(levels[0], start, pivot, progress=lambda fraction: report(0.25 + 0.4 * fraction))
-    starts = [pose, *(candidate.cam_from_model for candidate in candidates[:COARSEST_CANDIDATES])]
-    pose = _refined_over_levels(starts, levels, points, camera, lambda fraction: report(0.65 + 0.25 * fraction))
+    searching = lambda fraction: report(0.25 + 0.4 * fraction)  # noqa: E731
+    candidates = search_poses(levels[0], start, pivot, COARSEST_CANDIDATES, progress=searching)
+    pose = _refined_over_levels(
+        [pose, *candidates], levels, points, camera, lambda fraction: report(0.65 + 0.25 * fraction)
+    )
     result = assess(pose)
     report(1.0)
     return result

@@ -17,7 +17,7 @@ from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
-from ...dataset.options import DatasetOptions
+from ...dataset.options import LENS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
@@ -95,7 +95,7 @@ class OpenJob:
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
         options = self.job.options
-        reference = reference_view_of(self.loaded, options.engine)
+        reference = reference_view_of(self.loaded, options.engine, lens=options.light == LENS)
         return ViewRenderer(self.loaded, reference, options, self.given_poses, identity=self.identity, threads=threads)
 
     @cached_property

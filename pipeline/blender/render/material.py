@@ -15,12 +15,14 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ...colour.lens_shading import POWER, SHIFT, LensShading, corner_normals
 from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import COVERED_LEAST, OBSERVED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
+from ...light.lens_light import LensLight, working_distance_mm
 from ...surface.mesh import TriangleMesh
-from ...transforms import transform_points
+from ...transforms import inverse_rigid, transform_points
 from ..bridge.data_blocks import set_corner_vectors, set_vertex_colors
 from ..bridge.image import new_float_image
 from ..bridge.node_tree import Nodes
@@ -32,6 +34,8 @@ COLOUR_ATTRIBUTE = "frame_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
+NORMAL_ATTRIBUTE, LAMP_NODE = "frame_normal", "lamp"
+"""Of surfaces in the light at the lens: their normals, and the node that :func:`move_lamp` sets."""
 NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
 
@@ -77,19 +81,64 @@ def assign_colour(mesh_object: bpy.types.Object, surface: ColouredSurface, *, fi
         nodes.link(source, output.inputs["Value"])
     observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
     nodes.link(passed, observed_pass.inputs["Value"])
-    emission = nodes.add("ShaderNodeEmission", Color=NEUTRAL_RGBA)
+    shown: tuple | bpy.types.NodeSocket = NEUTRAL_RGBA
     if rgb is not None:
         other: tuple | bpy.types.NodeSocket = NEUTRAL_RGBA
         if unseen is not None:
             set_vertex_colors(mesh_object, UNSEEN_ATTRIBUTE, np.pad(unseen, ((0, 0), (0, 1)), constant_values=1))
             other = nodes.add("ShaderNodeAttribute", attribute_name=UNSEEN_ATTRIBUTE).outputs["Color"]
-        nodes.link(nodes.mixed(flag, other, rgb), emission.inputs["Color"])
+        shown = nodes.mixed(flag, other, rgb)
+    if surface.light is not None:
+        albedo = NEUTRAL_RGBA[:3] if rgb is None else shown
+        shown = _in_light(nodes, mesh_object, surface.mesh, surface.light, albedo, backfacing)
+    emission = nodes.add("ShaderNodeEmission", {"Color": shown})
     output = nodes.add("ShaderNodeOutputMaterial")
     nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
     # else Cycles builds a light distribution over all triangles and samples it
     material.cycles.emission_sampling = "NONE"
     mesh_object.data.materials.clear()
     mesh_object.data.materials.append(material)
+
+
+def _in_light(
+    nodes: Nodes,
+    mesh_object: bpy.types.Object,
+    mesh: TriangleMesh,
+    lens: LensShading,
+    rgb: tuple | bpy.types.NodeSocket,
+    backfacing: bpy.types.NodeSocket,
+) -> bpy.types.NodeSocket:
+    """Colours in the light at the lens, plus :data:`SHIFT`: the law of :meth:`.LensShading.factors`.
+
+    A lamp and a diffuse BSDF would not do: the light that Cycles gives a smooth normal ends where the face itself turns
+    away, and its energy has units of its own.
+    """
+
+    def vector(operation: str, *values: object, result: str = "Vector") -> bpy.types.NodeSocket:
+        node = nodes.add("ShaderNodeVectorMath", dict(enumerate(values)), operation=operation)
+        return node.outputs[result]
+
+    set_corner_vectors(mesh_object, NORMAL_ATTRIBUTE, corner_normals(mesh))
+    normal = nodes.add("ShaderNodeAttribute", attribute_name=NORMAL_ATTRIBUTE).outputs["Vector"]
+    position = nodes.add("ShaderNodeNewGeometry").outputs["Position"]
+    towards_lamp = nodes.add("ShaderNodeVectorMath", {0: position}, operation="MULTIPLY_ADD", name=LAMP_NODE)
+    lamp = towards_lamp.outputs["Vector"]
+    side = nodes.math("MULTIPLY_ADD", backfacing, -2.0, 1.0)
+    along = nodes.math("MULTIPLY", vector("DOT_PRODUCT", vector("NORMALIZE", normal), lamp, result="Value"), side)
+    squared = nodes.math("MAXIMUM", vector("DOT_PRODUCT", lamp, lamp, result="Value"), 1e-6)
+    nearness = nodes.math("POWER", squared, -(lens.light.falloff + 1) / 2)
+    linear = nodes.math("MULTIPLY_ADD", nodes.math("MAXIMUM", along, 0.0), nearness, lens.light.ambient)
+    factor = nodes.math("POWER", nodes.math("MAXIMUM", linear, lens.least), POWER)
+    return nodes.scaled(vector("ADD", rgb, (SHIFT,) * 3), factor)
+
+
+def move_lamp(mesh_object: bpy.types.Object, light: LensLight, cam_from_model: np.ndarray) -> None:
+    """Put the lamp of a surface that :func:`assign_colour` has given a light at the lens of a pose (4x4, mm)."""
+    lamp = transform_points(inverse_rigid(cam_from_model), np.array([light.lamp_cam_mm]))[0]
+    # the direction of the lamp in working distances
+    scale = 1 / working_distance_mm(cam_from_model)
+    _, factor, offset = mesh_object.data.materials[0].node_tree.nodes[LAMP_NODE].inputs[:3]
+    factor.default_value, offset.default_value = (-scale,) * 3, scale * lamp
 
 
 @dataclass(frozen=True)

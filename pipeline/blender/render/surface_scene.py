@@ -12,11 +12,12 @@ import bpy
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...colour.lens_shading import SHIFT, shown_codes
 from ...colour.shading import ColouredSurface
 from ...projection.rendered_view import RenderedView
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
-from .material import OBSERVED_PASS, SOURCE_PASS, assign_colour
+from .material import OBSERVED_PASS, SOURCE_PASS, assign_colour, move_lamp
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
@@ -107,6 +108,8 @@ class SurfaceScene(ABC):
         # with several samples the flag is the mean over the pixel
         flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
         rgb = combined[..., :3] if self._samples == 1 else _without_background(combined, depth)
+        if self.surface.light is not None:
+            rgb = shown_codes((rgb - np.float32(SHIFT)).reshape(-1, 3)).reshape(rgb.shape) * (depth > 0)[..., None]
         source = (flag > 0.5).astype(np.uint8)
         if SOURCE_PASS in passes:
             # at seams, several samples may be of several frames
@@ -121,6 +124,8 @@ class SurfaceScene(ABC):
         far = max(1.01 * (depth + radius), 1e-3 * radius)
         # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
         set_clip(self.camera_object, (max(0.99 * (depth - radius), 1e-4 * far), far))
+        if self.surface.light is not None:
+            move_lamp(self.surface_object, self.surface.light.light, cam_from_model)
 
 
 def _set_exact_colour(scene: bpy.types.Scene) -> None:

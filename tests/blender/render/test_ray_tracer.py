@@ -68,15 +68,16 @@ def blob(subdivisions: int, radius_mm: float) -> TriangleMesh:
 
 
 @pytest.mark.parametrize(
-    ("mesh", "camera", "distance_mm"),
+    ("shape", "camera", "distance_mm"),
     [
-        (blob(7, 30.0), PinholeCamera(160, 120, 700.0, 700.0, 79.5, 59.5), 300.0),
-        (blob(4, 2.5), PinholeCamera(160, 120, 9000.0, 9000.0, 79.5, 59.5), 400.0),
-        (blob(4, 2.5), PinholeCamera(64, 48, 32_000.0, 32_000.0, 31.5, 23.5), 4000.0),
+        ((6, 30.0), PinholeCamera(160, 120, 700.0, 700.0, 79.5, 59.5), 300.0),
+        ((4, 2.5), PinholeCamera(160, 120, 9000.0, 9000.0, 79.5, 59.5), 400.0),
+        ((4, 2.5), PinholeCamera(64, 48, 32_000.0, 32_000.0, 31.5, 23.5), 4000.0),
     ],
     ids=["many faces", "5 mm", "5 mm from far away"],
 )
-def test_large_meshes_and_small_objects_are_those_of_a_z_buffer(mesh, camera, distance_mm, sharp_image, loaded_case):
+def test_large_meshes_and_small_objects_are_those_of_a_z_buffer(shape, camera, distance_mm, sharp_image, loaded_case):
+    mesh = blob(*shape)
     pose = rigid(rotation_from_vector(np.array([2.4, 0.3, -0.4])), [0.0, 0.0, distance_mm])
     source = reference_view_of(loaded_case(mesh, sharp_image(camera), pose, camera), "raster")
     view = RayTracer(ColouredSurface(source.mesh, source.views), camera).render(

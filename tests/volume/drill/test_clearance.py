@@ -37,7 +37,7 @@ def test_distances_are_those_of_the_drilled_surface_the_nearest_first():
 
 
 @pytest.mark.parametrize("tolerance_mm", [0.0, None])
-@pytest.mark.parametrize("seed", [3, 5, 10, 11])
+@pytest.mark.parametrize("seed", [3, 11])
 def test_margins_hold_on_the_finished_surface_and_little_more_stays(seed, tolerance_mm):
     """Round thin structures on a coarse grid: where linear interpolation and flat faces come nearest."""
     rng = np.random.default_rng(seed)

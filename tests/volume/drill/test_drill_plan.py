@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
@@ -32,7 +32,6 @@ STROKES = st.builds(
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 
 
-@settings(max_examples=40)
 @given(st.lists(STROKES, min_size=1, max_size=4), st.dictionaries(NAMES, st.floats(0, LARGEST_MARGIN_MM), max_size=4))
 def test_plan_is_read_back_to_the_last_bit(tmp_path_factory, strokes, margins):
     path = tmp_path_factory.mktemp("plan") / "drill.toml"

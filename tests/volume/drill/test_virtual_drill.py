@@ -31,7 +31,7 @@ def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
     return found
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(SEEDS)
 def test_the_field_does_not_depend_on_how_the_strokes_were_drawn(seed):
     rng = np.random.default_rng(seed)

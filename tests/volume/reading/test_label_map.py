@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
@@ -109,7 +109,6 @@ def test_a_turned_copy_of_the_grid_gives_the_same_labels(order, flips):
     assert in_space(moved, target) == in_space(LABELS, own)
 
 
-@settings(max_examples=25)
 @given(vector=st.tuples(*[st.floats(-3, 3)] * 3), shift=st.tuples(*[st.floats(-1, 1)] * 3))
 def test_every_voxel_gets_the_label_of_the_nearest(vector, shift):
     own = like().grid

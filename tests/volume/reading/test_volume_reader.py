@@ -82,7 +82,6 @@ def test_a_voxel_is_read_where_it_was_written(
         np.testing.assert_allclose(volume.grid.mesh_from_index, LPS_FROM_RAS @ nib.load(path).affine, atol=2e-4)
 
 
-@settings(max_examples=25)
 @given(
     axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1),
     half_turn_but=st.one_of(st.floats(0, np.pi), st.floats(1e-5, 2e-3)),

@@ -35,7 +35,7 @@ def test_linear_field_is_sampled_exactly_and_what_lies_outside_is_told(seed):
     assert (found[beyond] == 1e6).all()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_patients_right_is_on_the_left_and_the_head_at_the_top(seed):
     grid = random_grid(seed, (20, 24, 28))
     points = voxel_centres(grid)

@@ -1,10 +1,11 @@
-"""Reports of a pose found from landmarks: lines for a person, a table for a program, a record for the case file."""
+"""Reports of a pose from landmarks, and of one refined against the image: lines for a person, tables for a program."""
 
 import numpy as np
 
-from ...files.numbers import format_two_digits
-from ...transforms import inverse_rigid, transform_points
-from .align_landmarks import Alignment
+from ..files.numbers import format_two_digits
+from ..transforms import inverse_rigid, transform_points
+from .landmarks.align_landmarks import Alignment
+from .refinement.verdict import Refinement
 
 CONVENTION = (
     "cam_from_mesh maps points of the mesh file (mm) to a camera with OpenCV axes: x right, y down, z forward; "
@@ -83,19 +84,36 @@ def report_table(alignment: Alignment) -> dict[str, object]:
     }
 
 
-def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
-    """The record for a case file: see :mod:`oneframe.case.alignment_record`. The same in any frame of the surface."""
-    found = {"method": "landmarks", "tool": tool, "date": date}
-    return {**found, **pairs_record(alignment), **alignment.estimate.uncertainty.record()}
+def refinement_table(refinement: Refinement, mesh_from_model: np.ndarray, *, taken: bool) -> dict[str, object]:
+    """Table for JSON: lengths in mm, angles in degrees, ``None`` where a number is unknown.
 
-
-def pairs_record(alignment: Alignment) -> dict[str, object]:
-    """What the record of a pose keeps of its landmarks."""
-    estimate = alignment.estimate
+    Parameters
+    ----------
+    refinement
+        In the frame ``model``.
+    mesh_from_model
+        ``(4, 4)``; the table is for the frame of the mesh file.
+    taken
+        Whether the pose is the refined one although that was refused.
+    """
+    cam_from_mesh = refinement.found @ inverse_rigid(mesh_from_model)
+    uncertainty, tests = refinement.uncertainty if refinement.verified else None, refinement.verification
     return {
-        "pairs": int(estimate.inliers.sum()),
-        "rms_px": estimate.rms_px,
-        "click_sigma_px": alignment.click_sigma_px,
+        "accepted": refinement.accepted,
+        "taken_although_refused": taken,
+        "message": refinement.message,
+        "found_cam_from_mesh": cam_from_mesh.tolist(),
+        "moved_px": _known(refinement.moved_px),
+        "moved_deg": _known(refinement.rotation_deg),
+        "before": {"explained": refinement.before.score, "error_px": _known(refinement.before.error_px)},
+        "after": {
+            "explained": refinement.after.score,
+            "error_px": _known(refinement.after.error_px),
+            "error_is_lower_bound": not refinement.verified,
+        },
+        "split_half_px": None if tests is None else _known(tests.split_half_px),
+        "second_peak_ratio": None if tests is None else _known(tests.second_peak_ratio),
+        "uncertainty": None if uncertainty is None else uncertainty.table(mesh_from_model),
     }
 
 
@@ -113,3 +131,7 @@ def _rows(matrix: np.ndarray) -> list[str]:
 
 def _three(values: np.ndarray) -> str:
     return ", ".join(map(format_two_digits, values))
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,163 @@
+"""Views in the light at the lens: the law on rendered pixels, the engines against each other, the frame given back."""
+
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from oneframe.blender.render.engines import opened_engine, reference_view_of
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.lens_shading import LensShading
+from oneframe.colour.reference_view import colours_of
+from oneframe.colour.shading import ColouredSurface
+from oneframe.dataset.description import describe
+from oneframe.dataset.options import COLOURS, DatasetOptions
+from oneframe.errors import InputError
+from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
+from oneframe.light.lens_light import LensLight
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
+from tests.blender.render.test_ray_tracer import FEW, assert_those_of_cycles
+
+pytestmark = pytest.mark.render
+
+CAMERA = PinholeCamera(64, 48, 320.0, 316.0, 30.2, 24.9)
+LIGHT = LensLight((-13.0, 16.0, 2.0), 0.08)
+LENS = LensShading(LIGHT, 1e-3)
+
+
+@pytest.fixture
+def lit_case(loaded_case):
+    """A case with the lamp :data:`LIGHT`."""
+
+    def make(*given, light=LIGHT):
+        loaded = loaded_case(*given)
+        return replace(loaded, case=replace(loaded.case, light=light))
+
+    return make
+
+
+def ball(subdivisions: int) -> TriangleMesh:
+    shape = trimesh.creation.icosphere(subdivisions, 20.0)
+    return TriangleMesh(np.array(shape.vertices), shape.faces.astype(np.int32))
+
+
+@pytest.mark.parametrize("engine", ["raster", "cycles", pytest.param("eevee", marks=pytest.mark.gl)])
+def test_a_grey_ball_is_lit_as_the_law_says(engine):
+    """From the pixels' rays and the ball's equation alone; Eevee shows a point up to a hundredth of a pixel away."""
+    pose = rigid(rotation_from_vector(np.array([0.4, -1.0, 0.3])), np.array([2.0, -1.0, 250.0]))
+    with opened_engine(engine, ColouredSurface(ball(5), light=LENS), CAMERA) as render:
+        view = render(pose)
+    rays = CAMERA.rays_cam(CAMERA.pixel_grid().reshape(-1, 2))
+    points = rays * view.depth_mm.reshape(-1, 1)
+    normals = (points - pose[:3, 3]) / 20.0
+    towards = np.array(LIGHT.lamp_cam_mm) - points
+    r = np.linalg.norm(towards, axis=1)
+    cosine = np.maximum((normals * towards).sum(axis=1) / r, 0)
+    expected = linear_from_codes(0.5) * (0.08 + cosine * (np.linalg.norm(pose[:3, 3]) / r) ** 2)
+    inside = view.mask.ravel() & ((normals * rays).sum(axis=1) / np.linalg.norm(rays, axis=1) < -0.3)
+    assert inside.sum() > 500
+    off = np.abs(view.rgb.reshape(-1, 3) - codes_from_linear(expected)[:, None])[inside]
+    assert off.max() < 1.5 / 255
+
+
+@pytest.mark.parametrize("mode", COLOURS)
+def test_engines_agree_and_the_frame_comes_back(
+    mode, bumpy_mesh, stepped_mesh, frontal_pose, oblique_pose, sharp_image, lit_case
+):
+    for mesh in (bumpy_mesh, stepped_mesh):
+        loaded = lit_case(mesh, sharp_image(CAMERA), frontal_pose, CAMERA)
+        plain, lit = (reference_view_of(loaded, "raster", lens=lens) for lens in (False, True))
+        surfaces = [
+            ColouredSurface(each.mesh, tuple(colours_of(each, mode)[0]), light=each.light) for each in (plain, lit)
+        ]
+        with ExitStack() as opened:
+            unlit, raster, cycles = (
+                opened.enter_context(opened_engine(engine, surface, CAMERA))
+                for engine, surface in zip(
+                    ("raster", "raster", "cycles"), (surfaces[0], *surfaces[1:] * 2), strict=True
+                )
+            )
+            for pose in (frontal_pose, oblique_pose):
+                views = unlit(pose), raster(pose), cycles(pose)
+                assert_those_of_cycles(views[1], views[2], CAMERA)
+                for name in ("depth_mm", "source", "near_unseen"):
+                    np.testing.assert_array_equal(getattr(views[0], name), getattr(views[1], name))
+            if mode == "projective":
+                for render, bound in ((raster, 1e-5), (cycles, 1 / 255)):
+                    view = render(frontal_pose)
+                    off = np.abs(view.rgb - loaded.frame.image)[view.observed]
+                    assert (off.max(axis=1) > bound).sum() <= FEW * (render is cycles)
+
+
+def test_a_lit_frame_shows_another_pose_as_it_is_lit_there(
+    bumpy_mesh, frontal_pose, oblique_pose, sharp_image, lit_case
+):
+    """From a surface of known albedo, both views are made, and one of them from the other."""
+    albedo = 0.25 + 0.5 * sharp_image(CAMERA)
+    painted = reference_view_of(lit_case(bumpy_mesh, albedo, frontal_pose, CAMERA), "raster")
+    truth = ColouredSurface(painted.mesh, painted.views, light=LENS)
+    with opened_engine("raster", truth, CAMERA) as render:
+        frame, expected = render(frontal_pose), render(oblique_pose)
+    seen = reference_view_of(lit_case(bumpy_mesh, frame.rgb, frontal_pose, CAMERA), "raster", lens=True)
+    with opened_engine("raster", ColouredSurface(seen.mesh, seen.views, light=seen.light), CAMERA) as render:
+        view = render(oblique_pose)
+    both = view.observed & expected.observed
+    assert both.sum() > 500
+    assert np.abs(view.rgb - expected.rgb)[both].max() < 0.01 / 255
+
+
+def test_flipped_faces_are_shaded_as_those_around_them(bumpy_mesh, oblique_pose, rng):
+    flipped = bumpy_mesh.faces.copy()
+    some = rng.random(len(flipped)) < 0.05
+    flipped[some] = flipped[some, ::-1]
+    views = []
+    for mesh in (bumpy_mesh, bumpy_mesh.flipped(), replace(bumpy_mesh, faces=flipped)):
+        with opened_engine("raster", ColouredSurface(mesh, light=LENS), CAMERA) as render:
+            views.append(render(oblique_pose).rgb)
+    assert np.abs(views[0] - views[1]).max() < 1e-5
+    assert np.quantile(np.abs(views[0] - views[2]), 0.9) < 10 / 255
+
+
+def test_nothing_is_divided_by_less_than_noise_allows(bumpy_mesh, frontal_pose, sharp_image, lit_case, rng):
+    dark = LensLight(LIGHT.lamp_cam_mm, 0.0)
+    smooth = np.full((*CAMERA.shape_hw, 3), 0.5, np.float32)
+    for noise, least in ((0.0, 1e-3), (2 / 255, 0.036), (0.2, 0.2)):
+        image = (smooth + rng.normal(0, noise, smooth.shape)).astype(np.float32)
+        found = reference_view_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA, light=dark), "raster", lens=True)
+        assert found.light.least == pytest.approx(least, rel=0.3)
+
+
+def test_what_makes_a_poor_albedo_is_said(bumpy_mesh, frontal_pose, lit_case):
+    image = np.full((*CAMERA.shape_hw, 3), 0.5, np.float32)
+    assert reference_view_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA), "raster", lens=True).messages == ()
+    image[:, :32] = 1
+    said = reference_view_of(lit_case(ball(0), image, frontal_pose, CAMERA), "raster", lens=True).messages
+    assert any("% of the surface is saturated" in each for each in said)
+    assert any("use a finer surface" in each for each in said)
+
+
+def test_a_case_without_a_lamp_before_its_surface_is_refused(bumpy_mesh, frontal_pose, sharp_image, lit_case):
+    given = bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA
+    with pytest.raises(InputError, match=r"case.toml: expected the lamp at the lens.*--light none"):
+        reference_view_of(lit_case(*given, light=None), "raster", lens=True)
+    depth = float(transform_points(frontal_pose, bumpy_mesh.vertices)[:, 2].min())
+    with pytest.raises(InputError, match="expected a lamp between lens and surface"):
+        reference_view_of(lit_case(*given, light=LensLight((0.0, 0.0, depth), 0.0)), "raster", lens=True)
+
+
+def test_the_light_belongs_to_a_datasets_identity_if_it_is_asked_for(bumpy_mesh, frontal_pose, sharp_image, lit_case):
+    loaded = lit_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA)
+    without, plain, lit = (
+        describe(case, DatasetOptions(light=light), None, hashes={}, blender="")
+        for case, light in (
+            (replace(loaded, case=replace(loaded.case, light=None)), "none"),
+            (loaded, "none"),
+            (loaded, "lens"),
+        )
+    )
+    assert plain == without
+    assert lit["light"] == {"lamp_cam_mm": LIGHT.lamp_cam_mm, "ambient": 0.08, "falloff": 2.0}
+    assert lit["options"] == {**plain["options"], "light": "lens"}

@@ -27,8 +27,12 @@ _STRAIGHT, _SLOPE = 0.04045, 12.92
 
 LARGEST_NOISE = 8 / 255
 """No frame is divided by so little light that the standard deviation of its noise exceeds this code value."""
-LEAST_SHADING = (1e-3, 0.2)
-"""Whatever the noise, light counts at least between these."""
+LEAST_SHADING = (0.1, 0.2)
+"""Whatever the noise, light counts at least between these.
+
+An edge pixel of a frame mixes surfaces of which the law knows one: less would make it a speck. Up to 0.16, views of the
+sample are as near to its photographs as with none.
+"""
 
 COARSE_DEG, COARSE_PART = 30.0, 0.2
 """Where the normals at a face's corners differ by more, its edges are longer than what they shade; from this part of

@@ -38,12 +38,11 @@ def scenario(user):
             yield from user.until(lambda now=number: at() == now + 1, "the next frame")
             assert np.array_equal(pose(), pulled)
             assert len(scene.oneframe.landmarks) == 0
+            yield from user.picture("2_next_frame")
         yield from user.redraw()
         assert user.view.view_camera_zoom == zoom
         with user.context():
             assert active_tool(bpy.context) == PIN_TOOL
-        if number == 1:
-            yield from user.picture("2_next_frame")
     yield from user.key("PAGE_UP", user.middle())
     yield from user.until(lambda: at() == FRAMES - 2, "the frame before")
     yield from over_a_checked_pose(user, entries[FRAMES - 2].path)

@@ -70,6 +70,7 @@ class ONEFRAME_PT_lamp(AlignmentPanel, PartPanel):
             layout.label(text="No lamp known", icon="INFO")
         else:
             _draw_rows(layout, lamp.rows(light), 0.45)
+        layout.operator("oneframe.find_lamp", icon="VIEWZOOM")
         row = layout.row(align=True)
         row.operator("oneframe.set_lamp", icon="LIGHT_POINT")
         row.operator("oneframe.clear_lamp", text="", icon="X")

@@ -180,7 +180,7 @@ def output_folder(scene: bpy.types.Scene) -> Path:
 
 
 def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
-    """The view's image in the chosen light, its summary, and whether it is outdated; ``None`` if there is no preview."""
+    """The preview in the chosen light: image, summary, and whether it is outdated; ``None`` if there is none."""
     image = bpy.data.images.get(PREVIEW_IMAGES[scene.oneframe.dataset.light])
     if image is None or PREVIEW_KEY not in image:
         return None

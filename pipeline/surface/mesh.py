@@ -80,7 +80,7 @@ class TriangleMesh:
 
     @cached_property
     def smooth_normals(self) -> np.ndarray:
-        """``(V, 3)`` as :attr:`vertex_normals`, but vertices at one place have one: many programs write three a face."""
+        """``(V, 3)`` as :attr:`vertex_normals`, but one at each place: many programs write three vertices a face."""
         places, index = distinct_points(self.vertices)
         if len(places) == len(self.vertices):
             return self.vertex_normals

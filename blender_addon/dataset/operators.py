@@ -181,7 +181,8 @@ def output_folder(scene: bpy.types.Scene) -> Path:
 
 def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
     """The preview in the chosen light: image, summary, and whether it is outdated; ``None`` if there is none."""
-    image = bpy.data.images.get(PREVIEW_IMAGES[scene.oneframe.dataset.light])
+    light = scene.oneframe.dataset.light  # type: ignore[attr-defined]  # from DatasetOptions
+    image = bpy.data.images.get(PREVIEW_IMAGES[light])
     if image is None or PREVIEW_KEY not in image:
         return None
     try:

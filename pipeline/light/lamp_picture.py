@@ -24,7 +24,7 @@ def lamp_picture(mesh: TriangleMesh, frame: Image, light: LensLight) -> np.ndarr
     shown = (raster.face >= 0) & frame.valid
     rays = frame.camera.rays_cam(frame.camera.pixel_grid()[shown])
     points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
-    normals = smooth_normals(mesh, raster.face[shown], points)
+    normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
     away = np.einsum("nk,nk->n", mesh.face_cross[raster.face[shown]], rays @ pose[:3, :3]) > 0
     normals[away] *= -1
     shade = shading(light, points, normals, pose, working_distance_mm(pose))

@@ -163,7 +163,7 @@ def _lifted(mesh: TriangleMesh, view: _View, step: int) -> tuple[np.ndarray, np.
     points_cam = rays / view.inverse_depth[v, u][:, None]
     points = transform_points(inverse_rigid(view.frame.cam_from_model), points_cam)
     face = view.face[v, u]
-    normals = smooth_normals(mesh, face, points)
+    normals = smooth_normals(mesh, mesh.smooth_normals, face, points)
     # a face may be wound either way
     towards = -(rays @ view.frame.cam_from_model[:3, :3])
     turned = np.einsum("nk,nk->n", mesh.face_cross[face], towards) < 0

@@ -70,7 +70,11 @@ def photograph(mesh, law, pose):
     rays = CAMERA.rays_cam(CAMERA.pixel_grid()[shown])
     points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
     image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
-    linear = 0.25 * albedo_of(points) ** 0.3 * law(points, smooth_normals(mesh, raster.face[shown], points), pose)
+    linear = (
+        0.25
+        * albedo_of(points) ** 0.3
+        * law(points, smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points), pose)
+    )
     image[shown] = np.rint(255 * codes_from_linear(np.clip(linear, 0, 1)))[:, None] / 255
     return PosedFrame(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose)
 

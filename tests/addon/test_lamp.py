@@ -121,7 +121,7 @@ def lit(mesh, pose):
     shown, (v, u) = raster.face >= 0, np.nonzero(raster.face >= 0)
     rays = CAMERA.rays_cam(np.stack([u, v], axis=1).astype(float))
     points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
-    normals = smooth_normals(mesh, raster.face[shown], points)
+    normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
     light = LensLight((*LAMP["lamp_cam_mm"][:2], 0.0), LAMP["ambient"])
     factors = shading(light, points, normals, pose, working_distance_mm(pose))
     image = photograph(mesh, pose)

@@ -16,19 +16,13 @@ from ..pipeline.light.lens_light import PHYSICAL, LensLight
 from ..pipeline.registration.accepted_frames import AcceptedFrames, accepted_poses, small_frames
 from ..setup.alignment_record import tool_and_date
 from ..state import from_scene
-from ..state.known_case import UNNAMED, keep_known, known_case
+from ..state.known_case import UNNAMED, keep_known, known_case, lamp_of
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from ..video import session
 
 TYPED = "typed"
 """The method of a lamp that was typed in."""
-
-
-def lamp_of(scene: bpy.types.Scene) -> LensLight | None:
-    """The lamp at the lens of the scene's case; ``None`` if none is known."""
-    known = known_case(scene)
-    return None if known is None else known.light
 
 
 class ONEFRAME_OT_set_lamp(NeedsAlignment, Reporting):

@@ -6,6 +6,7 @@ import bpy
 
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
+from ..state.known_case import lamp_of
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import PartPanel, StepPanel
 from . import lamp, operators
@@ -65,7 +66,7 @@ class ONEFRAME_PT_lamp(PartPanel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
-        light = lamp.lamp_of(scene)
+        light = lamp_of(scene)
         if light is None:
             layout.label(text="No lamp known", icon="INFO")
         else:

@@ -4,11 +4,12 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.colour.lamp import lamp_of, rows
+from blender_addon.colour.lamp import rows
 from blender_addon.dataset import operators as dataset
 from blender_addon.frames import found
 from blender_addon.setup import autosave
 from blender_addon.setup.case_in_scene import unsaved_parts
+from blender_addon.state.known_case import lamp_of
 from blender_addon.video import session
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.case.case_file import read_case

@@ -126,6 +126,7 @@ _REGISTRATIONS = tuple(
         "frames.panel",
         "dataset.background_job",
         "colour.operators",
+        "colour.lamp",
         "colour.panel",
         "dataset.pose_preview",
         "dataset.operators",

@@ -1,12 +1,14 @@
-"""The panel Colour: projection, its coverage and accuracy, export."""
+"""The panel Colour: projection, its coverage and accuracy, export, and the lamp at the lens."""
+
+from collections.abc import Iterable
 
 import bpy
 
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
 from ..ui.panel import AlignmentPanel, draw_text
-from ..ui.step_panel import StepPanel
-from . import operators
+from ..ui.step_panel import PartPanel, StepPanel
+from . import lamp, operators
 
 
 class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
@@ -43,15 +45,39 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
             draw_text(layout, "The colours belong to another pose or frame. Project again.", icon="ERROR")
     except InputError as error:
         draw_text(layout, str(error), icon="ERROR")
-    column = layout.column(align=True)
-    for name, value in (
+    rows = (
         ("Coloured in View", f"{record['of_view']:.1%}"),
         ("Seen in Total", f"{record['of_surface']:.1%}"),
         ("Mean Difference to Frame", f"{record['mean_error']:.2f} / 255"),
         ("Largest Difference", f"{record['max_error']:.1f} / 255"),
-    ):
-        split = column.split(factor=0.68)
-        split.label(text=name)
-        split.label(text=value)
+    )
+    _draw_rows(layout, rows, 0.68)
     for message in record.get("messages", ()):
         draw_text(layout, message, icon="INFO")
+
+
+class ONEFRAME_PT_lamp(AlignmentPanel, PartPanel):
+    """The lamp at the lens, which moves with it"""
+
+    bl_parent_id = "ONEFRAME_PT_colour"
+    bl_label = "Light at the Lens"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        layout.operator_context = "INVOKE_DEFAULT"
+        light = lamp.lamp_of(scene)
+        if light is None:
+            layout.label(text="No lamp known", icon="INFO")
+        else:
+            _draw_rows(layout, lamp.rows(light), 0.45)
+        row = layout.row(align=True)
+        row.operator("oneframe.set_lamp", icon="LIGHT_POINT")
+        row.operator("oneframe.clear_lamp", text="", icon="X")
+
+
+def _draw_rows(layout: bpy.types.UILayout, rows: Iterable[tuple[str, str]], factor: float) -> None:
+    column = layout.column(align=True)
+    for name, value in rows:
+        split = column.split(factor=factor)
+        split.label(text=name)
+        split.label(text=value)

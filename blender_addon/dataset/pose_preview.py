@@ -22,13 +22,13 @@ from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.reference_view import ReferenceView
-from ..pipeline.dataset.options import OPTIONS, DatasetOptions, merged_options
+from ..pipeline.dataset.options import LENS, OPTIONS, DatasetOptions, merged_options
 from ..pipeline.errors import InputError
 from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
-from ..state.known_case import further_frames
+from ..state.known_case import further_frames, known_case
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
 
@@ -107,7 +107,9 @@ def content_key(
     stamps = [(str(path), *stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
     further = [(each.image, each.cam_from_mesh.tolist()) for each in further_frames(scene)]
-    content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps, further)
+    known = known_case(scene) if options.light == LENS else None
+    lamp = None if known is None else known.light
+    content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps, further, lamp)
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 

@@ -29,6 +29,7 @@ _WORDS = {
     "structures": "structures",
     "dataset": "dataset options",
     "landmarks": "landmarks",
+    "light": "lamp",
 }
 """Field of a case -> its name in the window; the record of the pose changes with the pose only."""
 

@@ -224,16 +224,18 @@ def joined(wheels: Sequence[Path]) -> Path:
 
     Blender installs an extension only for the Pythons that all of its wheels name; this one names none.
     """
+    package, version, *_, platforms = wheels[0].name.split("-")
+    path = wheels[0].with_name(f"{package}-{version}-py3-none-{platforms}")
+    if path.exists() and path.stat().st_mtime > max(each.stat().st_mtime for each in wheels):
+        return path
     files: dict[str, bytes] = {}
     records: dict[str, str] = {}
-    for path in wheels:
-        with zipfile.ZipFile(path) as archive:
+    for each in wheels:
+        with zipfile.ZipFile(each) as archive:
             files |= {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
         record = next(name for name in files if name.endswith(".dist-info/RECORD"))
         records |= {line.partition(",")[0]: line for line in files[record].decode().splitlines()}
     files[record] = "".join(line + "\n" for line in records.values()).encode()
-    package, version, *_, platforms = wheels[0].name.split("-")
-    path = wheels[0].with_name(f"{package}-{version}-py3-none-{platforms}")
     # another build may be reading it
     partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
     with zipfile.ZipFile(partial, "w") as archive:

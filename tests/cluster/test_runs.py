@@ -35,7 +35,7 @@ def case(tmp_path_factory, write_tiny_case) -> Path:
 @pytest.fixture(scope="module")
 def reference(case, tmp_path_factory, render_command, run_command) -> Path:
     out = tmp_path_factory.mktemp("one machine") / "dataset"
-    ended = run_command(render_command(case, "--out", out, "--count", VIEWS))
+    ended = run_command(render_command(case, "--out", out, "--count", VIEWS, "--workers", 1))
     assert (ended.returncode, ended.stderr) == (0, "")
     return out
 

@@ -108,7 +108,7 @@ def test_the_same_command_again_makes_the_same_files(render, undisturbed, tmp_pa
             told += ", and a loss of power"
             # a file of the right size is only found out by its hash
             more = ["--verify"] if lose_power(out, rng) else []
-        ended = render(out, *more)
+        ended = render(out, "--workers", "1", *more)
         assert ended.returncode == 0, f"{told}\n{ended.stderr}"
         found = tree(out)
         assert sorted(found) == sorted(expected), told

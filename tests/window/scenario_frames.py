@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import x11
 
+WINDOW = 1024, 640
 PACKAGE = "bl_ext.user_default.oneframe"
 COUNT, LOST = 6, 5
 DRAWN = 0.005

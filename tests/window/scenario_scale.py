@@ -13,6 +13,7 @@ from bl_ext.user_default.oneframe.video import session
 from bl_ext.user_default.oneframe.video.strip_layout import StripLayout
 from bl_ext.user_default.oneframe.view.zoom import free_rectangle, uncovered_rectangle
 
+WINDOW = 1024, 640
 SCALE = 1.6
 """In this window of 1024 pixels, as 2 is in one of 1280."""
 

@@ -14,6 +14,7 @@ from bl_ext.user_default.oneframe.pipeline.images.image_reader import read_image
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL
 
+WINDOW = 1024, 640
 STILL_PX = 1.0
 """How far the frame may move under the pointer while the wheel is turned, pixels of the screen."""
 
@@ -44,13 +45,13 @@ def zoom(user, scene):
     region = user.region()
     corner = np.array([region.x, region.y])
     moved, largest = [], 0.0
-    for lock, fraction in ((False, (0.35, 0.6)), (True, (0.6, 0.4))):
+    for lock, fraction, steps in ((False, (0.35, 0.6), (15, 8)), (True, (0.6, 0.4), (6, 3))):
         user.area.spaces.active.lock_camera = lock
         yield from user.key("HOME", user.middle())
         yield from user.move(tuple(np.round(corner + np.array(fraction) * [region.width, region.height])))
         place = np.round(user._place)
         under = seen(user).px_from_region(place - corner)
-        for kind in ["WHEELUPMOUSE"] * 15 + ["WHEELDOWNMOUSE"] * 8:
+        for kind in ["WHEELUPMOUSE"] * steps[0] + ["WHEELDOWNMOUSE"] * steps[1]:
             user.event(kind, "PRESS", tuple(place))
             yield 0.06
             view = seen(user)

@@ -21,7 +21,7 @@ from tests.window import x11
 
 DRIVER = Path(__file__).resolve().parent / "driver.py"
 PACKAGE = "bl_ext.user_default.oneframe"
-SIZE = (1280, 800) if os.environ.get("ONEFRAME_SCREENSHOTS") else (1024, 640)
+SIZE = (1280, 800) if os.environ.get("ONEFRAME_SCREENSHOTS") else (800, 500)
 """Of the window, pixels: most of the time goes into drawing them in software."""
 
 

@@ -6,6 +6,7 @@ of the objects moves.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import bpy
 import numpy as np
@@ -61,16 +62,26 @@ def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -
     InputError
         The surface or the camera is scaled, sheared or mirrored: that is not a rigid pose.
     """
-    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_rigid_placement(camera_object))
-    world_from_model = np.array(surface.matrix_world, dtype=np.float64)
-    _check_unscaled(world_from_model, surface.name)
-    placed, _ = checked_rigid(CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ world_from_model, surface.name)
+    camera = None if camera_object is None else (_placement(camera_object).tobytes(), camera_object.name)
+    placed = _placed(camera, _placement(surface).tobytes(), surface.name)
     stored = exact(surface, POSE)
     if stored is not None and stored.shape == (4, 4):
         size = np.array([1.0, 1.0, 1.0, max(1.0, float(np.abs(stored[:3, 3]).max()))])
         if (np.abs(placed - stored) <= POSE_TOLERANCE * size).all():
             return stored
-    return placed
+    return placed.copy()
+
+
+@lru_cache(maxsize=8)
+def _placed(camera: tuple[bytes, str] | None, world_from_model: bytes, name: str) -> np.ndarray:
+    """``cam_from_model`` by a camera's placement and name, and a surface's; a window that is drawn asks many times."""
+    opengl_cam_from_world = np.eye(4)
+    if camera is not None:
+        world_from_cam = np.frombuffer(camera[0]).reshape(4, 4)
+        opengl_cam_from_world = inverse_rigid(_checked_placement(world_from_cam, camera[1]))
+    placement = np.frombuffer(world_from_model).reshape(4, 4)
+    _check_unscaled(placement, name)
+    return checked_rigid(CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ placement, name)[0]
 
 
 def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> None:
@@ -139,9 +150,16 @@ def radius_of(surface: bpy.types.Object) -> float:
 
 
 def _rigid_placement(camera_object: bpy.types.Object) -> np.ndarray:
-    world_from_cam = np.array(camera_object.matrix_world, dtype=np.float64)
-    _check_unscaled(world_from_cam, camera_object.name)
-    return checked_rigid(world_from_cam, camera_object.name)[0]
+    return _checked_placement(_placement(camera_object), camera_object.name)
+
+
+def _placement(placed: bpy.types.Object) -> np.ndarray:
+    return np.array(placed.matrix_world, dtype=np.float64)
+
+
+def _checked_placement(world_from_object: np.ndarray, name: str) -> np.ndarray:
+    _check_unscaled(world_from_object, name)
+    return checked_rigid(world_from_object, name)[0]
 
 
 def _check_unscaled(world_from_object: np.ndarray, name: str) -> None:

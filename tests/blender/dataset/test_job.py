@@ -50,12 +50,10 @@ def case(tmp_path_factory, write_tiny_case) -> Path:
 
 
 @pytest.fixture(scope="module")
-def reference(case, tmp_path_factory, render_command, run_command) -> Path:
+def reference(case, tmp_path_factory) -> Path:
     """The dataset, made by one process in one go."""
     out = tmp_path_factory.mktemp("reference") / "out"
-    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", 1))
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert f"{VIEWS}/{VIEWS} views, " in ended.stdout
+    assert f"{VIEWS}/{VIEWS} views, " in run_here(case, out)
     return out
 
 

@@ -135,7 +135,7 @@ class SurfaceScene(ABC):
         if self.surface.light is not None:
             place = move_lamp(self.surface_object, self.surface.light.light, cam_from_model)
             if self.surface.light.shadows:
-                self._lamp.location = place
+                self._lamp.location = place.tolist()
                 self._lamp.data.energy = LAMP_WATT_PER_MM2 * working_distance_mm(cam_from_model) ** 2
 
 

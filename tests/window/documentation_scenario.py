@@ -21,6 +21,7 @@ from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_fro
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
 from bl_ext.user_default.oneframe.video import session
+from bl_ext.user_default.oneframe.view.zoom import STATUS_PX
 
 operators: Any = bpy.ops
 """With the add-on's own, which Blender's type stubs do not know."""
@@ -198,8 +199,8 @@ def window_picture(user: User, name: str) -> Action:
 
 
 def view_picture(user: User, name: str, width: int) -> Action:
-    """Keep the middle of the view without its header."""
-    region, header = user.region(), user.region("HEADER").height
+    """Keep the middle of the view without its header and the status line."""
+    region, header = user.region(), user.region("HEADER").height + round(STATUS_PX)
     left = region.x + (region.width - width) // 2
     yield from picture(user, name, left, region.y, width, region.height - header)
 

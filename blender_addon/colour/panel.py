@@ -56,7 +56,7 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
         draw_text(layout, message, icon="INFO")
 
 
-class ONEFRAME_PT_lamp(AlignmentPanel, PartPanel):
+class ONEFRAME_PT_lamp(PartPanel):
     """The lamp at the lens, which moves with it"""
 
     bl_parent_id = "ONEFRAME_PT_colour"

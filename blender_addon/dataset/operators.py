@@ -11,6 +11,7 @@ from ..class_registration import at_end, listening
 from ..pipeline.blender.dataset.job import light_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
+from ..pipeline.dataset.options import LIGHTS
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.events import areas
@@ -23,7 +24,8 @@ from .snapshot import save_settings, usual_output, write_snapshot
 from .wording import in_window_words
 
 SCRIPT = "render_dataset.py"
-PREVIEW_IMAGE = "OneFrame preview"
+PREVIEW_IMAGES = {light: f"OneFrame preview, light {light}" for light in LIGHTS}
+"""Of a view in each light: the panel switches between before and after."""
 PREVIEW_KEY, PREVIEW_SUMMARY = "oneframe_key", "oneframe_summary"
 """Custom properties of the preview's image: the key of everything it depends on, and its summary."""
 
@@ -93,7 +95,7 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
             f"view {index}: surface covers {statistics.surface_fraction:.0%} of the image, the frame observed "
             f"{view.rendered.observed.sum() / max(int(view.rendered.mask.sum()), 1):.0%} of it"
         )
-        image = _put_preview(view.rendered.rgb, key, summary)
+        image = _put_preview(PREVIEW_IMAGES[options.light], view.rendered.rgb, key, summary)
         _show_in_image_editors(image)
         return *messages, summary
 
@@ -179,8 +181,9 @@ def output_folder(scene: bpy.types.Scene) -> Path:
 
 
 def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
-    """The previewed view's image, its summary, and whether it is outdated; ``None`` if there is no preview."""
-    image = bpy.data.images.get(PREVIEW_IMAGE)
+    """The preview in the chosen light: image, summary, and whether it is outdated; ``None`` if there is none."""
+    light = scene.oneframe.dataset.light  # type: ignore[attr-defined]  # from DatasetOptions
+    image = bpy.data.images.get(PREVIEW_IMAGES[light])
     if image is None or PREVIEW_KEY not in image:
         return None
     try:
@@ -195,13 +198,13 @@ def _view_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_s
     return f"{key} {scene.oneframe.preview_view}"
 
 
-def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
-    """Put a view ``(H, W, 3)``, code values 0..1, into the preview's image and its thumbnail."""
+def _put_preview(name: str, rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
+    """Put a view ``(H, W, 3)``, code values 0..1, into an image and its thumbnail."""
     height, width = rgb.shape[:2]
-    image = bpy.data.images.get(PREVIEW_IMAGE)
+    image = bpy.data.images.get(name)
     if image is None or tuple(image.size) != (width, height):
-        _remove_preview()
-        image = bpy.data.images.new(PREVIEW_IMAGE, width, height)
+        _remove_previews(name)
+        image = bpy.data.images.new(name, width, height)
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :3] = rgb[::-1]
     image.pixels.foreach_set(rgba.ravel())
@@ -226,10 +229,10 @@ def _new_image_editor(context: bpy.types.Context) -> bpy.types.Area:
 
 
 def _show_in_image_editors(image: bpy.types.Image) -> None:
-    """Show an image in the Image Editors that show no other image."""
+    """Show a preview in the Image Editors that show no other image than one."""
     for _window, area in areas("IMAGE_EDITOR"):
         space = area.spaces.active
-        if area.ui_type == "IMAGE_EDITOR" and space.image in (None, image):
+        if area.ui_type == "IMAGE_EDITOR" and (space.image is None or space.image.name in PREVIEW_IMAGES.values()):
             space.image = image
             area.tag_redraw()
 
@@ -253,10 +256,11 @@ def _job_changed(job: background_job.BackgroundJob) -> None:
         manager.popup_menu(draw, title="The Dataset Run Has Failed", icon="ERROR")
 
 
-def _remove_preview() -> None:
-    image = bpy.data.images.get(PREVIEW_IMAGE)
-    if image is not None:
-        bpy.data.images.remove(image)
+def _remove_previews(*names: str) -> None:
+    for name in names or PREVIEW_IMAGES.values():
+        image = bpy.data.images.get(name)
+        if image is not None:
+            bpy.data.images.remove(image)
 
 
-PARTS = (at_end(_remove_preview), listening(background_job.listeners, _job_changed))
+PARTS = (at_end(_remove_previews), listening(background_job.listeners, _job_changed))

@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..pipeline.dataset.options import SAMPLERS, option_groups
+from ..colour.lamp import lamp_of
+from ..pipeline.dataset.options import LENS, SAMPLERS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.scene_files import known_stamp
@@ -60,6 +61,10 @@ class ONEFRAME_PT_dataset_preview(PartPanel):
                 layout.label(text=f"Observed: {low:.0%} (orange) to {high:.0%} (green)")
             else:
                 draw_text(layout, "The case has changed. Preview the poses again.", icon="ERROR")
+        if lamp_of(scene) is not None:
+            row = layout.row(align=True)
+            for light, text in (("none", "As in the Frame"), (LENS, "From the Lens")):
+                row.prop_enum(scene.oneframe.dataset, "light", light, text=text)
         row = layout.row(align=True)
         row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")
         row.prop(scene.oneframe, "preview_view", text="")

@@ -17,6 +17,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, drawing
+from ..colour.lamp import lamp_of
 from ..pipeline.blender.dataset.view_planner import ViewPlanner
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -28,7 +29,7 @@ from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
-from ..state.known_case import further_frames, known_case
+from ..state.known_case import further_frames
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
 
@@ -107,8 +108,7 @@ def content_key(
     stamps = [(str(path), *stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
     further = [(each.image, each.cam_from_mesh.tolist()) for each in further_frames(scene)]
-    known = known_case(scene) if options.light == LENS else None
-    lamp = None if known is None else known.light
+    lamp = lamp_of(scene) if options.light == LENS else None
     content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps, further, lamp)
     return hashlib.sha256(repr(content).encode()).hexdigest()
 

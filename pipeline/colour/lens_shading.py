@@ -112,7 +112,7 @@ def corner_normals(mesh: TriangleMesh) -> np.ndarray:
 
     So faces that are flipped among others are shaded as these.
     """
-    normals = mesh.vertex_normals[mesh.faces]
+    normals = mesh.smooth_normals[mesh.faces]
     back = (normals.sum(axis=1) * mesh.face_cross).sum(axis=1) < 0
     normals[back] *= -1
     return normals

@@ -81,7 +81,9 @@ def matched_exposures(views: Sequence[AnyView]) -> tuple[AnyView, ...]:
 
 def _brighter(view: AnyView, log_gain: np.ndarray) -> AnyView:
     gain = np.exp(_terms(view.camera.pixel_grid(), view.camera) @ log_gain)
-    return replace(view, image=np.clip(view.image * gain, 0, 1).astype(np.float32))
+    # codes stay within 0..1; albedos, of frames without the light of their lens, are beyond
+    least, most = min(0.0, float(view.image.min())), max(1.0, float(view.image.max()))
+    return replace(view, image=np.clip(view.image * gain, least, most).astype(np.float32))
 
 
 def _terms(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:

@@ -104,6 +104,13 @@ def _facing(
     rays = camera.rays_cam(pixels.astype(np.float64))
     rotation = cam_from_model[:3, :3]
     points = ((rays * depth_mm[:, None]) - cam_from_model[:3, 3]) @ rotation
+    normals = smooth_normals(mesh, mesh.vertex_normals, face, points)
+    towards = camera_centre(cam_from_model) - points
+    return np.abs(np.einsum("nk,nk->n", normals, towards)) / np.linalg.norm(towards, axis=1)
+
+
+def smooth_normals(mesh: TriangleMesh, of_vertices: np.ndarray, face: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` unit normals at points of faces ``(N,)``, interpolated between those ``(V, 3)`` of the vertices."""
     corners = mesh.faces[face]
     a, b, c = (mesh.vertices[corners[:, corner]] for corner in range(3))
     cross = mesh.face_cross[face]
@@ -111,11 +118,9 @@ def _facing(
     weight_b = np.einsum("nk,nk->n", np.cross(points - a, c - a), cross) / squared
     weight_c = np.einsum("nk,nk->n", np.cross(b - a, points - a), cross) / squared
     weights = np.clip(np.stack([1 - weight_b - weight_c, weight_b, weight_c]), 0, 1)
-    normals = sum(weights[corner][:, None] * mesh.vertex_normals[corners[:, corner]] for corner in range(3))
-    towards = camera_centre(cam_from_model) - points
-    cosine = np.abs(np.einsum("nk,nk->n", normals, towards))
-    lengths = np.sqrt(np.einsum("nk,nk->n", normals, normals) * np.einsum("nk,nk->n", towards, towards))
-    return np.divide(cosine, lengths, out=np.zeros_like(cosine), where=lengths > 0)
+    normals = sum(weights[corner][:, None] * of_vertices[corners[:, corner]] for corner in range(3))
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
 
 def _is_closed(edges: SilhouetteEdges) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.distortion import distorted_pixels
 from ..camera.pinhole import PinholeCamera
-from ..case.frame import UnreadFrame
+from ..case.frame import PosedFrame, UnreadFrame
 from ..case.loaded_case import LoadedCase
 from ..colour.reference_view import ReferenceView, colouring_view_of
 from ..errors import InputError
@@ -84,10 +84,8 @@ class CaseRegistrar:
             The frame does not show the surface.
         """
         frame = loaded.frame
-        self.camera = _small(frame.camera)
-        image = cv2.resize(frame.image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
-        valid = cv2.resize(frame.valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
-        small = replace(frame, image=image, valid=valid, camera=self.camera)
+        small = small_frame(frame)
+        self.camera = small.camera
         view = colouring_view_of(replace(loaded, frames=(small,)))
         self.mesh, self.pivot_model, self.cam_from_model = view.mesh, view.pivot_model, frame.cam_from_model
         self.source = view.view
@@ -296,6 +294,14 @@ def frame_files(frames: Path) -> dict[str, Path]:
 def image_paths(folder: Path) -> list[Path]:
     """The images of a folder by their names."""
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES)
+
+
+def small_frame(frame: PosedFrame) -> PosedFrame:
+    """A frame at the size at which frames are registered."""
+    camera = _small(frame.camera)
+    image = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)
+    valid = cv2.resize(frame.valid.astype(np.float32), camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
+    return replace(frame, image=image, valid=valid, camera=camera)
 
 
 def _small(camera: PinholeCamera) -> PinholeCamera:

@@ -79,6 +79,14 @@ class TriangleMesh:
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
     @cached_property
+    def smooth_normals(self) -> np.ndarray:
+        """``(V, 3)`` as :attr:`vertex_normals`, but one at each place: many programs write three vertices a face."""
+        places, index = distinct_points(self.vertices)
+        if len(places) == len(self.vertices):
+            return self.vertex_normals
+        return TriangleMesh(places, index[self.faces]).vertex_normals[index]
+
+    @cached_property
     def bounds(self) -> np.ndarray:
         """``(2, 3)`` smallest and largest vertex coordinates, mm."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

@@ -85,7 +85,16 @@ def test_the_previewed_view_in_its_light_is_that_of_the_run(opened, case_path, t
     assert np.abs(found.reshape(*expected.shape[:2], 4)[::-1, :, :3] - expected).max() <= 0.5001 / 255
     bpy.ops.oneframe.set_lamp(**(LAMP | {"ambient": 0.2}))
     assert dataset.preview(opened)[2]
+    bpy.ops.oneframe.set_lamp(**LAMP)
+    # before and after
     opened.oneframe.dataset.light = "none"
+    assert dataset.preview(opened) is None
     bpy.ops.oneframe.preview_view()
+    before = dataset.preview(opened)[0]
+    opened.oneframe.dataset.light = "lens"
+    assert dataset.preview(opened)[0] == image != before
+    assert not dataset.preview(opened)[2]
     bpy.ops.oneframe.clear_lamp()
+    assert dataset.preview(opened)[2]
+    opened.oneframe.dataset.light = "none"
     assert not dataset.preview(opened)[2]

@@ -44,3 +44,16 @@ def test_exposures_are_matched_to_the_first_frame():
         for part in (np.s_[50:110, 70:90], np.s_[50:110, 130:150]):
             assert np.median(found.image[part] / true.image[part]) == pytest.approx(1, abs=0.02)
     assert np.array_equal(matched[3].image, away.image)
+
+
+@pytest.mark.parametrize(("brightest", "darkest"), [(1.0, 0.0), (2.5, -0.055)])
+def test_matching_leaves_colours_their_range(brightest, darkest):
+    """Codes end at 0 and 1, albedos do not."""
+    rng, mesh = np.random.default_rng(2), hills(1)
+    own, other = view(mesh, 0, rng), view(mesh, 20, rng)
+    other.image[:10] = brightest
+    other.image[10:20] = darkest
+    _, matched = matched_exposures([own, other])
+    assert matched.image.max() == pytest.approx(brightest, rel=0.02)
+    assert matched.image.min() == pytest.approx(darkest, abs=0.005)
+    assert matched.image.max() <= brightest

@@ -102,6 +102,8 @@ def test_vertex_normals_of_a_sphere_are_radial():
     mesh = TriangleMesh(np.vstack([sphere.vertices, [[9, 9, 9]]]), np.asarray(sphere.faces, np.int32))
     assert (mesh.vertex_normals[:-1] * sphere.vertices).sum(axis=1).min() > np.cos(np.radians(2))
     assert (mesh.vertex_normals[-1] == 0).all()  # no face uses it
+    apart = TriangleMesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
+    assert np.allclose(apart.smooth_normals, mesh.smooth_normals[mesh.faces].reshape(-1, 3), atol=1e-12)
 
 
 @given(st.data())

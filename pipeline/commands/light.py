@@ -1,0 +1,111 @@
+"""The command ``oneframe light``."""
+
+import argparse
+import datetime
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .. import __version__
+from ..errors import InputError
+from ..process.own_process import own_output
+
+if TYPE_CHECKING:
+    from ..light.find_lamp import FoundLamp
+    from ..light.lens_light import LensLight
+
+ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."
+EPILOG = """examples:
+  %(prog)s case.toml registered                           (a folder of images, as oneframe register left it)
+  %(prog)s case.toml registered --video surgery.mp4 --picture lamp.png
+  %(prog)s case.toml registered --out lit.toml            (leave case.toml as it is)
+  %(prog)s case.toml                                      (from the frames of the case alone)
+
+Two registered frames and more tell a lamp at the lens from the light of a room, which stands still. One frame alone
+does so seldom: then the command says that it does not know. The case gets a table [light]: where the lamp is in the
+camera's axes, the ambient part beside it, and how sure they are. Exit code 2: there is no lamp at the lens, or the
+frames do not tell; nothing is written.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="the aligned case")
+    parser.add_argument(
+        "frames", metavar="FRAMES", type=Path, nargs="?",
+        help="the folder that oneframe register wrote (default: the frames of the case alone)",
+    )  # fmt: skip
+    parser.add_argument("--video", metavar="FILE", type=Path, help="the video, if FRAMES are of one")
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="FILE", type=Path, help="write the case here, not over CASE.toml")
+    output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
+    output.add_argument(
+        "--picture", metavar="FILE", type=Path,
+        help="write the frame, its shading by the lamp, and the frame without it, side by side (PNG)",
+    )  # fmt: skip
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Find the lamp, write it into the case and report what it explains."""
+    if arguments.video and not arguments.frames:
+        raise InputError("command line: --video: expected FRAMES with it, the folder that oneframe register wrote")
+    from ..case.case_file import read_case
+    from ..case.case_update import other_inputs, update_case
+    from ..case.case_writer import case_output, write_case
+    from ..case.loaded_case import load_case
+    from ..files.outputs import check_outputs, made_folder, write_output, writing
+    from ..images.pixel_values import to_uint8
+    from ..images.png import encode_png
+    from ..light.find_lamp import find_lamp
+    from ..light.lamp_picture import lamp_picture
+    from ..registration.accepted_frames import accepted_frames, small_frames
+
+    case, output, target = read_case(arguments.case), own_output(), arguments.out
+    outputs = [path for path in (arguments.picture, target and case_output(target)) if path]
+    check_outputs(outputs, case.input_files())
+    if target and not arguments.overwrite and (other := other_inputs(target, case)):
+        raise InputError(
+            f"{target}: expected no file or a case of this frame and surface, found one of {' and '.join(other)}; "
+            f"choose another name, or replace it with --overwrite"
+        )
+    loaded = load_case(case)
+    output.writelines(f"note: {message}\n" for message in loaded.messages)
+    accepted = accepted_frames(arguments.frames, arguments.video, loaded) if arguments.frames else None
+    if accepted is not None:
+        check_outputs(outputs, case.input_files() | accepted.files)
+    try:
+        found = find_lamp(loaded.surface.mesh, small_frames(loaded, accepted))
+    except InputError as error:
+        raise InputError(f"{case.path.name}: {error}") from None
+    if found.objection:
+        more = "" if accepted is not None or found.frames > 1 else "; register further frames, and give their folder"
+        raise InputError(f"{case.path.name}: {found.objection}{more}")
+    lit = replace(case, light=_with_origin(found))
+    if arguments.picture:
+        write_output(
+            arguments.picture, encode_png(to_uint8(lamp_picture(loaded.surface.mesh, loaded.frame, found.light)))
+        )
+        output.write(f"frame, shading, frame without it: {arguments.picture}\n")
+    with writing(made_folder(target or case.path)):
+        if target:
+            write_case(target, lit)
+        else:
+            update_case(case.path, lit)
+    output.write(f"{found.figures}\nthe case with its lamp: {target or case.path}\n")
+
+
+def _with_origin(found: "FoundLamp") -> "LensLight":
+    """The lamp with how it was found, rounded to what that means."""
+    x, y, z = (round(each, 2) for each in found.light.lamp_cam_mm)
+    origin = {
+        "method": "found",
+        "tool": f"OneFrame {__version__}, light",
+        "date": datetime.date.today().isoformat(),
+        "frames": found.frames,
+        "explained": round(found.explained, 3),
+        "correlation": round(found.correlation, 3),
+        "standard_deviation_mm": [round(each, 2) for each in found.deviation_mm],
+        "ambient_standard_deviation": round(found.ambient_deviation, 4),
+    }
+    ambient, falloff = round(found.light.ambient, 4), round(found.light.falloff, 3)
+    return replace(found.light, lamp_cam_mm=(x, y, z), ambient=ambient, falloff=falloff, origin=origin)

@@ -1,0 +1,38 @@
+"""What a lamp at the lens makes of a frame, as a picture to judge it by."""
+
+import numpy as np
+
+from ..images.contact_sheet import contact_sheet
+from ..images.pixel_values import codes_from_linear, linear_from_codes
+from ..projection.overlay_scene import smooth_normals
+from ..projection.z_buffer import rasterise_depth
+from ..surface.mesh import TriangleMesh
+from ..transforms import inverse_rigid, transform_points
+from .lens_light import LensLight, shading, working_distance_mm
+from .shaded_points import Image
+
+LEAST_SHADING = 0.05
+TILE_PX = 800
+GREY = 0.5
+"""Linear light of the middle of shading and albedo: each is shown as bright as the frame's own middle."""
+
+
+def lamp_picture(mesh: TriangleMesh, frame: Image, light: LensLight) -> np.ndarray:
+    """``(H, W, 3)`` code values 0..1: the frame, its shading by the lamp, and the frame without it, side by side."""
+    pose = frame.cam_from_model
+    raster = rasterise_depth(mesh, frame.camera, pose)
+    shown = (raster.face >= 0) & frame.valid
+    rays = frame.camera.rays_cam(frame.camera.pixel_grid()[shown])
+    points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
+    normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
+    away = np.einsum("nk,nk->n", mesh.face_cross[raster.face[shown]], rays @ pose[:3, :3]) > 0
+    normals[away] *= -1
+    shade = shading(light, points, normals, pose, working_distance_mm(pose))
+    shade = np.maximum(shade / max(float(np.median(shade)), LEAST_SHADING), LEAST_SHADING)
+    albedo = linear_from_codes(frame.image[shown]) / shade[:, None]
+    tiles = [frame.image]
+    for linear in (GREY * np.repeat(shade[:, None], 3, axis=1), albedo):
+        tile = np.zeros_like(frame.image)
+        tile[shown] = np.clip(codes_from_linear(linear), 0, 1)
+        tiles.append(tile)
+    return contact_sheet(tiles, columns=3, tile_width=TILE_PX)

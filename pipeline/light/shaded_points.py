@@ -1,0 +1,184 @@
+"""Points of a surface whose shading frames show: what a lamp is found from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..images.pixel_values import linear_from_codes, sample_bilinear
+from ..projection.overlay_scene import smooth_normals
+from ..projection.z_buffer import inverse_depth_of, rasterise_depth
+from ..surface.mesh import TriangleMesh
+from ..transforms import inverse_rigid, rigid, transform_points
+from .lens_light import LensLight, shading, working_distance_mm
+
+MOST_POINTS = 8000
+"""Points of all frames together."""
+DARK, BRIGHT = 0.01, 0.97
+"""Linear light below which noise counts, and the code value of a channel above which it may be cut off."""
+LEAST_FACING = 0.25
+"""Least cosine between normal and line of sight: beyond it a small error of either is a large one of the light."""
+AROUND_PX, STEEPEST_PX = 3, 3.0
+"""No point is so near to a change of depth that is steeper than the latter: pixels of depth a pixel."""
+TOLERANCE_PX = 2.0
+"""Depth in pixels by which a point may lie off the surface that a frame shows at its place."""
+SHADOW_MAP, SHADOW_BIAS_PX = 1024, 6.0
+"""Side of the map of what a lamp sees, and how far behind it a point still counts as lit, in its pixels."""
+
+
+RED = 0
+"""The channel that is used: tissue and bone send back most of it, so highlights, which are white, weigh least."""
+
+
+class Image(Protocol):
+    """A frame at its pose, as :class:`oneframe.case.frame.PosedFrame` is."""
+
+    @property
+    def image(self) -> np.ndarray: ...
+    @property
+    def valid(self) -> np.ndarray: ...
+    @property
+    def camera(self) -> PinholeCamera: ...
+    @property
+    def cam_from_model(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class ShadedPoints:
+    """What frames show of points of a surface: N sightings.
+
+    Attributes
+    ----------
+    point, frame
+        ``(N,)`` which point, which frame.
+    points, normals
+        ``(N, 3)`` model frame, mm; unit normals on the lens' side.
+    log_light
+        ``(N,)`` logarithm of the frame's linear light there.
+    poses
+        ``cam_from_model`` of each frame.
+    """
+
+    point: np.ndarray
+    frame: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
+    log_light: np.ndarray
+    poses: tuple[np.ndarray, ...]
+
+    def where(self, chosen: np.ndarray) -> "ShadedPoints":
+        """Some of the sightings."""
+        arrays = {name: getattr(self, name)[chosen] for name in ("point", "frame", "points", "normals", "log_light")}
+        return replace(self, **arrays)
+
+    def shared(self) -> "ShadedPoints":
+        """Those of points that more than one frame shows."""
+        return self.where(np.bincount(self.point, minlength=1)[self.point] > 1)
+
+    def shading(self, light: LensLight) -> np.ndarray:
+        """``(N,)`` what each gets of the light of its frame's lens, no shadows cast."""
+        result = np.empty(len(self.frame))
+        for number, pose in enumerate(self.poses):
+            own = self.frame == number
+            args = self.points[own], self.normals[own], pose, working_distance_mm(pose)
+            result[own] = shading(light, *args)
+        return result
+
+    def lit(self, light: LensLight, mesh: TriangleMesh) -> np.ndarray:
+        """``(N,)`` bool: nothing stands between the point and the lamp."""
+        lit = np.zeros(len(self.frame), bool)
+        for number, pose in enumerate(self.poses):
+            own = self.frame == number
+            lamp_from_model = rigid(translation=-np.array(light.lamp_cam_mm)) @ pose
+            points = transform_points(lamp_from_model, self.points[own])
+            if not len(points) or not points[:, 2].min() > 0:
+                continue
+            slopes = points[:, :2] / points[:, 2:]
+            low, size = slopes.min(axis=0), max(float(np.ptp(slopes, axis=0).max()), 1e-6)
+            focal = (SHADOW_MAP - 3) / size
+            camera = PinholeCamera(SHADOW_MAP, SHADOW_MAP, focal, focal, *(1 - focal * low))
+            nearest = sample_bilinear(inverse_depth_of(mesh, camera, lamp_from_model), camera.project(points))
+            lit[own] = points[:, 2] * nearest - 1 < SHADOW_BIAS_PX / focal
+        return lit
+
+
+@dataclass(frozen=True)
+class _View:
+    """A frame: its linear light, inverse depth and faces, and 1 where it cannot be used, ``(H, W)`` each."""
+
+    frame: Image
+    light: np.ndarray
+    inverse_depth: np.ndarray
+    face: np.ndarray
+    unusable: np.ndarray
+
+
+def shaded_points(mesh: TriangleMesh, frames: Sequence[Image]) -> ShadedPoints:
+    """The points that frames show well exposed, away from steps of depth and edges; ``mesh`` in the model frame."""
+    views = [_view(mesh, frame) for frame in frames]
+    usable = sum(float((view.unusable == 0).sum()) for view in views)
+    step = max(1, round(np.sqrt(usable / MOST_POINTS)))
+    lifted = [_lifted(mesh, view, step) for view in views]
+    points, normals = (np.concatenate([each[part] for each in lifted]) for part in (0, 1))
+    seen = [_seen(view, points, normals) for view in views]
+    point = np.concatenate([each[0] for each in seen])
+    return ShadedPoints(
+        point=point,
+        frame=np.repeat(np.arange(len(views)), [len(each[0]) for each in seen]),
+        points=points[point],
+        normals=normals[point],
+        log_light=np.concatenate([each[1] for each in seen]),
+        poses=tuple(frame.cam_from_model for frame in frames),
+    )
+
+
+def _view(mesh: TriangleMesh, frame: Image) -> _View:
+    raster = rasterise_depth(mesh, frame.camera, frame.cam_from_model)
+    light = linear_from_codes(frame.image[..., RED])
+    unusable = ~frame.valid | (frame.image.max(axis=2) > BRIGHT) | (light < DARK) | (raster.face < 0)
+    light = _spread(np.where(unusable, 0, light), np.add) / np.maximum(_spread(~unusable * 1.0, np.add), 1e-9)
+    depth = np.divide(1.0, raster.inverse_depth, out=np.full_like(light, np.inf), where=raster.face >= 0)
+    with np.errstate(invalid="ignore"):
+        steepest = STEEPEST_PX * (2 * AROUND_PX + 1) * depth / min(frame.camera.fx, frame.camera.fy)
+        steps = ~(_spread(depth, np.maximum, AROUND_PX) - _spread(depth, np.minimum, AROUND_PX) <= steepest)
+    near = _spread(unusable, np.logical_or, 2) | steps
+    return _View(frame, light, raster.inverse_depth, raster.face, near.astype(np.float64))
+
+
+def _spread(image: np.ndarray, operation: np.ufunc, reach: int = 2) -> np.ndarray:
+    """An image whose pixels are the sum, maximum ... of the square around them."""
+    for axis in (0, 1):
+        padded = np.pad(image, [(reach, reach) if each == axis else (0, 0) for each in (0, 1)], mode="edge")
+        size = image.shape[axis]
+        image = operation.reduce([padded.take(range(at, at + size), axis) for at in range(2 * reach + 1)])
+    return image
+
+
+def _lifted(mesh: TriangleMesh, view: _View, step: int) -> tuple[np.ndarray, np.ndarray]:
+    """``(N, 3)`` points at every ``step``-th pixel across and down that can be used, and their normals."""
+    v, u = (step // 2 + step * each for each in np.nonzero(view.unusable[step // 2 :: step, step // 2 :: step] == 0))
+    rays = view.frame.camera.rays_cam(np.stack([u, v], axis=1).astype(np.float64))
+    points_cam = rays / view.inverse_depth[v, u][:, None]
+    points = transform_points(inverse_rigid(view.frame.cam_from_model), points_cam)
+    face = view.face[v, u]
+    normals = smooth_normals(mesh, mesh.smooth_normals, face, points)
+    # a face may be wound either way
+    towards = -(rays @ view.frame.cam_from_model[:3, :3])
+    turned = np.einsum("nk,nk->n", mesh.face_cross[face], towards) < 0
+    return points, np.where(turned[:, None], -normals, normals)
+
+
+def _seen(view: _View, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the points that a frame shows, and the logarithm of its light there."""
+    camera, pose = view.frame.camera, view.frame.cam_from_model
+    points_cam = transform_points(pose, points)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = camera.project(points_cam)
+        off = np.abs(points_cam[:, 2] * sample_bilinear(view.inverse_depth, pixels) - 1)
+        facing = -np.einsum("nk,nk->n", normals @ pose[:3, :3].T, points_cam) / np.linalg.norm(points_cam, axis=1)
+    # 0 outside the frame too, where there is no surface either
+    shown = (off < TOLERANCE_PX / min(camera.fx, camera.fy)) & (facing > LEAST_FACING)
+    index = np.flatnonzero(shown & (sample_bilinear(view.unusable, pixels) == 0))
+    return index, np.log(sample_bilinear(view.light, pixels[index]))

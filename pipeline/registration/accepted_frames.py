@@ -1,0 +1,86 @@
+"""The frames that ``oneframe register`` has accepted, with their poses, read again from its folder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..case.frame import PosedFrame
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..files.content import LARGEST_FILE, read_content
+from ..files.tables import parsed_json
+from .pose_list import POSES, found_of
+from .register_frames import CaseRegistrar, frame_files, small_frame
+from .verdict import ACCEPTED
+
+MOST = 12
+"""Frames that are taken: of more, evenly chosen ones."""
+
+
+@dataclass(frozen=True)
+class AcceptedFrames:
+    """The poses in a folder of ``oneframe register``: ``cam_from_model`` (4x4, mm) by a frame's number; its images."""
+
+    poses: dict[int, np.ndarray]
+    images: Path
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """All that is read of the frames, by what it is."""
+        return frame_files(self.images)
+
+
+def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> AcceptedFrames:
+    """Read the list of poses in a folder; ``video`` if the frames are those of a film.
+
+    Raises
+    ------
+    InputError
+        There is no such list, none of its frames is accepted, or their images are not there.
+    """
+    path = folder / POSES if folder.is_dir() else folder
+    entries: Any = parsed_json(read_content(path, "the poses of registered frames", most=LARGEST_FILE), str(path))
+    try:
+        found = found_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
+        named = {str(entry["image"]) for entry in entries if entry.get("image")}
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise InputError(f"{path}: expected the poses that oneframe register writes, found something else") from None
+    poses = {
+        number: each.cam_from_model
+        for number, each in found.items()
+        if each.verdict.state == ACCEPTED and each.cam_from_model is not None
+    }
+    if not poses:
+        raise InputError(f"{path}: expected accepted frames, found none among {len(found)}")
+    if video is None and not named:
+        raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
+    if video is not None and named:
+        raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
+    return AcceptedFrames(poses, path.parent / Path(min(named)).parent if video is None else video)
+
+
+def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[PosedFrame]:
+    """The case's frames and the accepted ones, evenly chosen, all at the size at which frames are registered.
+
+    Raises
+    ------
+    InputError
+        The images cannot be read, or are not the case's.
+    """
+    frames = [small_frame(frame) for frame in loaded.frames]
+    if accepted is None:
+        return frames
+    numbers = sorted(accepted.poses)
+    chosen = {numbers[round(at)] for at in np.linspace(0, len(numbers) - 1, min(len(numbers), MOST))}
+    registrar = CaseRegistrar(loaded)
+    with registrar.frames(accepted.images) as opened:
+        frames += [
+            PosedFrame(
+                frame.image.astype(np.float32) / 255, frame.valid, registrar.camera, accepted.poses[frame.number]
+            )
+            for frame in opened.frames
+            if frame.number in chosen and not frame.problem
+        ]
+    return frames

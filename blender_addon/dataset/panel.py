@@ -61,10 +61,12 @@ class ONEFRAME_PT_dataset_preview(PartPanel):
                 layout.label(text=f"Observed: {low:.0%} (orange) to {high:.0%} (green)")
             else:
                 draw_text(layout, "The case has changed. Preview the poses again.", icon="ERROR")
-        if lamp_of(scene) is not None:
+        light = scene.oneframe.dataset.light  # type: ignore[attr-defined]  # from DatasetOptions
+        if light == LENS or lamp_of(scene) is not None:
             row = layout.row(align=True)
-            for light, text in (("none", "As in the Frame"), (LENS, "From the Lens")):
-                row.prop_enum(scene.oneframe.dataset, "light", light, text=text)
+            row.label(icon="LIGHT_POINT")
+            for choice, text in (("none", "As in the Frame"), (LENS, "From the Lens")):
+                row.prop_enum(scene.oneframe.dataset, "light", choice, text=text)
         row = layout.row(align=True)
         row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")
         row.prop(scene.oneframe, "preview_view", text="")

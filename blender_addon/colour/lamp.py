@@ -1,6 +1,6 @@
-"""The lamp at the lens: typed, forgotten, and as the panel shows it; the case holds it, and Save Case keeps it."""
+"""The lamp at the lens: found, typed, forgotten, and as the panel shows it; it is part of the case."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import bpy
@@ -8,21 +8,21 @@ import numpy as np
 from bpy.props import FloatProperty, FloatVectorProperty
 
 from ..class_registration import prop
+from ..frames import found as found_frames
 from ..pipeline.colour.lens_shading import lens_shading_of
+from ..pipeline.errors import InputError
+from ..pipeline.light.find_lamp import FoundLamp, find_lamp
 from ..pipeline.light.lens_light import PHYSICAL, LensLight
+from ..pipeline.registration.accepted_frames import AcceptedFrames, accepted_poses, small_frames
 from ..setup.alignment_record import tool_and_date
 from ..state import from_scene
-from ..state.known_case import UNNAMED, keep_known, known_case
+from ..state.known_case import UNNAMED, keep_known, known_case, lamp_of
+from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
+from ..video import session
 
 TYPED = "typed"
 """The method of a lamp that was typed in."""
-
-
-def lamp_of(scene: bpy.types.Scene) -> LensLight | None:
-    """The lamp at the lens of the scene's case; ``None`` if none is known."""
-    known = known_case(scene)
-    return None if known is None else known.light
 
 
 class ONEFRAME_OT_set_lamp(NeedsAlignment, Reporting):
@@ -86,6 +86,42 @@ class ONEFRAME_OT_clear_lamp(Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         keep_lamp(context.scene, None)
+
+
+class ONEFRAME_OT_find_lamp(NeedsAlignment, InBackground):
+    """Find the lamp at the lens from the shading of the frame and of the film's frames that are found. Esc stops it"""
+
+    bl_label = "Find Lamp"
+    # without REGISTER: Adjust Last Operation would do it all again
+    bl_options = {"UNDO"}
+    doing = "Finding the lamp at the lens"
+
+    def work(self, context: bpy.types.Context) -> Work:
+        scene = context.scene
+        loaded, accepted = from_scene.loaded_case(scene), _accepted(scene)
+        self._inputs, self._is_alone = inputs_of(scene), accepted is None and len(loaded.frames) == 1
+
+        def find(progress: Callable[[float], None]) -> FoundLamp:
+            frames = small_frames(loaded, accepted)
+            progress(0.3)
+            return find_lamp(loaded.surface.mesh, frames)
+
+        return find
+
+    def finish(self, context: bpy.types.Context, result: FoundLamp) -> Messages:
+        check_inputs(context.scene, self._inputs)
+        if result.objection:
+            more = "; open its film and press Register Frames first" if self._is_alone else ""
+            raise InputError(f"{result.objection}{more}")
+        keep_lamp(context.scene, result.recorded(*tool_and_date()))
+        return (f"{result.figures}; Save Case keeps it",)
+
+
+def _accepted(scene: bpy.types.Scene) -> AcceptedFrames | None:
+    """The frames of the scene's film that are found."""
+    film, registered = session.of(scene), found_frames.of(scene)
+    poses = {} if registered is None else accepted_poses(registered.frames)
+    return AcceptedFrames(poses, film.path) if film is not None and poses else None
 
 
 def keep_lamp(scene: bpy.types.Scene, light: LensLight | None) -> None:

@@ -6,6 +6,7 @@ import bpy
 
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
+from ..state.known_case import lamp_of
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import PartPanel, StepPanel
 from . import lamp, operators
@@ -65,11 +66,12 @@ class ONEFRAME_PT_lamp(PartPanel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
-        light = lamp.lamp_of(scene)
+        light = lamp_of(scene)
         if light is None:
             layout.label(text="No lamp known", icon="INFO")
         else:
             _draw_rows(layout, lamp.rows(light), 0.45)
+        layout.operator("oneframe.find_lamp", icon="VIEWZOOM")
         row = layout.row(align=True)
         row.operator("oneframe.set_lamp", icon="LIGHT_POINT")
         row.operator("oneframe.clear_lamp", text="", icon="X")

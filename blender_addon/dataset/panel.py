@@ -2,10 +2,10 @@
 
 import bpy
 
-from ..colour.lamp import lamp_of
 from ..pipeline.dataset.options import LENS, SAMPLERS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
+from ..state.known_case import lamp_of
 from ..state.scene_files import known_stamp
 from ..ui.panel import draw_text
 from ..ui.step_panel import PartPanel, StepPanel

@@ -17,7 +17,6 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..class_registration import at_end, drawing
-from ..colour.lamp import lamp_of
 from ..pipeline.blender.dataset.view_planner import ViewPlanner
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -29,7 +28,7 @@ from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
-from ..state.known_case import further_frames
+from ..state.known_case import further_frames, lamp_of
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
 

@@ -24,7 +24,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid
-from .known_case import further_frames, known_case
+from .known_case import further_frames, known_case, lamp_of
 from .landmarks import landmarks_mesh
 
 EDIT_TOLERANCE = 1e-5
@@ -169,7 +169,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         landmarks=landmarks,
         video=video(scene),
         object_name=None if known is None else known.object_name,
-        light=None if known is None else known.light,
+        light=lamp_of(scene),
     )
 
 

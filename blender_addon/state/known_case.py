@@ -13,6 +13,7 @@ from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.case.case_file import Case, case_from_text
 from ..pipeline.case.case_writer import case_text
 from ..pipeline.case.frame import UnreadFrame
+from ..pipeline.light.lens_light import LensLight
 
 UNNAMED = Path("/case.toml")
 """Where the case lies while the scene has no file: the names of its files are relative to that folder."""
@@ -28,6 +29,12 @@ def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:
     """The case's frames beside the one that is shown, as its file has them."""
     known = known_case(scene)
     return () if known is None else known.frames
+
+
+def lamp_of(scene: bpy.types.Scene) -> LensLight | None:
+    """The lamp at the lens of the scene's case; ``None`` if none is known."""
+    known = known_case(scene)
+    return None if known is None else known.light
 
 
 def _place(scene: bpy.types.Scene) -> Path:

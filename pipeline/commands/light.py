@@ -4,15 +4,10 @@ import argparse
 import datetime
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..errors import InputError
 from ..process.own_process import own_output
-
-if TYPE_CHECKING:
-    from ..light.find_lamp import FoundLamp
-    from ..light.lens_light import LensLight
 
 ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."
 EPILOG = """examples:
@@ -80,7 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
     if found.objection:
         more = "" if accepted is not None or found.frames > 1 else "; register further frames, and give their folder"
         raise InputError(f"{case.path.name}: {found.objection}{more}")
-    lit = replace(case, light=_with_origin(found))
+    lit = replace(case, light=found.recorded(f"OneFrame {__version__}, light", datetime.date.today().isoformat()))
     if arguments.picture:
         write_output(
             arguments.picture, encode_png(to_uint8(lamp_picture(loaded.surface.mesh, loaded.frame, found.light)))
@@ -92,20 +87,3 @@ def run(arguments: argparse.Namespace) -> None:
         else:
             update_case(case.path, lit)
     output.write(f"{found.figures}\nthe case with its lamp: {target or case.path}\n")
-
-
-def _with_origin(found: "FoundLamp") -> "LensLight":
-    """The lamp with how it was found, rounded to what that means."""
-    x, y, z = (round(each, 2) for each in found.light.lamp_cam_mm)
-    origin = {
-        "method": "found",
-        "tool": f"OneFrame {__version__}, light",
-        "date": datetime.date.today().isoformat(),
-        "frames": found.frames,
-        "explained": round(found.explained, 3),
-        "correlation": round(found.correlation, 3),
-        "standard_deviation_mm": [round(each, 2) for each in found.deviation_mm],
-        "ambient_standard_deviation": round(found.ambient_deviation, 4),
-    }
-    ambient, falloff = round(found.light.ambient, 4), round(found.light.falloff, 3)
-    return replace(found.light, lamp_cam_mm=(x, y, z), ambient=ambient, falloff=falloff, origin=origin)

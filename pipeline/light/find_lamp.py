@@ -98,6 +98,21 @@ class FoundLamp:
             f"(correlation {self.correlation:.2f})"
         )
 
+    def recorded(self, tool: str, date: str) -> LensLight:
+        """The lamp with how it was found, for the case, rounded to what that means."""
+        x, y, z = (round(each, 2) for each in self.light.lamp_cam_mm)
+        origin = {
+            "method": "found",
+            "tool": tool,
+            "date": date,
+            "frames": self.frames,
+            "explained": round(self.explained, 3),
+            "correlation": round(self.correlation, 3),
+            "standard_deviation_mm": [round(each, 2) for each in self.deviation_mm],
+            "ambient_standard_deviation": round(self.ambient_deviation, 4),
+        }
+        return LensLight((x, y, z), round(self.light.ambient, 4), round(self.light.falloff, 3), origin)
+
 
 def find_lamp(mesh: TriangleMesh, frames: Sequence[Image]) -> FoundLamp:
     """The lamp at the lens that explains frames of a surface (model frame) best; :attr:`FoundLamp.objection` judges it.

@@ -1,5 +1,6 @@
 """The frames that ``oneframe register`` has accepted, with their poses, read again from its folder."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from .pose_list import POSES, found_of
+from .register import RegisteredFrame
 from .register_frames import CaseRegistrar, frame_files, small_frame
 from .verdict import ACCEPTED
 
@@ -47,11 +49,7 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
         named = {str(entry["image"]) for entry in entries if entry.get("image")}
     except (AttributeError, KeyError, TypeError, ValueError):
         raise InputError(f"{path}: expected the poses that oneframe register writes, found something else") from None
-    poses = {
-        number: each.cam_from_model
-        for number, each in found.items()
-        if each.verdict.state == ACCEPTED and each.cam_from_model is not None
-    }
+    poses = accepted_poses(found)
     if not poses:
         raise InputError(f"{path}: expected accepted frames, found none among {len(found)}")
     if video is None and not named:
@@ -59,6 +57,15 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
     if video is not None and named:
         raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
     return AcceptedFrames(poses, path.parent / Path(min(named)).parent if video is None else video)
+
+
+def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray]:
+    """The poses ``cam_from_model`` of the frames that are accepted, by number."""
+    return {
+        number: each.cam_from_model
+        for number, each in found.items()
+        if each.verdict.state == ACCEPTED and each.cam_from_model is not None
+    }
 
 
 def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[PosedFrame]:

@@ -156,7 +156,6 @@ def lens_shading_of(loaded: LoadedCase) -> LensShading:
 def _nearest_mm(mesh: TriangleMesh, frame: PosedFrame) -> float:
     """Depth at which the surface begins in a frame; infinite if no vertex is in it."""
     points_cam = transform_points(frame.cam_from_model, mesh.vertices)
-    points_cam = points_cam[points_cam[:, 2] > 0]
     return float(points_cam[frame.camera.contains(frame.camera.project(points_cam)), 2].min(initial=np.inf))
 
 

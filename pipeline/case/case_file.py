@@ -121,8 +121,8 @@ class Case:
         """
         if self.light is None:
             raise InputError(
-                f"{self.path.name}: expected the lamp at the lens, a table [light], found none; give its place, "
-                "lamp_cam_mm, and the ambient part, or render with --light none"
+                f"{self.path.name}: expected the lamp at the lens, a table [light], found none; "
+                f"find it by oneframe light {self.path.name}, or render with --light none"
             )
         return self.light
 

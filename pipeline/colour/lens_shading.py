@@ -16,6 +16,7 @@ from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..light.lens_light import LensLight, power_of, shading, working_distance_mm
+from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
@@ -35,6 +36,9 @@ An edge pixel of a frame mixes surfaces of which the law knows one: less would m
 sample are as near to its photographs as with none.
 """
 
+SAME_PLACE = 1e-5
+"""Part of the lamp's distance up to which what its ray meets is the point itself."""
+
 COARSE_DEG, COARSE_PART = 30.0, 0.2
 """Where the normals at a face's corners differ by more, its edges are longer than what they shade; from this part of
 the frame's surface on, the user is told."""
@@ -52,14 +56,19 @@ class LensShading:
         The lamp. It counts 1 at each view's own working distance: exposures follow the distance.
     least
         What every point gets at least: less would be noise in the frame without its light.
+    shadows
+        Whether the lamp casts shadows.
     """
 
     light: LensLight
     least: float
+    shadows: bool = False
 
-    def factors(self, points: np.ndarray, normals: np.ndarray, cam_from_model: np.ndarray) -> np.ndarray:
+    def factors(
+        self, points: np.ndarray, normals: np.ndarray, cam_from_model: np.ndarray, lit: np.ndarray | None = None
+    ) -> np.ndarray:
         """``(N,)`` what multiplies shifted codes plus :data:`SHIFT`; parameters as of :func:`.shading`."""
-        linear = shading(self.light, points, normals, cam_from_model, working_distance_mm(cam_from_model))
+        linear = shading(self.light, points, normals, cam_from_model, working_distance_mm(cam_from_model), lit)
         return power_of(np.maximum(linear, linear.dtype.type(self.least)), POWER)
 
 
@@ -131,7 +140,17 @@ def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None) -> np.ndarra
     return rgb
 
 
-def lens_shading_of(loaded: LoadedCase) -> LensShading:
+def lit_by_lamp(
+    rays: MeshRays, light: LensLight, faces: np.ndarray, points: np.ndarray, pose: np.ndarray
+) -> np.ndarray:
+    """``(N,)`` float32, 1 where the lamp at the lens of a pose reaches points ``(N, 3)`` of faces, else 0."""
+    lamp = (pose[:3, :3].T @ (np.array(light.lamp_cam_mm) - pose[:3, 3])).astype(np.float32)
+    towards = points - lamp
+    met = rays.first_hits(np.broadcast_to(lamp, points.shape).copy(), towards)
+    return ((met.face == faces) | (met.distance > 1 - SAME_PLACE)).astype(np.float32)
+
+
+def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading:
     """The light at the lens of a case.
 
     Raises
@@ -150,7 +169,7 @@ def lens_shading_of(loaded: LoadedCase) -> LensShading:
         )
     noise = max(map(_noise, (each.image for each in loaded.frames)))
     least = float(np.clip((noise / LARGEST_NOISE) ** (1 / POWER), *LEAST_SHADING))
-    return LensShading(light, least)
+    return LensShading(light, least, shadows)
 
 
 def _nearest_mm(mesh: TriangleMesh, frame: PosedFrame) -> float:

@@ -24,7 +24,7 @@ from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
-from .lens_shading import CornerNormals, shown_codes
+from .lens_shading import CornerNormals, lit_by_lamp, shown_codes
 from .shading import ColouredSurface, ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .texture_atlas import TextureAtlas
 from .vertex_colours import NEUTRAL, VertexColours
@@ -322,6 +322,10 @@ class RayTracer:
                 np.multiply(direction.ravel(), rays.depth_mm, out=point)
                 point += np.float32(centre)
             normals = self._normals.at(hits.face, points.T, hits.front)
-            shown_codes(rgb, self._light.factors(points.T, normals, eye.cam_from_model))
+            lit = None
+            if self._light.shadows:
+                lamp = self._light.light
+                lit = lit_by_lamp(self._rays, lamp, hits.face, np.ascontiguousarray(points.T), eye.cam_from_model)
+            shown_codes(rgb, self._light.factors(points.T, normals, eye.cam_from_model, lit))
         rgb[~hit] = 0
         return rgb

@@ -21,7 +21,7 @@ from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limi
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid, transform_points
 from .fill import filled_colours
-from .lens_shading import LensShading, lens_doubts, lens_shading_of, without_light
+from .lens_shading import LensShading, lens_doubts, without_light
 from .ray_tracer import RayTracer
 from .shading import ColouredSurface, SurfaceColour
 from .source_view import SourceView
@@ -102,20 +102,20 @@ def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
     return view_of_depths(loaded, depths_mm, front, raster)
 
 
-def traced_view_of(loaded: LoadedCase, *, lens: bool = False) -> ReferenceView:
+def traced_view_of(loaded: LoadedCase, light: LensShading | None = None) -> ReferenceView:
     """The reference view from rays, as the views of ``raster`` are; without Blender too.
 
-    With ``lens`` the light at the lens is taken out of the frames.
+    A light at the lens is taken out of the frames.
 
     Raises
     ------
     InputError
-        No pixel of a frame shows the surface, or there is no Embree; no such light, see :func:`.lens_shading_of`.
+        No pixel of a frame shows the surface, or there is no Embree.
     """
-    surface = ColouredSurface(loaded.surface.mesh, light=lens_shading_of(loaded) if lens else None)
+    surface = ColouredSurface(loaded.surface.mesh, light=light)
     rays = MeshRays(surface.mesh)
     seen = [RayTracer(surface, frame.camera, rays=rays).render(frame.cam_from_model) for frame in loaded.frames]
-    return view_of_renders(loaded, seen, surface.light)
+    return view_of_renders(loaded, seen, light)
 
 
 def colouring_view_of(loaded: LoadedCase) -> ReferenceView:

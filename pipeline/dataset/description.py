@@ -17,7 +17,7 @@ from ..files.content import hashed_reading, read_content
 from ..poses.distributions import PoseDistribution, ReferencePose, Trajectory, farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
-from .options import LENS, SAMPLERS, DatasetOptions
+from .options import NO_LIGHT, SAMPLERS, DatasetOptions
 from .truths import depth_scale_for
 
 POSES = "poses"
@@ -110,7 +110,7 @@ def describe(
 
 
 def _described_light(loaded: LoadedCase, options: DatasetOptions) -> dict[str, object]:
-    if options.light != LENS:
+    if options.light == NO_LIGHT:
         return {}
     light = loaded.case.lens_light
     return {"light": {"lamp_cam_mm": light.lamp_cam_mm, "ambient": light.ambient, "falloff": light.falloff}}

@@ -19,10 +19,11 @@ UNSEEN = {
     "neutral": "grey",
     "fill": "the observed colours, continued smoothly over the surface; the mask of the observed surface is the same",
 }
-LENS = "lens"
+NO_LIGHT, LENS, SHADOWS = "none", "lens", "shadows"
 LIGHTS = {
-    "none": "colours as the frame has them, with its shading",
+    NO_LIGHT: "colours as the frame has them, with its shading",
     LENS: "the lamp at the lens, [light] in the case, moves with it",
+    SHADOWS: "so do the shadows that it casts; not by eevee",
 }
 
 
@@ -168,7 +169,7 @@ class DatasetOptions:
     )  # fmt: skip
     colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
     unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
-    light: str = _option("none", "light of the views", choices=LIGHTS, since="0.2.0")
+    light: str = _option(NO_LIGHT, "light of the views", choices=LIGHTS, since="0.2.0")
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
         "seen; what the frame sees at a grazing angle is stretched to streaks in other views",

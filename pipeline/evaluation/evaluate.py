@@ -14,6 +14,7 @@ import numpy as np
 
 from ..case.frame import UnreadFrame, load_posed_frame
 from ..case.loaded_case import LoadedCase
+from ..colour.lens_shading import lens_shading_of
 from ..colour.ray_tracer import RayTracer
 from ..colour.reference_view import ReferenceView, traced_view_of
 from ..colour.shading import ColouredSurface
@@ -201,7 +202,7 @@ def evaluate_case(
     began = time.perf_counter()
     reference = traced_view_of(case.loaded)
     in_lens = any(method.lens for method in settings.methods.running)
-    without_light = traced_view_of(case.loaded, lens=True) if in_lens else reference
+    without_light = traced_view_of(case.loaded, lens_shading_of(case.loaded)) if in_lens else reference
     trace = RayTracer(ColouredSurface(reference.mesh, reference.views), case.loaded.frame.camera).render
     novel_poses = _novel_poses(case, reference, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model

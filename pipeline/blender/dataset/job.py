@@ -13,11 +13,12 @@ import numpy as np
 
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, load_case
+from ...colour.lens_shading import LensShading, lens_shading_of
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
-from ...dataset.options import LENS, DatasetOptions
+from ...dataset.options import NO_LIGHT, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
@@ -95,7 +96,7 @@ class OpenJob:
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
         options = self.job.options
-        reference = reference_view_of(self.loaded, options.engine, lens=options.light == LENS)
+        reference = reference_view_of(self.loaded, options.engine, light_of(self.loaded, options))
         return ViewRenderer(self.loaded, reference, options, self.given_poses, identity=self.identity, threads=threads)
 
     @cached_property
@@ -113,6 +114,17 @@ class OpenJob:
             hashes=self.inputs_sha256,
             blender=bpy.app.version_string,
         )
+
+
+def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
+    """The light at the lens, if options ask for it.
+
+    Raises
+    ------
+    InputError
+        As :func:`.lens_shading_of`.
+    """
+    return None if options.light == NO_LIGHT else lens_shading_of(loaded, shadows=options.light == SHADOWS)
 
 
 def open_job(job: Job) -> OpenJob:

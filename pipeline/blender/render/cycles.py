@@ -51,6 +51,8 @@ class CyclesScene(SurfaceScene):
         cycles.seed, cycles.use_animated_seed = 0, False
         cycles.max_bounces = cycles.transparent_max_bounces = 0
         cycles.use_light_tree = cycles.caustics_reflective = cycles.caustics_refractive = False
+        # else faint light is sampled at random
+        cycles.light_sampling_threshold = 0.0
         cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
 
     def _passes(self) -> dict[str, np.ndarray]:

@@ -38,6 +38,10 @@ def _opened(surface: ColouredSurface, camera: PinholeCamera, samples: int, threa
             f"view: expected at most {LARGEST_SIDE_PX} px a side with engine eevee, found {camera.width}x"
             f"{camera.height}; use --engine cycles or --scale"
         )
+    if surface.light is not None and surface.light.shadows:
+        raise InputError(
+            "--light shadows: Eevee knows them to a texel of a map only; use --engine cycles or --light lens"
+        )
     with EeveeScene(surface, camera, samples=samples) as scene:
         scene.limit_threads(threads)
         yield scene.render

@@ -14,7 +14,7 @@ import bpy
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
-from ...colour.lens_shading import lens_shading_of
+from ...colour.lens_shading import LensShading
 from ...colour.reference_view import ReferenceView, view_of_renders
 from ...colour.shading import ColouredSurface
 from ...errors import InputError
@@ -72,24 +72,23 @@ def opened_engine(
     return engine_named(name).opened(surface, camera, samples, threads)
 
 
-def reference_view_of(loaded: LoadedCase, engine: str = "cycles", *, lens: bool = False) -> ReferenceView:
+def reference_view_of(loaded: LoadedCase, engine: str = "cycles", light: LensShading | None = None) -> ReferenceView:
     """Render each frame's own pose to find the surface that it saw, by the :attr:`.Engine.reference` of an engine.
 
-    With ``lens`` the light at the lens is taken out of the frames.
+    A light at the lens is taken out of the frames.
 
     Raises
     ------
     InputError
-        No pixel of a frame shows the surface, or there is no such engine here; no such light, see
-        :func:`.lens_shading_of`.
+        No pixel of a frame shows the surface, or there is no such engine here.
     """
     engine = engine_named(engine).reference or engine
-    surface = ColouredSurface(loaded.surface.mesh, light=lens_shading_of(loaded) if lens else None)
+    surface = ColouredSurface(loaded.surface.mesh, light=light)
     seen: list[RenderedView] = []
     for frame in loaded.frames:
         with opened_engine(engine, surface, frame.camera) as render:
             seen.append(render(frame.cam_from_model))
-    return view_of_renders(loaded, seen, surface.light)
+    return view_of_renders(loaded, seen, light)
 
 
 def keep_freed_memory() -> None:

@@ -88,12 +88,15 @@ def assign_colour(mesh_object: bpy.types.Object, surface: ColouredSurface, *, fi
             set_vertex_colors(mesh_object, UNSEEN_ATTRIBUTE, np.pad(unseen, ((0, 0), (0, 1)), constant_values=1))
             other = nodes.add("ShaderNodeAttribute", attribute_name=UNSEEN_ATTRIBUTE).outputs["Color"]
         shown = nodes.mixed(flag, other, rgb)
+    lamplight = None
     if surface.light is not None:
         albedo = NEUTRAL_RGBA[:3] if rgb is None else shown
-        shown = _in_light(nodes, mesh_object, surface.mesh, surface.light, albedo, backfacing)
-    emission = nodes.add("ShaderNodeEmission", {"Color": shown})
+        shown, lamplight = _in_light(nodes, mesh_object, surface.mesh, surface.light, albedo, backfacing)
+    emission = nodes.add("ShaderNodeEmission", {"Color": shown}).outputs["Emission"]
+    if lamplight is not None:
+        emission = nodes.add("ShaderNodeAddShader", {0: emission, 1: lamplight}).outputs["Shader"]
     output = nodes.add("ShaderNodeOutputMaterial")
-    nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
+    nodes.link(emission, output.inputs["Surface"])
     # else Cycles builds a light distribution over all triangles and samples it
     material.cycles.emission_sampling = "NONE"
     mesh_object.data.materials.clear()
@@ -107,8 +110,11 @@ def _in_light(
     lens: LensShading,
     rgb: tuple | bpy.types.NodeSocket,
     backfacing: bpy.types.NodeSocket,
-) -> bpy.types.NodeSocket:
+) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket | None]:
     """Colours in the light at the lens, plus :data:`SHIFT`: the law of :meth:`.LensShading.factors`.
+
+    With shadows they are those in its shadow, and the second is a shader with what the lamp adds where it reaches: a
+    diffuse BSDF of the flat faces, from which their own cosine and the lamp's distance are taken out.
 
     A lamp and a diffuse BSDF would not do: the light that Cycles gives a smooth normal ends where the face itself turns
     away, and its energy has units of its own.
@@ -129,16 +135,26 @@ def _in_light(
     nearness = nodes.math("POWER", squared, -(lens.light.falloff + 1) / 2)
     linear = nodes.math("MULTIPLY_ADD", nodes.math("MAXIMUM", along, 0.0), nearness, lens.light.ambient)
     factor = nodes.math("POWER", nodes.math("MAXIMUM", linear, lens.least), POWER)
-    return nodes.scaled(vector("ADD", rgb, (SHIFT,) * 3), factor)
+    shifted = vector("ADD", rgb, (SHIFT,) * 3)
+    if not lens.shadows:
+        return nodes.scaled(shifted, factor), None
+    shaded = max(lens.light.ambient, lens.least) ** POWER
+    mesh_object.data.shade_flat()
+    face = nodes.add("ShaderNodeNewGeometry").outputs["True Normal"]
+    cosine = nodes.math("MAXIMUM", vector("DOT_PRODUCT", face, vector("NORMALIZE", lamp), result="Value"), 1e-4)
+    added = nodes.math("MULTIPLY", nodes.math("SUBTRACT", factor, shaded), nodes.math("DIVIDE", squared, cosine))
+    diffuse = nodes.add("ShaderNodeBsdfDiffuse", {"Color": nodes.scaled(shifted, added)})
+    return nodes.scaled(shifted, shaded), diffuse.outputs["BSDF"]
 
 
-def move_lamp(mesh_object: bpy.types.Object, light: LensLight, cam_from_model: np.ndarray) -> None:
-    """Put the lamp of a surface that :func:`assign_colour` has given a light at the lens of a pose (4x4, mm)."""
-    lamp = transform_points(inverse_rigid(cam_from_model), np.array([light.lamp_cam_mm]))[0]
+def move_lamp(mesh_object: bpy.types.Object, light: LensLight, cam_from_model: np.ndarray) -> np.ndarray:
+    """Put the light that :func:`assign_colour` has given a surface at the lens of a pose (4x4, mm): its place, mm."""
+    lamp: np.ndarray = transform_points(inverse_rigid(cam_from_model), np.array([light.lamp_cam_mm]))[0]
     # the direction of the lamp in working distances
     scale = 1 / working_distance_mm(cam_from_model)
     _, factor, offset = mesh_object.data.materials[0].node_tree.nodes[LAMP_NODE].inputs[:3]
     factor.default_value, offset.default_value = (-scale,) * 3, scale * lamp
+    return lamp
 
 
 @dataclass(frozen=True)

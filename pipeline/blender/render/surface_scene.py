@@ -14,6 +14,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...colour.lens_shading import SHIFT, shown_codes
 from ...colour.shading import ColouredSurface
+from ...light.lens_light import working_distance_mm
 from ...projection.rendered_view import RenderedView
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
@@ -21,6 +22,9 @@ from .material import OBSERVED_PASS, SOURCE_PASS, assign_colour, move_lamp
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
+
+LAMP_WATT_PER_MM2 = 4 * np.pi**2
+"""Blender's watts of a point lamp that gives a white surface which faces it at 1 mm the radiance 1."""
 
 _BACKGROUND_MM = 1e9  # Blender's background has depth 1e10
 
@@ -67,6 +71,10 @@ class SurfaceScene(ABC):
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
             _set_exact_colour(self.scene)
             _set_passes(self.scene, several=len(surface.colours) > 1)
+            if surface.light is not None and surface.light.shadows:
+                self._lamp = _new_lamp(self.scene)
+                # else the surface, which emits its colours, lights itself
+                self.surface_object.visible_diffuse = False
             self._set_engine(POINT_FILTER_PX if samples == 1 else 1.0)
             self.scene.render.threads_mode = "AUTO"
 
@@ -125,7 +133,19 @@ class SurfaceScene(ABC):
         # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
         set_clip(self.camera_object, (max(0.99 * (depth - radius), 1e-4 * far), far))
         if self.surface.light is not None:
-            move_lamp(self.surface_object, self.surface.light.light, cam_from_model)
+            place = move_lamp(self.surface_object, self.surface.light.light, cam_from_model)
+            if self.surface.light.shadows:
+                self._lamp.location = place.tolist()
+                self._lamp.data.energy = LAMP_WATT_PER_MM2 * working_distance_mm(cam_from_model) ** 2
+
+
+def _new_lamp(scene: bpy.types.Scene) -> bpy.types.Object:
+    """A lamp without a size, whose shadows have sharp edges: one sample has no noise."""
+    lamp = bpy.data.lights.new("lamp", "POINT")
+    lamp.shadow_soft_size = 0.0
+    lamp_object = bpy.data.objects.new("lamp", lamp)
+    scene.collection.objects.link(lamp_object)
+    return lamp_object
 
 
 def _set_exact_colour(scene: bpy.types.Scene) -> None:

@@ -39,6 +39,10 @@ def lit_case(loaded_case):
     return make
 
 
+def albedo_of(loaded, engine="raster", *, shadows=False):
+    return reference_view_of(loaded, engine, lens_shading_of(loaded, shadows=shadows))
+
+
 def ball(subdivisions: int) -> TriangleMesh:
     shape = trimesh.creation.icosphere(subdivisions, 20.0)
     return TriangleMesh(np.array(shape.vertices), shape.faces.astype(np.int32))
@@ -69,7 +73,7 @@ def test_engines_agree_and_the_frame_comes_back(
 ):
     for mesh in (bumpy_mesh, stepped_mesh):
         loaded = lit_case(mesh, sharp_image(CAMERA), frontal_pose, CAMERA)
-        plain, lit = (reference_view_of(loaded, "raster", lens=lens) for lens in (False, True))
+        plain, lit = (reference_view_of(loaded, "raster", light) for light in (None, lens_shading_of(loaded)))
         surfaces = [
             ColouredSurface(each.mesh, tuple(colours_of(each, mode)[0]), light=each.light) for each in (plain, lit)
         ]
@@ -101,12 +105,42 @@ def test_a_lit_frame_shows_another_pose_as_it_is_lit_there(
     truth = ColouredSurface(painted.mesh, painted.views, light=LENS)
     with opened_engine("raster", truth, CAMERA) as render:
         frame, expected = render(frontal_pose), render(oblique_pose)
-    seen = reference_view_of(lit_case(bumpy_mesh, frame.rgb, frontal_pose, CAMERA), "raster", lens=True)
+    seen = albedo_of(lit_case(bumpy_mesh, frame.rgb, frontal_pose, CAMERA))
     with opened_engine("raster", ColouredSurface(seen.mesh, seen.views, light=seen.light), CAMERA) as render:
         view = render(oblique_pose)
     both = view.observed & expected.observed
     assert both.sum() > 500
     assert np.abs(view.rgb - expected.rgb)[both].max() < 0.01 / 255
+
+
+def test_shadows_are_where_rays_say_and_the_frame_comes_back(
+    stepped_mesh, frontal_pose, oblique_pose, sharp_image, lit_case
+):
+    """The step hides a strip from a lamp far beside the lens, to the ambient part exactly; so it does by Cycles."""
+    light = LensLight((-120.0, 60.0, 0.0), 0.3)
+    loaded = lit_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, light=light)
+    seen = albedo_of(loaded, shadows=True)
+    bare = ColouredSurface(stepped_mesh, light=replace(seen.light, shadows=False))
+    with ExitStack() as opened:
+        lit, shadowed, cycles, frame = (
+            opened.enter_context(opened_engine(engine, surface, CAMERA))
+            for engine, surface in (
+                ("raster", bare),
+                ("raster", replace(bare, light=seen.light)),
+                ("cycles", replace(bare, light=seen.light)),
+                ("raster", ColouredSurface(seen.mesh, seen.views, light=seen.light)),
+            )
+        )
+        for pose in (frontal_pose, oblique_pose):
+            view, full, other = shadowed(pose), lit(pose), cycles(pose)
+            assert np.count_nonzero(np.abs(view.rgb - other.rgb).max(axis=2) > 1 / 255) <= 0.01 * view.mask.sum()
+            dark = (view.rgb < full.rgb - 1e-4).any(axis=2)
+            assert 10 < dark.sum() < 0.7 * view.mask.sum()
+            ambient = codes_from_linear(linear_from_codes(0.5) * 0.3)
+            np.testing.assert_allclose(view.rgb[dark], ambient, atol=1e-5)
+            np.testing.assert_array_equal(view.rgb[~dark], full.rgb[~dark])
+        back = frame(frontal_pose)
+    assert np.abs(back.rgb - loaded.frame.image)[back.observed].max() < 1e-5
 
 
 def test_flipped_faces_are_shaded_as_those_around_them(bumpy_mesh, oblique_pose, rng):
@@ -126,15 +160,15 @@ def test_nothing_is_divided_by_less_than_noise_allows(bumpy_mesh, frontal_pose, 
     smooth = np.full((*CAMERA.shape_hw, 3), 0.5, np.float32)
     for noise, least in ((0.0, 0.1), (3.6 / 255, 0.147), (0.2, 0.2)):
         image = (smooth + rng.normal(0, noise, smooth.shape)).astype(np.float32)
-        found = reference_view_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA, light=dark), "raster", lens=True)
+        found = albedo_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA, light=dark))
         assert found.light.least == pytest.approx(least, rel=0.25)
 
 
 def test_what_makes_a_poor_albedo_is_said(bumpy_mesh, frontal_pose, lit_case):
     image = np.full((*CAMERA.shape_hw, 3), 0.5, np.float32)
-    assert reference_view_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA), "raster", lens=True).messages == ()
+    assert albedo_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA)).messages == ()
     image[:, :32] = 1
-    said = reference_view_of(lit_case(ball(0), image, frontal_pose, CAMERA), "raster", lens=True).messages
+    said = albedo_of(lit_case(ball(0), image, frontal_pose, CAMERA)).messages
     assert any("% of the surface is saturated" in each for each in said)
     assert any("use a finer surface" in each for each in said)
 
@@ -142,7 +176,7 @@ def test_what_makes_a_poor_albedo_is_said(bumpy_mesh, frontal_pose, lit_case):
 def test_a_case_without_a_lamp_before_its_surface_is_refused(bumpy_mesh, frontal_pose, sharp_image, lit_case):
     given = bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA
     with pytest.raises(InputError, match=r"case.toml: expected the lamp at the lens.*--light none"):
-        reference_view_of(lit_case(*given, light=None), "raster", lens=True)
+        albedo_of(lit_case(*given, light=None))
     depth = float(transform_points(frontal_pose, bumpy_mesh.vertices)[:, 2].min())
     with pytest.raises(InputError, match="expected a lamp at the lens, at most half of the way to the surface"):
         lens_shading_of(lit_case(*given, light=LensLight((0.0, 0.0, 0.6 * depth), 0.0)))

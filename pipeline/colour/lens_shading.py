@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..light.lens_light import LensLight, power_of, shading, working_distance_mm
@@ -157,17 +158,24 @@ def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading
     InputError
         The case has no such light, or it is not before the surface.
     """
-    light, frame, name = loaded.case.lens_light, loaded.frame, loaded.case.path.name
-    nearest = float(transform_points(frame.cam_from_model, loaded.surface.mesh.vertices)[:, 2].min())
-    if light.lamp_cam_mm[2] >= nearest:
+    light, mesh, name = loaded.case.lens_light, loaded.surface.mesh, loaded.case.path.name
+    nearest = min(_nearest_mm(mesh, frame) for frame in loaded.frames)
+    # views come nearer to the surface than the frames: the lamp must not get into it
+    if light.lamp_cam_mm[2] > nearest / 2:
         raise InputError(
-            f"{name}: [light] lamp_cam_mm: expected a lamp between lens and surface or beside the lens, found one "
-            f"{light.lamp_cam_mm[2]:.4g} mm before the lens, the surface begins at {nearest:.4g} mm; give its place in "
-            "the camera's axes, mm"
+            f"{name}: [light] lamp_cam_mm: expected a lamp at the lens, at most half of the way to the surface before "
+            f"it, found one {light.lamp_cam_mm[2]:.4g} mm before the lens, the surface begins at {nearest:.4g} mm; "
+            "give its place in the camera's axes, mm"
         )
     noise = max(map(_noise, (each.image for each in loaded.frames)))
     least = float(np.clip((noise / LARGEST_NOISE) ** (1 / POWER), *LEAST_SHADING))
     return LensShading(light, least, shadows)
+
+
+def _nearest_mm(mesh: TriangleMesh, frame: PosedFrame) -> float:
+    """Depth at which the surface begins in a frame; infinite if no vertex is in it."""
+    points_cam = transform_points(frame.cam_from_model, mesh.vertices)
+    return float(points_cam[frame.camera.contains(frame.camera.project(points_cam)), 2].min(initial=np.inf))
 
 
 def _noise(image: np.ndarray) -> float:
@@ -182,8 +190,8 @@ def _noise(image: np.ndarray) -> float:
 def without_light(loaded: LoadedCase, lit: Sequence[RenderedView]) -> LoadedCase:
     """The case with its frames' albedos in place of their colours, shifted codes, where they show the surface.
 
-    ``lit`` are the bare surface, neutral grey, in the light of each frame's lens. Saturated pixels stay: what the frame
-    saw depends on no light.
+    ``lit`` are the bare surface, neutral grey, in the light of each frame's lens. Saturated pixels are divided
+    too: what the frame saw depends on no light.
     """
     frames = []
     for frame, view in zip(loaded.frames, lit, strict=True):

@@ -128,8 +128,8 @@ def _checked_origin(key: str, value: object, where: str) -> object:
 
 
 def working_distance_mm(cam_from_model: np.ndarray) -> float:
-    """The distance D of a pose, mm: from the lens to the middle of the surface, the model's origin."""
-    return float(np.linalg.norm(cam_from_model[:3, 3]))
+    """The distance D of a pose, mm: from the lens to the middle of the surface, the model's origin; at least 1."""
+    return max(float(np.linalg.norm(cam_from_model[:3, 3])), 1.0)
 
 
 def shading(

@@ -78,7 +78,7 @@ def test_the_lamp_of_the_file_stays_to_the_last_digit(opened, case_path):  # noq
         ({"falloff": -1.0}, "falloff: expected a number from 0 to 4"),
         ({"lamp_cam_mm": (600.0, 0.0, 0.0)}, "expected a lamp at the lens, at most 500 mm"),
         ({"lamp_cam_mm": (0.0, 0.0, float("nan"))}, "expected three finite numbers"),
-        ({"lamp_cam_mm": (0.0, 0.0, 345.0)}, "expected a lamp between lens and surface"),
+        ({"lamp_cam_mm": (0.0, 0.0, 345.0)}, "at most half of the way to the surface"),
     ],
 )
 def test_a_lamp_out_of_range_is_refused(opened, change, message):  # noqa: F811

@@ -28,6 +28,13 @@ def test_the_law_is_lamberts_in_the_cameras_axes():
     np.testing.assert_allclose(single, expected, atol=2e-6)
 
 
+def test_a_lens_in_the_middle_of_the_surface_has_light():
+    at = rigid(rotation_from_vector(np.array([0.2, -0.4, 0.7])))
+    lit = shading(LIGHT, POINTS, NORMALS, at, working_distance_mm(at))
+    assert np.isfinite(lit).all()
+    assert (lit >= LIGHT.ambient).all()
+
+
 def test_it_depends_on_the_lens_relative_to_the_surface_alone():
     moved = rigid(rotation_from_vector(np.array([1.0, 2.0, -0.5])), np.array([10.0, 20.0, 30.0]))
     there = shading(

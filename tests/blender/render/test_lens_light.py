@@ -178,8 +178,15 @@ def test_a_case_without_a_lamp_before_its_surface_is_refused(bumpy_mesh, frontal
     with pytest.raises(InputError, match=r"case.toml: expected the lamp at the lens.*--light none"):
         albedo_of(lit_case(*given, light=None))
     depth = float(transform_points(frontal_pose, bumpy_mesh.vertices)[:, 2].min())
-    with pytest.raises(InputError, match="expected a lamp between lens and surface"):
-        albedo_of(lit_case(*given, light=LensLight((0.0, 0.0, depth), 0.0)))
+    with pytest.raises(InputError, match="expected a lamp at the lens, at most half of the way to the surface"):
+        lens_shading_of(lit_case(*given, light=LensLight((0.0, 0.0, 0.6 * depth), 0.0)))
+    before = lit_case(*given, light=LensLight((0.0, 0.0, 0.4 * depth), 0.0))
+    assert lens_shading_of(before).light == before.case.light
+    nearer = replace(before.frame, cam_from_model=rigid(translation=np.array([0, 0, -depth / 2])) @ frontal_pose)
+    with pytest.raises(InputError, match="at most half of the way"):
+        lens_shading_of(replace(before, frames=(before.frame, nearer)))
+    around = rigid(translation=np.array([0, 0, -2 * depth])) @ frontal_pose
+    lens_shading_of(lit_case(*given[:2], around, CAMERA))  # the lens is within the surface, the lamp beside it
 
 
 def test_the_light_belongs_to_a_datasets_identity_if_it_is_asked_for(bumpy_mesh, frontal_pose, sharp_image, lit_case):

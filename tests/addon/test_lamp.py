@@ -86,8 +86,9 @@ def test_a_lamp_out_of_range_is_refused(opened, change, message):  # noqa: F811
     assert lamp_of(opened) is None
 
 
-def test_the_previewed_view_in_its_light_is_that_of_the_run(opened, case_path, tmp_path):  # noqa: F811
-    opened.oneframe.dataset.light = "lens"
+@pytest.mark.parametrize("light", ["lens", "shadows"])
+def test_the_previewed_view_in_its_light_is_that_of_the_run(opened, case_path, tmp_path, light):  # noqa: F811
+    opened.oneframe.dataset.light = light
     refused(bpy.ops.oneframe.preview_view, "expected the lamp at the lens")
     bpy.ops.oneframe.set_lamp(**LAMP)
     bpy.ops.oneframe.preview_view()
@@ -107,7 +108,7 @@ def test_the_previewed_view_in_its_light_is_that_of_the_run(opened, case_path, t
     assert dataset.preview(opened) is None
     bpy.ops.oneframe.preview_view()
     before = dataset.preview(opened)[0]
-    opened.oneframe.dataset.light = "lens"
+    opened.oneframe.dataset.light = light
     assert dataset.preview(opened)[0] == image != before
     assert not dataset.preview(opened)[2]
     bpy.ops.oneframe.clear_lamp()

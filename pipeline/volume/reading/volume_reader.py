@@ -54,11 +54,11 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
         if crop.shape != (2, 3) or not np.isfinite(crop).all():
             raise InputError(f"crop: expected two corners of 3 finite numbers in mm, found an array of {crop.shape}")
         box = box_corners(*crop)
+    if series is not None:
+        _require_folder(path, "series are for folders")
     if _is_folder(path):
         values, grid = series_voxels(chosen_series(find_series(path), series, str(path)), box, str(path))
     else:
-        if series is not None:
-            raise InputError(f"{path}: expected a folder of DICOM files, found a file; series are for folders")
         values, grid = file_voxels(path, read_header(_volume_file(path)), "HU", box)
     return Volume(values, grid)
 
@@ -72,8 +72,7 @@ def list_series(folder: Path) -> tuple[SeriesInfo, ...]:
         Not a folder, no DICOM images in it, or files that cannot be read.
     """
     folder = Path(folder)
-    if not _is_folder(folder):
-        raise InputError(f"{folder}: expected a folder of DICOM files, found a file; give the folder that it is in")
+    _require_folder(folder, "give the folder that it is in")
     return tuple(series.info for series in find_series(folder))
 
 
@@ -145,6 +144,13 @@ def _is_folder(path: Path) -> bool:
         return path.is_dir()
     except (OSError, ValueError):
         return False
+
+
+def _require_folder(path: Path, advice: str) -> None:
+    if not _is_folder(path):
+        # a path that leads nowhere is no file
+        read_beginning(path, "a folder of DICOM files", 1)
+        raise InputError(f"{path}: expected a folder of DICOM files, found a file; {advice}")
 
 
 def _volume_file(path: Path) -> Path:

@@ -242,3 +242,5 @@ def test_enhanced_damaged_and_single_files_are_refused(write_series, tmp_path):
             read_volume(path)
     with pytest.raises(InputError, match="found a file"):
         list_series(single)
+    with pytest.raises(InputError, match="does not exist"):
+        list_series(tmp_path / "nowhere")

@@ -91,6 +91,21 @@ def other_inputs(path: Path, case: Case) -> tuple[str, ...]:
     return tuple(words for name, words in files.items() if name in changed)
 
 
+def check_replaced(path: Path, case: Case) -> None:
+    """Check that a file which a case is to be written to holds no case of something else.
+
+    Raises
+    ------
+    InputError
+        It holds one of another frame or surface, or is not a case file.
+    """
+    if other := other_inputs(path, case):
+        raise InputError(
+            f"{path}: expected no file or a case of this frame and surface, found one of {' and '.join(other)}; "
+            f"choose another name, or replace it with --overwrite"
+        )
+
+
 def _existing(path: Path, content: bytes) -> Case:
     try:
         return case_from_text(content, path)

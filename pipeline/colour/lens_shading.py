@@ -144,7 +144,7 @@ def lit_by_lamp(
     rays: MeshRays, light: LensLight, faces: np.ndarray, points: np.ndarray, pose: np.ndarray
 ) -> np.ndarray:
     """``(N,)`` float32, 1 where the lamp at the lens of a pose reaches points ``(N, 3)`` of faces, else 0."""
-    lamp = (pose[:3, :3].T @ (np.array(light.lamp_cam_mm) - pose[:3, 3])).astype(np.float32)
+    lamp = light.place_model(pose).astype(np.float32)
     towards = points - lamp
     met = rays.first_hits(np.broadcast_to(lamp, points.shape).copy(), towards)
     return ((met.face == faces) | (met.distance > 1 - SAME_PLACE)).astype(np.float32)

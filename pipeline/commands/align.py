@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _checked_case(arguments: argparse.Namespace) -> "Case":
     """The case, once it is sure that the outputs replace nothing that they should not."""
     from ..case.case_file import read_case
-    from ..case.case_update import other_inputs
+    from ..case.case_update import check_replaced
     from ..case.case_writer import case_output
     from ..files.outputs import check_outputs
 
@@ -100,11 +100,8 @@ def _checked_case(arguments: argparse.Namespace) -> "Case":
     inputs = case.input_files() | ({"file of the landmarks": arguments.landmarks} if arguments.landmarks else {})
     outputs = [path for path in (arguments.json, arguments.picture) if path]
     check_outputs([*outputs, *([case_output(arguments.out)] if arguments.out else [])], inputs)
-    if arguments.out and not arguments.overwrite and (other := other_inputs(arguments.out, case)):
-        raise InputError(
-            f"{arguments.out}: expected no file or a case of this frame and surface, found one of "
-            f"{' and '.join(other)}; choose another name, or replace it with --overwrite"
-        )
+    if arguments.out and not arguments.overwrite:
+        check_replaced(arguments.out, case)
     return case
 
 

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.video and not arguments.frames:
         raise InputError("command line: --video: expected FRAMES with it, the folder that oneframe register wrote")
     from ..case.case_file import read_case
-    from ..case.case_update import other_inputs, update_case
+    from ..case.case_update import check_replaced, update_case
     from ..case.case_writer import case_output, write_case
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs, made_folder, write_output, writing
@@ -57,17 +57,12 @@ def run(arguments: argparse.Namespace) -> None:
 
     case, output, target = read_case(arguments.case), own_output(), arguments.out
     outputs = [path for path in (arguments.picture, target and case_output(target)) if path]
-    check_outputs(outputs, case.input_files())
-    if target and not arguments.overwrite and (other := other_inputs(target, case)):
-        raise InputError(
-            f"{target}: expected no file or a case of this frame and surface, found one of {' and '.join(other)}; "
-            f"choose another name, or replace it with --overwrite"
-        )
+    if target and not arguments.overwrite:
+        check_replaced(target, case)
     loaded = load_case(case)
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     accepted = accepted_frames(arguments.frames, arguments.video, loaded) if arguments.frames else None
-    if accepted is not None:
-        check_outputs(outputs, case.input_files() | accepted.files)
+    check_outputs(outputs, case.input_files() | (accepted.files if accepted else {}))
     try:
         found = find_lamp(loaded.surface.mesh, small_frames(loaded, accepted))
     except InputError as error:

@@ -4,12 +4,10 @@ import numpy as np
 
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import codes_from_linear, linear_from_codes
-from ..projection.overlay_scene import smooth_normals
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
-from ..transforms import inverse_rigid, transform_points
 from .lens_light import LensLight, shading, working_distance_mm
-from .shaded_points import Image
+from .shaded_points import Image, surface_at
 
 LEAST_SHADING = 0.05
 TILE_PX = 800
@@ -22,11 +20,7 @@ def lamp_picture(mesh: TriangleMesh, frame: Image, light: LensLight) -> np.ndarr
     pose = frame.cam_from_model
     raster = rasterise_depth(mesh, frame.camera, pose)
     shown = (raster.face >= 0) & frame.valid
-    rays = frame.camera.rays_cam(frame.camera.pixel_grid()[shown])
-    points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
-    normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
-    away = np.einsum("nk,nk->n", mesh.face_cross[raster.face[shown]], rays @ pose[:3, :3]) > 0
-    normals[away] *= -1
+    points, normals = surface_at(mesh, raster, frame, np.argwhere(shown)[:, ::-1])
     shade = shading(light, points, normals, pose, working_distance_mm(pose))
     shade = np.maximum(shade / max(float(np.median(shade)), LEAST_SHADING), LEAST_SHADING)
     albedo = linear_from_codes(frame.image[shown]) / shade[:, None]

@@ -85,6 +85,11 @@ class LensLight:
             if not (math.isfinite(value) and 0 <= value <= most):
                 raise InputError(f"{name}: expected a number from 0 to {most:g}, found {value!r}")
 
+    def place_model(self, cam_from_model: np.ndarray) -> np.ndarray:
+        """``(3,)`` mm: where the lamp is at a pose (4x4, mm) of the lens, model frame."""
+        place: np.ndarray = cam_from_model[:3, :3].T @ (np.array(self.lamp_cam_mm) - cam_from_model[:3, 3])
+        return place
+
 
 def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
     """The light of a case file's table ``[light]``; ``where`` begins messages.
@@ -159,7 +164,7 @@ def shading(
     -------
     ``(N,)``, linear, at least the ambient part, in the precision of ``points``.
     """
-    lamp, kind = cam_from_model[:3, :3].T @ (np.array(light.lamp_cam_mm) - cam_from_model[:3, 3]), points.dtype.type
+    lamp, kind = light.place_model(cam_from_model), points.dtype.type
     # column by column: numpy is slow at reductions along an axis of three
     x, y, z = (kind(at) - column for at, column in zip(lamp, points.T, strict=True))
     nx, ny, nz = normals.T

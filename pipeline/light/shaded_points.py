@@ -9,7 +9,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import linear_from_codes, sample_bilinear
 from ..projection.overlay_scene import smooth_normals
-from ..projection.z_buffer import inverse_depth_of, rasterise_depth
+from ..projection.z_buffer import DepthRaster, inverse_depth_of, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, transform_points
 from .lens_light import LensLight, shading, working_distance_mm
@@ -26,8 +26,6 @@ TOLERANCE_PX = 2.0
 """Depth in pixels by which a point may lie off the surface that a frame shows at its place."""
 SHADOW_MAP, SHADOW_BIAS_PX = 1024, 6.0
 """Side of the map of what a lamp sees, and how far behind it a point still counts as lit, in its pixels."""
-
-
 RED = 0
 """The channel that is used: tissue and bone send back most of it, so highlights, which are white, weigh least."""
 
@@ -106,12 +104,11 @@ class ShadedPoints:
 
 @dataclass(frozen=True)
 class _View:
-    """A frame: its linear light, inverse depth and faces, and 1 where it cannot be used, ``(H, W)`` each."""
+    """A frame: its linear light, the surface in it, and 1 where it cannot be used, ``(H, W)`` each."""
 
     frame: Image
     light: np.ndarray
-    inverse_depth: np.ndarray
-    face: np.ndarray
+    raster: DepthRaster
     unusable: np.ndarray
 
 
@@ -144,7 +141,7 @@ def _view(mesh: TriangleMesh, frame: Image) -> _View:
         steepest = STEEPEST_PX * (2 * AROUND_PX + 1) * depth / min(frame.camera.fx, frame.camera.fy)
         steps = ~(_spread(depth, np.maximum, AROUND_PX) - _spread(depth, np.minimum, AROUND_PX) <= steepest)
     near = _spread(unusable, np.logical_or, 2) | steps
-    return _View(frame, light, raster.inverse_depth, raster.face, near.astype(np.float64))
+    return _View(frame, light, raster, near.astype(np.float64))
 
 
 def _spread(image: np.ndarray, operation: np.ufunc, reach: int = 2) -> np.ndarray:
@@ -159,15 +156,24 @@ def _spread(image: np.ndarray, operation: np.ufunc, reach: int = 2) -> np.ndarra
 def _lifted(mesh: TriangleMesh, view: _View, step: int) -> tuple[np.ndarray, np.ndarray]:
     """``(N, 3)`` points at every ``step``-th pixel across and down that can be used, and their normals."""
     v, u = (step // 2 + step * each for each in np.nonzero(view.unusable[step // 2 :: step, step // 2 :: step] == 0))
-    rays = view.frame.camera.rays_cam(np.stack([u, v], axis=1).astype(np.float64))
-    points_cam = rays / view.inverse_depth[v, u][:, None]
-    points = transform_points(inverse_rigid(view.frame.cam_from_model), points_cam)
-    face = view.face[v, u]
+    return surface_at(mesh, view.raster, view.frame, np.stack([u, v], axis=1))
+
+
+def surface_at(
+    mesh: TriangleMesh, raster: DepthRaster, frame: Image, pixels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points ``(N, 3)`` of the surface at whole pixels ``(N, 2)`` of a frame, all of which show it, and their normals.
+
+    In the model frame, mm; the unit normals are on the lens' side.
+    """
+    u, v = pixels.T
+    rays, pose = frame.camera.rays_cam(pixels.astype(np.float64)), frame.cam_from_model
+    points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[v, u][:, None])
+    face = raster.face[v, u]
     normals = smooth_normals(mesh, mesh.smooth_normals, face, points)
     # a face may be wound either way
-    towards = -(rays @ view.frame.cam_from_model[:3, :3])
-    turned = np.einsum("nk,nk->n", mesh.face_cross[face], towards) < 0
-    return points, np.where(turned[:, None], -normals, normals)
+    away = np.einsum("nk,nk->n", mesh.face_cross[face], rays @ pose[:3, :3]) > 0
+    return points, np.where(away[:, None], -normals, normals)
 
 
 def _seen(view: _View, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -176,7 +182,7 @@ def _seen(view: _View, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndar
     points_cam = transform_points(pose, points)
     with np.errstate(divide="ignore", invalid="ignore"):
         pixels = camera.project(points_cam)
-        off = np.abs(points_cam[:, 2] * sample_bilinear(view.inverse_depth, pixels) - 1)
+        off = np.abs(points_cam[:, 2] * sample_bilinear(view.raster.inverse_depth, pixels) - 1)
         facing = -np.einsum("nk,nk->n", normals @ pose[:3, :3].T, points_cam) / np.linalg.norm(points_cam, axis=1)
     # 0 outside the frame too, where there is no surface either
     shown = (off < TOLERANCE_PX / min(camera.fx, camera.fy)) & (facing > LEAST_FACING)

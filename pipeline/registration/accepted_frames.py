@@ -12,6 +12,7 @@ from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
+from .colour_sources import evenly
 from .pose_list import POSES, found_of
 from .register import RegisteredFrame
 from .register_frames import CaseRegistrar, frame_files, small_frame
@@ -80,7 +81,7 @@ def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[Po
     if accepted is None:
         return frames
     numbers = sorted(accepted.poses)
-    chosen = {numbers[round(at)] for at in np.linspace(0, len(numbers) - 1, min(len(numbers), MOST))}
+    chosen = {numbers[at] for at in evenly(len(numbers), MOST)}
     registrar = CaseRegistrar(loaded)
     with registrar.frames(accepted.images) as opened:
         frames += [

@@ -156,7 +156,7 @@ def chosen_sources(mesh: TriangleMesh, source: SourceView, candidates: Sequence[
         states.append(_flaw(source, view))
         if not states[-1]:
             clear.append((each, view, faces))
-    chosen = _evenly(len(clear), MOST_JUDGES)
+    chosen = evenly(len(clear), MOST_JUDGES)
     judges = {at: _Judge.of(mesh.face_normals, source, *clear[at][1:]) for at in chosen}
     left, frames = list(range(len(clear))), list[ColourFrame]()
     while len(frames) < count and left:
@@ -172,7 +172,8 @@ def chosen_sources(mesh: TriangleMesh, source: SourceView, candidates: Sequence[
     return ColourChoice(tuple(frames), len(candidates), states.count(BLURRED), states.count(COVERED))
 
 
-def _evenly(count: int, most: int) -> list[int]:
+def evenly(count: int, most: int) -> list[int]:
+    """Indices of at most so many of ``count`` things, from the first to the last."""
     return sorted({round(at) for at in np.linspace(0, count - 1, min(count, most))}) if count else []
 
 

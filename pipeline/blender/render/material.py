@@ -22,7 +22,7 @@ from ...colour.texture_atlas import COVERED_LEAST, OBSERVED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...light.lens_light import LensLight, working_distance_mm
 from ...surface.mesh import TriangleMesh
-from ...transforms import inverse_rigid, transform_points
+from ...transforms import transform_points
 from ..bridge.data_blocks import set_corner_vectors, set_vertex_colors
 from ..bridge.image import new_float_image
 from ..bridge.node_tree import Nodes
@@ -149,7 +149,7 @@ def _in_light(
 
 def move_lamp(mesh_object: bpy.types.Object, light: LensLight, cam_from_model: np.ndarray) -> np.ndarray:
     """Put the light that :func:`assign_colour` has given a surface at the lens of a pose (4x4, mm): its place, mm."""
-    lamp: np.ndarray = transform_points(inverse_rigid(cam_from_model), np.array([light.lamp_cam_mm]))[0]
+    lamp = light.place_model(cam_from_model)
     # the direction of the lamp in working distances
     scale = 1 / working_distance_mm(cam_from_model)
     _, factor, offset = mesh_object.data.materials[0].node_tree.nodes[LAMP_NODE].inputs[:3]

@@ -206,12 +206,12 @@ def view_picture(user: User, name: str, width: int) -> Action:
 
 
 def frame_picture(user: User, name: str) -> Action:
-    """Keep the part of the view in which the frame is."""
+    """Keep the part of the view in which the frame is, without the status line."""
     seen, region = FrameView.of(bpy.context.scene, user.region(), user.view), user.region()
     width, height = seen.camera.size_wh
     (left, low), (right, high) = seen.region_from_px([[0, height - 1], [width - 1, 0]]).round().astype(int).tolist()
-    header = user.region("HEADER").height
-    low, high = max(low, 0), min(high, region.height - header)
+    below = user.region("HEADER").height + round(STATUS_PX)
+    low, high = max(low, 0), min(high, region.height - below)
     left, right = max(left, 0), min(right, region.width)
     yield from picture(user, name, region.x + left, region.y + low, right - left, high - low)
 

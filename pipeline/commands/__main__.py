@@ -12,8 +12,8 @@ from ..process.arguments import ArgumentParser, run_command
 from ..process.command_line import run_script
 
 COMMANDS = (
-    "surface", "sample", "frames", "case", "align", "agree", "overlay", "register", "light", "render", "check", "pack",
-    "evaluate", "report", "colour",
+    "surface", "sample", "frames", "case", "align", "agree", "overlay", "register", "light", "correct", "render",
+    "check", "pack", "evaluate", "report", "colour",
 )  # fmt: skip
 """The modules of this package that are commands, in the order of the data flow."""
 

@@ -69,8 +69,8 @@ def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray
     }
 
 
-def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[PosedFrame]:
-    """The case's frames and the accepted ones, evenly chosen, all at the size at which frames are registered.
+def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None, most: int = MOST) -> list[PosedFrame]:
+    """The case's frames and at most so many of the accepted ones, evenly chosen, at the size of registration.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[Po
     if accepted is None:
         return frames
     numbers = sorted(accepted.poses)
-    chosen = {numbers[at] for at in evenly(len(numbers), MOST)}
+    chosen = {numbers[at] for at in evenly(len(numbers), most)}
     registrar = CaseRegistrar(loaded)
     with registrar.frames(accepted.images) as opened:
         frames += [

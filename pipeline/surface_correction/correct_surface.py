@@ -1,0 +1,251 @@
+"""Correct a surface by registered frames of it, and say where a second, independent look at them confirms it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import cv2
+import numpy as np
+
+from ..case.frame import PosedFrame
+from ..colour.lens_shading import LensShading
+from ..errors import InputError
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre
+from .control_points import ControlPoints, neighbour_means
+from .displacement_fit import Estimate, Fit, Observed, fit, observed
+from .frame_flow import Surface, SurfaceFrame, flow_between
+from .plane_sweep import is_confirmed
+
+LONGER_SIDE_PX = 480
+"""Frames are compared at this size."""
+SPACING_PX = 6.0
+"""Between the points that move, in pixels on the surface."""
+FADING_PX = 12.0
+"""Over which a displacement ends beside what is confirmed."""
+ROUNDS, REFERENCES = 3, 4
+SHARP = 0.8
+"""Textured part of a frame, relative to the middle one's, below which the others are not compared with it."""
+SOURCE_PRIOR, FRAME_PRIOR = (0.05, 0.0005), (2.0, 0.02)
+"""Standard deviations of the shift, mm, and of the rotation, rad, of the poses: only the case's is taken for right."""
+LEAST_FRAMES, MOST_FRAMES, LEAST_ANGLE_DEG = 10, 15, 15.0
+"""Fewer, or nearer to one another, do not tell surface from poses; more take longer."""
+LEAST_TEXTURED = 0.1
+"""Part of what the case's frame shows of the surface."""
+LEAST_RETURNING, FARTHEST_PX = 0.3, 5.0
+"""Part of the flow that comes back, and its median, at which a frame shows what the case's frame does: 0.6 to 1 and up
+to 1 px on a surface that is wrong by 1.7 mm, below 0.1 in mirrored frames, and over 9 px at the poses of others."""
+MOST_LEFT_PX, LEAST_WEIGHT = 0.5, 0.6
+"""Median of what no displacement explains, and mean weight: .1 px and .85 where it does."""
+LEAST_FLOW = 50
+"""Pixels without which a pair of frames says nothing."""
+LEAST_COUNT = 2.0
+"""Pixels that tell of a vertex, by their weights, without which nothing is known of it."""
+SPREAD = 2.0
+"""Factor of the standard deviations: neighbouring pixels err together. Also where what is left exceeds the median, as
+much."""
+SAMPLES = 60
+FLOOR_PX = 1.25
+"""Standard deviation, and disagreement with the sweep, up to which a place is confirmed, in pixels on the surface."""
+
+
+@dataclass(frozen=True)
+class SurfaceCorrection:
+    """A surface with V vertices, corrected.
+
+    Attributes
+    ----------
+    mesh
+        The corrected surface, model frame, mm.
+    deviation_mm
+        ``(V,)`` by how much each vertex was moved, along the normal.
+    std_mm
+        ``(V,)`` standard deviation of what the frames say; NaN where they say nothing.
+    confirmed
+        ``(V,)`` bool: the sweep says the same. Elsewhere the old surface stays, but for a seam.
+    frames, left_out
+        How many frames it is from, and how many others show something else at their poses.
+    angle_deg
+        Between the directions that are farthest apart.
+    floor_mm
+        Below which a deviation means nothing.
+    """
+
+    mesh: TriangleMesh
+    deviation_mm: np.ndarray
+    std_mm: np.ndarray
+    confirmed: np.ndarray
+    frames: int
+    left_out: int
+    angle_deg: float
+    floor_mm: float
+
+    @property
+    def words(self) -> str:
+        """What was found, in a sentence or two."""
+        known = np.isfinite(self.std_mm)
+        moved = self.confirmed & (np.abs(self.deviation_mm) > self.floor_mm)
+        others = f", {self.left_out} others show something else" if self.left_out else ""
+        text = (
+            f"{self.frames} further frames over {self.angle_deg:.0f}° tell of {known.mean():.0%} of the surface; of "
+            f"that, {self.confirmed.sum() / max(known.sum(), 1):.0%} is confirmed{others}"
+        )
+        if moved.any():
+            low, high = np.percentile(self.deviation_mm[moved], (2, 98))
+            share = moved.sum() / self.confirmed.sum()
+            text += f", and {share:.0%} of it was {low:+.2f} to {high:+.2f} mm off"
+        return f"{text}; below {self.floor_mm:.2f} mm a deviation means nothing"
+
+
+def correct_surface(
+    mesh: TriangleMesh,
+    frames: Sequence[PosedFrame],
+    light: LensShading | None,
+    rng: np.random.Generator,
+    progress: Callable[[float], None] = lambda share: None,
+) -> SurfaceCorrection:
+    """Correct a surface by frames at their poses.
+
+    Parameters
+    ----------
+    mesh
+        Model frame, mm.
+    frames
+        The case's own first, whose pose is taken for right, then those that are registered.
+    light
+        The lamp at the lens, if it is known: without it, what the moving lamp does is taken for a wrong surface.
+    rng
+        For the standard deviations.
+    progress
+        Called with the finished share, 0..1.
+
+    Raises
+    ------
+    InputError
+        Too few frames, or too near to one another; no texture; frames that show something else; residuals that no
+        displacement explains; or a surface that is too coarse.
+    """
+    run = _Run(mesh, [SurfaceFrame(_small(frame)) for frame in frames], light)
+    for number in range(ROUNDS):
+        result = run.round(rng, SAMPLES if number == ROUNDS - 1 else 1)
+        progress((number + 1) / (ROUNDS + 1))
+    if result.left_px > MOST_LEFT_PX or result.weight < LEAST_WEIGHT:
+        raise InputError(
+            f"expected frames whose differences a displaced surface explains, found {result.left_px:.2f} px left in "
+            f"the middle, and {1 - result.weight:.0%} of the pixels without weight: does tissue move, is K right, and "
+            "do all frames show the surface at the same stage?"
+        )
+    found = run.confirmed(result)
+    progress(1.0)
+    return found
+
+
+def _small(frame: PosedFrame) -> PosedFrame:
+    factor = min(LONGER_SIDE_PX / max(frame.camera.size_wh), 1.0)
+    camera = frame.camera.resized(round(frame.camera.width * factor), round(frame.camera.height * factor))
+    image, valid = (
+        cv2.resize(each.astype(np.float32), camera.size_wh, interpolation=cv2.INTER_AREA)
+        for each in (frame.image, frame.valid)
+    )
+    return replace(frame, image=image, valid=valid > 0.99, camera=camera)
+
+
+class _Run:
+    """Frames, poses and displacements as they become better."""
+
+    def __init__(self, mesh: TriangleMesh, frames: list[SurfaceFrame], light: LensShading | None) -> None:
+        """Look at the surface as it came, and keep the frames that show it."""
+        self._given, self._light, self._frames = mesh, light, frames
+        self._look(mesh, [frame.start for frame in frames])
+        source = self._views[0]
+        textured = (source.frame.textured & source.shown).sum() / max(source.shown.sum(), 1)
+        if textured < LEAST_TEXTURED:
+            raise InputError(
+                f"expected texture on the surface, found it on {textured:.0%} of what the case's frame shows; a smooth "
+                "surface cannot be corrected"
+            )
+        pixel_mm = source.pixel_mm
+        if mesh.median_edge > 2 * SPACING_PX * pixel_mm:
+            raise InputError(
+                f"expected a surface with edges up to {2 * SPACING_PX * pixel_mm:.2g} mm, found {mesh.median_edge:.2g} "
+                "mm; subdivide it"
+            )
+        self._leave_out()
+        seen, faces = np.zeros(len(mesh.vertices), bool), mesh.faces.copy()
+        for view in self._views:
+            shown, first = np.unique(view.hits.face, return_index=True)
+            shown, front = shown[shown >= 0], view.hits.front[first[shown >= 0]]
+            seen[mesh.faces[shown]] = True
+            # whichever way they are wound, vertices move towards the lens
+            faces[shown[~front]] = mesh.faces[shown[~front], ::-1]
+        self._points = ControlPoints.of(replace(mesh, faces=faces), seen, SPACING_PX * pixel_mm)
+        pivot = self._points.places.mean(axis=0)
+        deviations = np.repeat([SOURCE_PRIOR, *[FRAME_PRIOR] * (len(self._frames) - 1)], 3, axis=1)
+        poses = np.stack([view.pose for view in self._views])
+        self._now = Estimate(np.zeros(len(self._points.places)), poses, poses, deviations, pivot, pixel_mm)
+        ways = camera_centre(poses) - pivot
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        cosines = np.clip(ways @ ways.T, -1, 1)
+        self._angle_deg = float(np.degrees(np.arccos(cosines.min())))
+        if self._angle_deg < LEAST_ANGLE_DEG:
+            raise InputError(
+                f"expected frames over at least {LEAST_ANGLE_DEG:g}°, found {self._angle_deg:.1f}° between those that "
+                "are farthest apart; register frames from more sides"
+            )
+        textures = np.array([frame.textured.mean() for frame in self._frames])
+        blurred, self._references = textures < SHARP * np.median(textures), [0]
+        for _ in range(REFERENCES - 1):
+            self._references.append(int(np.where(blurred, 1, cosines[self._references].max(axis=0)).argmin()))
+
+    def _look(self, mesh: TriangleMesh, poses: Sequence[np.ndarray] | np.ndarray) -> None:
+        self._surface = Surface(mesh, self._light)
+        self._views = [self._surface.view(*each) for each in zip(self._frames, poses, strict=True)]
+
+    def _leave_out(self) -> None:
+        """Leave out frames that show something else than the case's does."""
+        count, kept = len(self._frames), [0]
+        for number in range(1, count):
+            flow = flow_between(self._surface, self._views[0], self._views[number])
+            moved_px = np.median(np.linalg.norm(flow.found - flow.placed, axis=1)) if len(flow.found) else np.inf
+            if flow.share >= LEAST_RETURNING and moved_px < FARTHEST_PX:
+                kept.append(number)
+        if len(kept) <= LEAST_FRAMES:
+            raise InputError(
+                f"expected at least {LEAST_FRAMES} accepted frames that show what the case's frame shows, found "
+                f"{len(kept) - 1} of {count - 1}; register more frames, to this case"
+            )
+        self._frames, self._views = ([each[number] for number in kept] for each in (self._frames, self._views))
+        self._left_out = count - len(kept)
+
+    def round(self, rng: np.random.Generator, samples: int) -> Fit:
+        """Move points and poses to where the flow says."""
+        parts = []
+        for one, other in product(self._references, range(len(self._frames))):
+            if one != other:
+                flow = flow_between(self._surface, self._views[one], self._views[other])
+                if len(flow.pixels) >= LEAST_FLOW:
+                    parts.append(observed(self._points, self._now.pivot, self._views, (one, other), flow))
+        found = fit(self._points, Observed.joined(parts), self._now, rng, samples)
+        self._now = self._now.after(found)
+        self._look(self._points.moved(found.heights_mm), self._now.poses)
+        return found
+
+    def confirmed(self, result: Fit) -> SurfaceCorrection:
+        """What is confirmed of the result of the last round."""
+        points, weights = self._points, self._points.weights
+        left_px, known = weights @ result.residuals_px, weights @ result.counts > LEAST_COUNT
+        usual_px = float(np.median(left_px[known])) if known.any() else 1.0
+        std_mm = SPREAD * np.sqrt(weights @ result.std_mm**2) * np.maximum(left_px / usual_px, 1)
+        floor_mm = FLOOR_PX * self._now.pixel_mm
+        sweeps = [(self._views[each], self._views[:each] + self._views[each + 1 :]) for each in self._references]
+        confirmed = known & (std_mm < floor_mm) & is_confirmed(points.normals, self._surface.mesh, sweeps, floor_mm)
+        means, share = neighbour_means(self._given), confirmed.astype(float)
+        for _ in range(int(np.clip(FADING_PX * self._now.pixel_mm / self._given.median_edge, 1, 40))):
+            share = np.maximum(confirmed, means @ share)
+        deviation_mm = share * (weights @ result.heights_mm)
+        mesh = replace(self._given, vertices=self._given.vertices + points.normals * deviation_mm[:, None])
+        std_mm[~known] = np.nan
+        count = len(self._frames) - 1
+        return SurfaceCorrection(
+            mesh, deviation_mm, std_mm, confirmed, count, self._left_out, self._angle_deg, floor_mm
+        )

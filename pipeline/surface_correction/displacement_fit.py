@@ -1,0 +1,217 @@
+"""Displacements of a surface's points and twists of the frames' poses, from flow: one robust sparse least squares.
+
+A pixel of one frame shows a point, another frame shows it somewhere else than surface and poses say: the point moves
+along its ray as the surface moves along its normals, and with both poses. Far residuals have little weight (Geman &
+McClure), neighbours move alike, poses stay near where they were; what moves without need is drawn back.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from ..alignment.reprojection import apply_twist, jacobian_at, twist_between
+from ..transforms import cross_matrices, transform_points
+from .control_points import ControlPoints
+from .frame_flow import Flow, SurfaceView
+
+LEAST_COS = 0.2
+"""Cosine between ray and face, and between face and smooth normal, below which a displacement has no certain effect."""
+FLOW_PX, ROBUST_PX, PIXELS_TOGETHER = 0.25, 0.7, 2.0
+"""Least standard deviation of flow, residual from which weights fall, and how many pixels of the grid err together."""
+SMOOTH_PX, FAR_PX = 0.5, 4.0
+"""Standard deviations of a point against its neighbours, and from its place (Cauchy), in pixels on the surface."""
+STEPS = 3
+MOST_SQUARE = 4.0
+"""px²: one far residual does not tell of a place."""
+
+
+class Observed(NamedTuple):
+    """N pixels whose flow is known, linearised.
+
+    Attributes
+    ----------
+    frames
+        ``(N, 2)`` numbers of the frame of the pixel, and of the other one.
+    residuals
+        ``(N, 2)`` found minus placed, px.
+    by_height
+        ``(N, 2)`` derivative by a displacement of the surface, px a mm.
+    weights
+        ``(N, M)`` sparse: the displacement there from those of the points.
+    by_poses
+        ``(N, 2, 12)`` derivative by the twists of both frames.
+    """
+
+    frames: np.ndarray
+    residuals: np.ndarray
+    by_height: np.ndarray
+    weights: sparse.csr_matrix
+    by_poses: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Sequence["Observed"]) -> "Observed":
+        """All of them."""
+        frames, residuals, by_height, weights, by_poses = zip(*parts, strict=True)
+        one = (np.concatenate(each) for each in (frames, residuals, by_height))
+        return cls(*one, sparse.vstack(weights, format="csr"), np.concatenate(by_poses))
+
+
+def observed(
+    points: ControlPoints, pivot: np.ndarray, views: Sequence[SurfaceView], pair: tuple[int, int], flow: Flow
+) -> Observed:
+    """Linearise the flow of a pair of views about a pivot ``(3,)``, model frame."""
+    view, other = (views[number] for number in pair)
+    u, v = flow.pixels.T
+    row = v * view.depth_mm.shape[1] + u
+    face = view.hits.face[row]
+    corners = points.mesh.faces[face]
+    second, third = (each[row].astype(float) for each in (view.hits.second, view.hits.third))
+    parts = np.stack([1 - second - third, second, third], axis=1)
+    rays = view.rays[v, u]
+    normals = view.mesh.face_normals[face]
+    smooth = np.einsum("nk,nki->ni", parts, points.normals[corners])
+    along = (normals * rays).sum(axis=1)
+    alike = (smooth * normals).sum(axis=1)
+    # on the side that is seen, whichever way the face is wound
+    used = (np.abs(along) > LEAST_COS * np.linalg.norm(rays, axis=1)) & (np.abs(alike) > LEAST_COS)
+    flow_px, corners, parts, rays, normals, along, alike = (
+        each[used] for each in (flow.found - flow.placed, corners, parts, rays, normals, along, alike)
+    )
+    at, u, v = view.points[v[used], u[used]], u[used], v[used]
+    by_other = jacobian_at(at, other.frame.camera, other.pose, pivot)
+    by_point = by_other[..., :3] @ other.pose[:3, :3]
+    # the pixel stays, so the point slides along its ray until it is on the moved surface
+    turn = view.pose[:3, :3]
+    offsets_cam = transform_points(view.pose, at) - transform_points(view.pose, pivot)
+    slide = -turn.T @ np.concatenate(
+        [np.broadcast_to(np.eye(3), (len(at), 3, 3)), -cross_matrices(offsets_cam)], axis=2
+    )
+    slide -= rays[:, :, None] * (np.einsum("ni,nik->nk", normals, slide) / along[:, None])[:, None]
+    by_height = np.einsum("nij,nj->ni", by_point, rays * (alike / along)[:, None])
+    weights = sum(sparse.diags(part) @ points.weights[corner] for part, corner in zip(parts.T, corners.T, strict=True))
+    by_poses = np.concatenate([by_point @ slide, by_other], axis=2)
+    return Observed(np.tile(pair, (len(at), 1)), flow_px, by_height, weights.tocsr(), by_poses)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Displacements and twists that fit together.
+
+    Attributes
+    ----------
+    heights_mm
+        ``(M,)`` of the points along the normals, from the surface as it came.
+    twists
+        ``(F, 6)`` to apply to the poses.
+    std_mm
+        ``(M,)`` standard deviations of the displacements, as far as flow tells.
+    residuals_px
+        ``(M,)`` root mean square of what is left around each point.
+    counts
+        ``(M,)`` how many pixels tell of each point, by their weights.
+    left_px, weight
+        Median of what is left, and mean weight, of all pixels.
+    """
+
+    heights_mm: np.ndarray
+    twists: np.ndarray
+    std_mm: np.ndarray
+    residuals_px: np.ndarray
+    counts: np.ndarray
+    left_px: float
+    weight: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Where surface and poses are, and where they may go.
+
+    Attributes
+    ----------
+    heights_mm
+        ``(M,)`` displacements of the points.
+    poses, starts
+        ``(F, 4, 4)`` ``cam_from_model``, mm, and those with which the frames came.
+    deviations
+        ``(F, 6)`` standard deviations of the twists from there, mm and radians.
+    pivot
+        ``(3,)`` mm, model frame: twists are about it.
+    pixel_mm
+        Size of a pixel on the surface.
+    """
+
+    heights_mm: np.ndarray
+    poses: np.ndarray
+    starts: np.ndarray
+    deviations: np.ndarray
+    pivot: np.ndarray
+    pixel_mm: float
+
+    def after(self, fit: Fit) -> "Estimate":
+        """Where a fit puts them."""
+        poses = [apply_twist(twist, pose, self.pivot) for twist, pose in zip(fit.twists, self.poses, strict=True)]
+        return replace(self, heights_mm=fit.heights_mm, poses=np.stack(poses))
+
+
+def fit(points: ControlPoints, known: Observed, now: Estimate, rng: np.random.Generator, samples: int) -> Fit:
+    """Fit displacements and poses; standard deviations are those of so many samples."""
+    heights, count, pixels = now.heights_mm, len(now.heights_mm), len(known.residuals)
+    smooth_mm, far_mm = SMOOTH_PX * now.pixel_mm, FAR_PX * now.pixel_mm
+    bending, stiff = (points.bending.T @ points.bending) / smooth_mm**2, 1 / now.deviations.ravel() ** 2
+    away = np.concatenate([twist_between(*each, now.pivot) for each in zip(now.starts, now.poses, strict=True)])
+    columns = (6 * known.frames[:, :, None] + np.arange(6)).ravel()
+    shape, begins = (pixels, len(stiff)), 12 * np.arange(pixels + 1)
+    # by the column and by the row of a pixel
+    axes = [
+        (residual, slope, sparse.csr_matrix((twists.ravel(), columns, begins), shape))
+        for residual, slope, twists in zip(
+            known.residuals.T, known.by_height.T, np.moveaxis(known.by_poses, 1, 0), strict=True
+        )
+    ]
+    weight, sigma_px, step = np.ones(pixels), FLOW_PX, np.zeros(count)
+    for _ in range(STEPS):
+        each = weight / (sigma_px**2 * PIXELS_TOGETHER)
+        draw = 1 / far_mm**2 / (1 + ((heights + step) / far_mm) ** 2)
+        square = sparse.diags((known.by_height**2).sum(axis=1) * each)
+        own = bending + sparse.diags(draw) + known.weights.T @ square @ known.weights
+        right, cross = -(bending @ heights) - draw * heights, np.zeros((count, len(stiff)))
+        both, pose_right = np.diag(stiff), -stiff * away
+        for residual, slope, twists in axes:
+            right += known.weights.T @ (each * slope * residual)
+            cross += (known.weights.T @ (sparse.diags(each * slope) @ twists)).toarray()
+            both += (twists.T @ sparse.diags(each) @ twists).toarray()
+            pose_right += twists.T @ (each * residual)
+        # the poses from what is left when the displacements are eliminated (Schur complement)
+        factor = splu(own.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        through = factor.solve(cross)
+        reduced = both - cross.T @ through
+        twist = np.linalg.solve(reduced, pose_right - through.T @ right)
+        step = factor.solve(right - cross @ twist)
+        moved = known.weights @ step
+        squares = sum((residual - slope * moved - twists @ twist) ** 2 for residual, slope, twists in axes)
+        weight = 1 / (1 + squares / ROBUST_PX**2) ** 2
+        # the median of a length is 1.18 standard deviations of a coordinate
+        sigma_px = max(FLOW_PX, float(np.median(np.sqrt(squares))) / 1.18)
+    # what noise does to the solution: its covariance is too large to invert
+    noise = rng.normal(size=(2, pixels, samples)) * np.sqrt(each)[:, None]
+    right = points.bending.T @ rng.normal(size=(count, samples)) / smooth_mm
+    right += np.sqrt(draw)[:, None] * rng.normal(size=(count, samples))
+    pose_right = np.sqrt(stiff)[:, None] * rng.normal(size=(len(stiff), samples))
+    for (_, slope, twists), pushed in zip(axes, noise, strict=True):
+        right += known.weights.T @ (slope[:, None] * pushed)
+        pose_right += twists.T @ pushed
+    spread = factor.solve(right - cross @ np.linalg.solve(reduced, pose_right - through.T @ right))
+    shares = np.asarray(known.weights.sum(axis=0)).ravel()
+    return Fit(
+        heights + step,
+        twist.reshape(-1, 6),
+        np.sqrt((spread**2).mean(axis=1)),
+        np.sqrt((known.weights.T @ np.minimum(squares, MOST_SQUARE)) / np.maximum(shares, 1e-9)),
+        known.weights.T @ weight,
+        float(np.median(np.sqrt(squares))),
+        float(weight.mean()),
+    )

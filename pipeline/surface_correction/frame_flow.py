@@ -1,0 +1,189 @@
+"""What frames show of a surface: the point at each pixel, and the flow from one frame to another one over it.
+
+A frame is laid on another one by the surface and both poses, in the light that the other one has: what is left to move
+is the error of the surface and of the poses. The flow is that of dense inverse search (Kroeger et al. 2016).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ..case.frame import PosedFrame
+from ..colour.lens_shading import SHIFT, CornerNormals, LensShading, shifted_codes
+from ..light.local_mean import without_light
+from ..projection.rays import Hits, MeshRays
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, transform_points
+
+GRID_PX = 7
+"""Between the pixels whose flow is used."""
+TOLERANCE_PX = 3.0
+"""How far behind what a frame shows a point may lie and count as shown, in the size of a pixel on the surface."""
+CLOSING_PX = 1.0
+"""Flow there and back that misses the pixel by more is not used."""
+JUMP_PX = 3.0
+"""Where the place in the other frame changes by more than the flow and this, an edge of the surface lies between."""
+WINDOW_PX, LEAST_TEXTURE = 9, 3.0
+"""Window of a structure tensor, and root of its smaller eigenvalue, codes a pixel, below which flow says nothing."""
+BORDER_PX = 5
+
+
+class SurfaceFrame:
+    """A frame, and what its image alone tells."""
+
+    def __init__(self, frame: PosedFrame) -> None:
+        self.camera, self.valid, self.start = frame.camera, frame.valid, frame.cam_from_model
+        # in linear light to the power of the codes: a factor of light is one of these
+        self.codes = shifted_codes(cv2.cvtColor(frame.image.astype(np.float32), cv2.COLOR_RGB2GRAY)) + np.float32(SHIFT)
+
+    @cached_property
+    def grey(self) -> np.ndarray:
+        """``(H, W)`` the codes as 0..255."""
+        return _grey(self.codes)
+
+    @cached_property
+    def textured(self) -> np.ndarray:
+        """``(H, W)`` bool: the flow says something in both directions."""
+        detail = without_light(self.grey, self.valid).astype(np.float32)
+        # its gradients are over two pixels
+        return (cv2.cornerMinEigenVal(detail, WINDOW_PX, ksize=3) > (2 * LEAST_TEXTURE) ** 2) & self.valid
+
+
+def _grey(codes: np.ndarray) -> np.ndarray:
+    return np.rint(255 * np.clip(codes, 0, 1))
+
+
+@dataclass(frozen=True)
+class SurfaceView:
+    """What a frame shows of a surface at a pose.
+
+    Attributes
+    ----------
+    frame, pose
+        The frame, and ``cam_from_model`` (4x4, mm).
+    hits
+        What each pixel's ray meets, row by row.
+    rays
+        ``(H, W, 3)`` directions of the rays, model frame, as long as one mm of depth.
+    depth_mm
+        ``(H, W)`` depth; infinite where there is no surface.
+    points
+        ``(H, W, 3)`` mm.
+    normals
+        ``(H W, 3)`` float32, on the side that is seen; ``None`` without a light.
+    lit
+        ``(H, W)`` what the light at the frame's own lens multiplies its codes with; 1 without one.
+    mesh
+        The surface.
+    """
+
+    frame: SurfaceFrame
+    pose: np.ndarray
+    hits: Hits
+    rays: np.ndarray
+    depth_mm: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray | None
+    lit: np.ndarray
+    mesh: TriangleMesh
+
+    @property
+    def shown(self) -> np.ndarray:
+        """``(H, W)`` bool: there is surface."""
+        return np.isfinite(self.depth_mm)
+
+    @property
+    def pixel_mm(self) -> float:
+        """The size of a pixel on the surface, facing the lens."""
+        return float(np.median(self.depth_mm[self.shown])) / self.frame.camera.fx if self.shown.any() else 1.0
+
+
+class Surface:
+    """A surface that is looked at from many poses, and the light at the lens, if it is known."""
+
+    def __init__(self, mesh: TriangleMesh, light: LensShading | None) -> None:
+        self.mesh, self._light = mesh, light
+        self._rays = MeshRays(mesh)
+        self._normals = None if light is None else CornerNormals(mesh)
+
+    def view(self, frame: SurfaceFrame, pose: np.ndarray) -> SurfaceView:
+        """What a frame shows of it."""
+        shape, centre = frame.camera.shape_hw, camera_centre(pose)
+        rays = frame.camera.rays_cam(frame.camera.pixel_grid()) @ pose[:3, :3]
+        flat = rays.reshape(-1, 3).astype(np.float32)
+        hits = self._rays.first_hits(np.broadcast_to(centre, flat.shape).astype(np.float32), flat)
+        depth_mm = np.where(hits.face >= 0, hits.distance, np.inf).astype(float).reshape(shape)
+        points = centre + rays * np.where(np.isfinite(depth_mm), depth_mm, 1)[..., None]
+        normals, lit = None, np.ones(shape, np.float32)
+        if self._normals is not None and self._light is not None:
+            at = points.reshape(-1, 3).astype(np.float32)
+            normals = self._normals.at(hits.face, at, hits.front)
+            lit = self._light.factors(at, normals, pose).reshape(shape)
+        return SurfaceView(frame, pose, hits, rays, depth_mm, points, normals, lit, self.mesh)
+
+    def relit(self, view: SurfaceView, codes: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Codes ``(H, W)`` of another frame, laid on a view, in the light of the view's lens, not that of ``pose``."""
+        if self._light is None or view.normals is None:
+            return codes
+        other = self._light.factors(view.points.reshape(-1, 3).astype(np.float32), view.normals, pose)
+        return codes * view.lit / other.reshape(codes.shape)
+
+
+class Flow(NamedTuple):
+    """Where one frame shows what another one does.
+
+    Attributes
+    ----------
+    pixels
+        ``(N, 2)`` columns and rows in the view.
+    placed, found
+        ``(N, 2)`` where surface and poses place them in the other frame, and where it shows them.
+    share
+        The part of the textured pixels, shown by both, for which the flow comes back, 0..1.
+    """
+
+    pixels: np.ndarray
+    placed: np.ndarray
+    found: np.ndarray
+    share: float
+
+
+def flow_between(surface: Surface, view: SurfaceView, other: SurfaceView) -> Flow:
+    """The flow from a view to another one that is laid on it."""
+    height, width = view.depth_mm.shape
+    points_cam = transform_points(other.pose, view.points.reshape(-1, 3)).reshape(view.points.shape)
+    place = np.where(view.shown[..., None], other.frame.camera.project(points_cam), -10).astype(np.float32)
+    inside = ((place >= 1) & (place <= np.array([width, height]) - 2)).all(axis=-1)
+    place[~inside] = -10
+    x, y = cv2.split(place)
+    met = np.where(other.shown, other.depth_mm, 1e9).astype(np.float32)
+    tolerance_mm = TOLERANCE_PX * points_cam[..., 2] / other.frame.camera.fx
+    both = inside & view.frame.valid & (points_cam[..., 2] < cv2.remap(met, x, y, cv2.INTER_NEAREST) + tolerance_mm)
+    both &= cv2.remap(other.frame.valid.astype(np.uint8), x, y, cv2.INTER_NEAREST) > 0
+    laid = surface.relit(view, cv2.remap(other.frame.codes, x, y, cv2.INTER_LINEAR), other.pose)
+    own, laid = (without_light(each, both) for each in (view.frame.grey, _grey(laid)))
+    there = _dense(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, own, laid)
+    # the way back only tests, to a pixel
+    back = _dense(cv2.DISOPTICAL_FLOW_PRESET_FAST, laid, own)
+    inner = cv2.erode(both.astype(np.uint8), np.ones((BORDER_PX, BORDER_PX), np.uint8))
+    grid = np.zeros_like(both)
+    grid[GRID_PX:-GRID_PX:GRID_PX, GRID_PX:-GRID_PX:GRID_PX] = True
+    v, u = np.nonzero(grid & (inner > 0) & view.frame.textured)
+    moved = there[v, u] + np.stack([u, v], axis=1).astype(np.float32)
+    to_u, to_v = moved.T[..., None]
+    returns, found = (cv2.remap(each, to_u, to_v, cv2.INTER_LINEAR)[:, 0] for each in (back, place))
+    placed, moved_px = place[v, u], np.linalg.norm(there[v, u], axis=1)
+    used = np.linalg.norm(there[v, u] + returns, axis=1) < CLOSING_PX
+    used &= cv2.remap(inner, to_u, to_v, cv2.INTER_NEAREST)[:, 0] > 0
+    used &= np.abs(found - placed).max(axis=1) < JUMP_PX * (1 + moved_px)
+    pixels = np.stack([u, v], axis=1)
+    return Flow(
+        pixels[used], *(each[used].astype(float) for each in (placed, found)), float(used.sum() / max(len(u), 1))
+    )
+
+
+def _dense(preset: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return cv2.DISOpticalFlow.create(preset).calc(one, other, np.zeros((*one.shape, 2), np.float32))

@@ -1,0 +1,146 @@
+"""A surface is corrected by frames of it: to where they show it, not where it is right, and not by other frames."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from oneframe.alignment.reprojection import apply_twist
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.frame import PosedFrame
+from oneframe.colour.lens_shading import LensShading
+from oneframe.errors import InputError
+from oneframe.images.pixel_values import codes_from_linear
+from oneframe.light.lens_light import LensLight, shading, working_distance_mm
+from oneframe.projection.overlay_scene import smooth_normals
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface_correction.control_points import ControlPoints
+from oneframe.surface_correction.correct_surface import correct_surface
+from oneframe.surface_correction.displacement_fit import observed
+from oneframe.surface_correction.frame_flow import Flow, Surface, SurfaceFrame
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from tests.conftest import grid_mesh
+
+CAMERA = PinholeCamera(240, 180, fx=1100.0, fy=1100.0, cx=119.5, cy=89.5)
+LAMP = LensLight((-13.0, 17.0, 0.0), 0.08)
+TURNS = [(0.0, 0.0)] + [(0.3 * np.cos(at), 0.3 * np.sin(at)) for at in np.linspace(0, 2 * np.pi, 10, endpoint=False)]
+POSES = [rigid(rotation_from_vector([np.pi, 0, 0]) @ rotation_from_vector([a, b, 0]), [0, 0, 300.0]) for a, b in TURNS]
+
+
+@pytest.fixture(scope="module")
+def true_surface():
+    x, y = np.meshgrid(np.linspace(-36, 36, 120), np.linspace(-28, 28, 95))
+    return grid_mesh(x, y, 3 * np.sin(x / 6) * np.cos(y / 7) + 2 * np.sin((x + y) / 9))
+
+
+@pytest.fixture(scope="module")
+def frames(true_surface):
+    """Photographs in the light of the lens, with noise."""
+    rng = np.random.default_rng(0)
+    waves, phases = rng.normal(size=(60, 3)) * 1.6, rng.uniform(0, 2 * np.pi, 60)
+    return [photograph(true_surface, pose, waves, phases, rng) for pose in POSES]
+
+
+def photograph(mesh, pose, waves, phases, rng):
+    raster = rasterise_depth(mesh, CAMERA, pose)
+    shown = raster.face >= 0
+    rays = CAMERA.rays_cam(CAMERA.pixel_grid()[shown])
+    points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
+    albedo = 0.3 * np.exp(np.cos(points @ waves.T + phases).sum(axis=1) / 12)
+    normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
+    linear = albedo * shading(LAMP, points, normals, pose, working_distance_mm(pose))
+    image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
+    codes = codes_from_linear(np.clip(linear, 0, 1)) + rng.normal(0, 0.008, len(linear))
+    image[shown] = np.clip(np.rint(255 * codes), 0, 255)[:, None] / 255
+    return PosedFrame(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose)
+
+
+def bump(mesh, height_mm):
+    x, y, _ = mesh.vertices.T
+    return height_mm * np.exp(-((x - 4) ** 2 + (y + 3) ** 2) / (2 * 5.0**2))
+
+
+def corrected(mesh, frames):
+    return correct_surface(mesh, frames, LensShading(LAMP, 0.1), np.random.default_rng(0))
+
+
+def height_error(mesh, true_surface):
+    """Along z, about as far as along the normals; the columns are those of the grid."""
+    moved = mesh.vertices - true_surface.vertices
+    return (moved * true_surface.vertex_normals).sum(axis=1)
+
+
+def test_a_bump_is_taken_away_within_its_stated_error(true_surface, frames):
+    wrong = replace(true_surface, vertices=true_surface.vertices + bump(true_surface, 1.0)[:, None] * [0, 0, 1])
+    found = corrected(wrong, frames)
+    changed = found.confirmed & (np.abs(height_error(wrong, true_surface)) > 0.3)
+    assert changed.sum() > 100
+    after = np.abs(height_error(found.mesh, true_surface)[changed])
+    assert np.median(after) < 0.08
+    assert np.mean(after < 2 * found.std_mm[changed]) > 0.85
+    # what moved inwards is farther from the lens
+    assert (found.deviation_mm[changed] < 0).mean() > 0.99
+
+
+def test_a_true_surface_stays_within_its_stated_error(true_surface, frames):
+    found = corrected(true_surface, frames)
+    off = np.abs(found.deviation_mm[found.confirmed])
+    assert found.confirmed.mean() > 0.3
+    assert np.median(off) < 0.04
+    assert np.mean(off < 2 * found.std_mm[found.confirmed]) > 0.95
+
+
+def test_which_way_the_faces_are_wound_means_nothing(true_surface, frames):
+    one, other = (corrected(mesh, frames) for mesh in (true_surface, true_surface.flipped()))
+    np.testing.assert_allclose(other.deviation_mm, one.deviation_mm, atol=1e-3)
+    np.testing.assert_array_equal(other.mesh.faces, true_surface.flipped().faces)
+
+
+def test_frames_that_show_something_else_are_left_out_or_refused(true_surface, frames):
+    mirrored = [replace(frame, image=frame.image[:, ::-1].copy()) for frame in frames[1:]]
+    assert corrected(true_surface, [*frames, *mirrored[:1]]).left_out == 1
+    with pytest.raises(InputError, match="found 0 of 10"):
+        corrected(true_surface, [frames[0], *mirrored])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda frames: frames[:6], "at least 10 accepted frames"),
+        (lambda frames: [frames[0]] * 12, "at least 15°"),
+        (lambda frames: [replace(each, image=0 * each.image + 0.4) for each in frames], "texture"),
+    ],
+)
+def test_frames_that_do_not_tell_are_refused(true_surface, frames, change, words):
+    with pytest.raises(InputError, match=words):
+        corrected(true_surface, change(frames))
+
+
+def test_too_coarse_a_surface_is_refused(frames):
+    x, y = np.meshgrid(np.linspace(-36, 36, 6), np.linspace(-28, 28, 6))
+    with pytest.raises(InputError, match="subdivide"):
+        corrected(grid_mesh(x, y, 0 * x), frames)
+
+
+def test_the_linearised_flow_is_that_of_moved_points_and_poses(true_surface, frames):
+    points = ControlPoints.of(true_surface, np.ones(len(true_surface.vertices), bool), 3.0)
+    rng, pair, pivot = np.random.default_rng(1), (0, 3), np.array([1.0, -2.0, 0.5])
+    bare = [SurfaceFrame(frame) for frame in frames[:4]]
+
+    def placed(heights, twists, pixels):
+        surface = Surface(points.moved(heights), None)
+        poses = [apply_twist(twist, frame.start, pivot) for twist, frame in zip(twists, bare, strict=True)]
+        views = [surface.view(*each) for each in zip(bare, poses, strict=True)]
+        u, v = pixels.T
+        at = views[pair[0]].points[v, u]
+        return views, CAMERA.project(transform_points(poses[pair[1]], at))
+
+    pixels = np.stack(np.meshgrid(np.arange(60, 180, 6), np.arange(50, 130, 6)), axis=-1).reshape(-1, 2)
+    still = np.zeros(len(points.places)), np.zeros((4, 6))
+    views, before = placed(*still, pixels)
+    known = observed(points, pivot, views, pair, Flow(pixels, before, before, 1.0))
+    assert len(known.residuals) == len(pixels)
+    heights, twists = rng.normal(0, 0.01, len(points.places)), rng.normal(0, 1, (4, 6)) * ([0.01] * 3 + [1e-4] * 3)
+    _, after = placed(heights, twists, pixels)
+    told = known.by_height * (known.weights @ heights)[:, None] + known.by_poses @ np.concatenate(twists[list(pair)])
+    np.testing.assert_allclose(told, after - before, atol=0.004)

@@ -1,0 +1,71 @@
+"""The command as a user starts it: registered frames in; the corrected surface, its map and case out, or nothing."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from oneframe.alignment.pose_uncertainty import PoseUncertainty
+from oneframe.case.case_file import Case, read_case
+from oneframe.case.case_writer import write_case
+from oneframe.case.loaded_case import load_case
+from oneframe.images.pixel_values import to_uint8
+from oneframe.images.png import encode_png
+from oneframe.registration.pose_list import POSES as LIST
+from oneframe.registration.pose_list import encoded_list, pose_entry
+from oneframe.registration.register import RegisteredFrame
+from oneframe.registration.verdict import ACCEPTED, Verdict
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.surface_correction.deviation_map import CASE, MAP, SURFACE
+from tests.surface_correction.test_surface_correction import CAMERA, LAMP, photographs, surface
+
+
+@pytest.fixture
+def correct(run_oneframe):
+    return partial(run_oneframe, "correct")
+
+
+def written(folder, count) -> Case:
+    """A case in metres, and so many frames beside it as ``oneframe register`` leaves them."""
+    mesh, entries = surface(), []
+    write_ply(folder / "surface.ply", mesh.scaled(1e-3))
+    (folder / "registered").mkdir()
+    frames = photographs(mesh)[: count + 1]
+    for number, frame in enumerate(frames):
+        path = folder / "registered" / f"{number}.png"
+        path.write_bytes(encode_png(to_uint8(frame.image)))
+        pose = frame.cam_from_model
+        uncertainty = PoseUncertainty.about_points(np.zeros(3), np.eye(6), mesh.vertices, pose)
+        found = RegisteredFrame(Verdict(ACCEPTED, 0.99, "it fits"), pose, uncertainty)
+        entries.append(pose_entry(path.name, number, found, np.eye(4), 1e3))
+    (folder / "registered" / LIST).write_bytes(encoded_list(entries[1:]))
+    case = Case(
+        folder / "case.toml", 1e3, folder / "registered/0.png", CAMERA, None, folder / "surface.ply",
+        frames[0].cam_from_model, light=LAMP,
+    )  # fmt: skip
+    write_case(case.path, case)
+    return case
+
+
+def test_the_corrected_case_stands_beside_the_old_one(tmp_path, correct):
+    case, out = written(tmp_path, 10), tmp_path / "corrected"
+    before = [path.read_bytes() for path in (case.path, case.mesh)]
+    run = correct(case.path, tmp_path / "registered", "--out", out)
+    assert run.returncode == 0, run.stderr
+    assert "must not guide a surgeon" in run.stdout
+    assert sorted(path.name for path in out.iterdir()) == sorted((SURFACE, MAP, CASE))
+    assert [path.read_bytes() for path in (case.path, case.mesh)] == before
+    assert b"property float deviation\nproperty float std_mm\nproperty float confirmed" in (out / SURFACE).read_bytes()
+    loaded = load_case(read_case(out / CASE))
+    # a true surface, in the units of the case
+    shift = loaded.surface.mesh.vertices + loaded.surface.mesh_from_model[:3, 3] - surface().vertices
+    assert np.median(np.linalg.norm(shift, axis=1)) < 0.06
+    assert "surface.ply" in (out / CASE).read_text()
+
+
+def test_too_few_frames_are_refused_and_nothing_is_written(tmp_path, correct):
+    case = written(tmp_path, 5)
+    run = correct(case.path, tmp_path / "registered", "--out", tmp_path / "corrected")
+    assert run.returncode == 2
+    assert "at least 10 accepted frames" in run.stderr
+    assert not (tmp_path / "corrected").exists()

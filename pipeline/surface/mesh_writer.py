@@ -115,7 +115,7 @@ def encoded_ply(
         vertex_fields.append(("rgb", "u1", 3))
         header += [f"property uchar {channel}" for channel in ("red", "green", "blue")]
     for name in values or {}:
-        vertex_fields.append((name, "<f4"))
+        vertex_fields.append((name, "<f4", 1))
         header.append(f"property float {name}")
     face_fields = [("count", "u1"), ("indices", "<i4", 3)]
     header += [f"element face {face_count}", "property list uchar int vertex_indices"]

@@ -1,7 +1,7 @@
 """The rim of a drilled surface, against the crease of a ball and a capsule in closed form."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.surface.deviation import deviation
@@ -73,6 +73,7 @@ def test_rim_is_the_crease_of_ball_and_burr():
     assert burr(made).min() > -2 * bound
 
 
+@settings(max_examples=12)
 @given(st.integers(0, 2**32 - 1))
 def test_rim_of_noise_stays_closed_and_near_its_faces(seed):
     rng = np.random.default_rng(seed)

@@ -59,7 +59,7 @@ def _check(mesh: TriangleMesh, reduced: TriangleMesh, tolerance: float) -> None:
     assert len(np.unique(reduced.faces)) == len(reduced.vertices)
 
 
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(st.integers(0, 10**6), st.floats(0.15, 0.5), st.sampled_from([_bumpy_sphere, _random_field]))
 def test_within_tolerance_both_ways_and_closed(seed: int, tolerance: float, shape) -> None:
     mesh = shape(seed)

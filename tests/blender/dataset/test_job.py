@@ -25,6 +25,7 @@ from oneframe.dataset import layout as dataset
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import COLOURS, DatasetOptions
+from oneframe.dataset.run import run_folder
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError, RunError
@@ -131,20 +132,6 @@ def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, r
     assert_same_dataset(out, reference)
 
 
-def test_shards_in_separate_folders_are_merged_by_copying(case, reference, tmp_path):
-    out = tmp_path / "merged"
-    for index in (1, 0, 2):
-        part = tmp_path / f"part {index}"
-        assert "shards are in one folder, run the same command without --shard to write the tables" in run_here(
-            case, part, shard=Shard(index, 3)
-        )
-        shutil.copytree(part, out, dirs_exist_ok=True)
-    assert finished_views(out) == VIEWS
-    assert not (out / "poses.csv").exists()
-    run_here(case, out)
-    assert_same_dataset(out, reference)
-
-
 def test_a_shard_of_another_run_is_not_merged(case, tmp_path):
     """Copied together, the description of the last one hides that of the other; the records tell all the same."""
     options = dataclasses.replace(OPTIONS, count=4)
@@ -207,7 +194,10 @@ def start() -> Iterator:
 
 
 @linux_only
-def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, render_command, run_oneframe, start):
+def test_one_writer_at_a_time_and_no_need_of_workers(
+    case, reference, tmp_path, render_command, run_oneframe, start, monkeypatch
+):
+    monkeypatch.setattr(run_folder, "SHARDS_SECONDS", 0.1)
     out = tmp_path / "out"
     command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
     process = start(command)

@@ -36,8 +36,8 @@ VERDICTS = (
 )
 DATASETS = {
     NEUTRAL: "default\noptions", "lens": "--light\nlens", "shadows": "--light\nshadows",
-    "fill": "--unseen\nfill", "fill-lens": "fill,\nlens", "fill-shadows": "fill,\nshadows",
-    "vertex": "--colour\nvertex\n(paper)", "plain": "plain\nshading", "cone10": "cone\n10°", "cone35": "cone\n35°",
+    "fill": "--unseen\nfill", "fill-lens": "fill,\nlens",
+    "vertex": "--colour\nvertex\n(paper)", "cone10": "cone\n10°", "cone35": "cone\n35°",
     "frames": "6 more\nframes", PHOTOGRAPHS: "photo-\ngraphs",
 }  # fmt: skip
 SCORES = (("angle_deg", "rotation error (°)", 0.1, 100.0), ("px", "shift of the surface (px of 640)", 0.3, 300.0))

@@ -30,17 +30,15 @@ from oneframe.video.film_reader import WIDEST, Film
 
 from ..published import bloster_cases
 
-NEUTRAL, PLAIN = "neutral", "plain"
-"""As ``oneframe render`` has it by default; the same views without the frame's colours, see :class:`.ViewCrops`."""
+NEUTRAL = "neutral"
+"""As ``oneframe render`` has it by default."""
 DATASETS: Mapping[str, tuple[str, ...]] = {
     NEUTRAL: (),
     "fill": ("--unseen", "fill"),
     "vertex": ("--colour", "vertex"),
-    PLAIN: (),
     "lens": ("--light", "lens"),
     "shadows": ("--light", "shadows"),
     "fill-lens": ("--unseen", "fill", "--light", "lens"),
-    "fill-shadows": ("--unseen", "fill", "--light", "shadows"),
     "cone10": ("--cone-deg", "10"),
     "cone35": ("--cone-deg", "35"),
 }
@@ -100,7 +98,7 @@ class TrainingScene:
 
     def dataset(self, name: str, count: int) -> Dataset:
         """Open the dataset; render it first if it is not there or has fewer views."""
-        folder = self.folder / (NEUTRAL if name in (PLAIN, PHOTOGRAPHS) else name)
+        folder = self.folder / (NEUTRAL if name == PHOTOGRAPHS else name)
         if not (folder / "dataset_info.md").is_file() or len(open_dataset(folder)) < count:
             options = [*self.options, *DATASETS.get(name, ()), "--engine", "raster", "--count", str(count)]
             _oneframe("render", self._registered() if name == FRAMES else self.case, "--out", folder, *options)

@@ -61,8 +61,8 @@ class ViewCrops:
         codes = np.full((len(views), height, width, 3), NOTHING, np.int16)
         middles = np.zeros((len(views), 2))
         for place, view in enumerate(views):
-            seen, points_cam = view.mask, pixels @ np.linalg.inv(view.k).T * view.depth_mm[..., None]
-            points = transform_points(inverse_rigid(view.cam_from_model), points_cam[seen])
+            seen, rays = view.mask, pixels @ np.linalg.inv(view.k).T
+            points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * view.depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
             rgba[place][seen, :3] = rgb(view)[seen]
             rgba[place][seen, 3] = 255
@@ -93,17 +93,6 @@ class ViewCrops:
         image, hidden = _photographed(rgba, rng)
         codes[hidden[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE] > 0] = NOTHING
         return image, codes
-
-
-def plain_shading(view: View) -> np.ndarray:
-    """``(H, W, 3)`` uint8: the surface of a view in grey, with the light at the lens."""
-    height, width = view.mask.shape
-    pixels = np.stack([*np.meshgrid(np.arange(width), np.arange(height)), np.ones((height, width))], axis=-1)
-    points = pixels @ np.linalg.inv(view.k).T * view.depth_mm[..., None]
-    normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
-    lengths = np.linalg.norm(normals, axis=-1) * np.linalg.norm(points, axis=-1)
-    cosine = np.abs((normals * points).sum(axis=-1)) / np.maximum(lengths, 1e-9)
-    return np.repeat(np.rint(255 * np.sqrt(cosine))[..., None].astype(np.uint8), 3, axis=-1)
 
 
 def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

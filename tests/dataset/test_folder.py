@@ -187,13 +187,6 @@ def test_a_damaged_description_is_written_again_where_it_is_removed(tmp_path, da
         assert record.read_bytes() == content
 
 
-@pytest.mark.parametrize("count", [None, "3", 2.5, [3]])
-def test_a_number_of_views_that_is_none_is_written_again(tmp_path, count):
-    (tmp_path / "dataset.json").write_text(json.dumps(IDENTITY | {"count": count}))
-    with RunFolder(tmp_path, IDENTITY, WHOLE):
-        assert json.loads((tmp_path / "dataset.json").read_text()) == IDENTITY
-
-
 @pytest.mark.parametrize("kind", layout.KINDS)
 def test_a_run_knows_its_files_of_a_view_and_no_others(kind):
     name = ViewPaths(Path(), 1002).relative(kind)
@@ -273,10 +266,9 @@ def test_a_dataset_does_not_grow_under_a_running_shard(tmp_path, monkeypatch):
         assert [*pool.map(start, range(6))] == [None] * 6
 
 
-@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOSYS, errno.EIO])
-def test_without_locks_of_the_system_shards_share_a_folder_all_the_same(tmp_path, monkeypatch, code):
+def test_without_locks_of_the_system_shards_share_a_folder_all_the_same(tmp_path, monkeypatch):
     def no_locks(descriptor: int, shared: bool) -> None:
-        raise OSError(code, os.strerror(code))
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(lock, "lock_by_system", no_locks)
     with RunFolder(tmp_path, IDENTITY, Shard(0, 2)) as first, RunFolder(tmp_path, IDENTITY, Shard(1, 2)) as second:

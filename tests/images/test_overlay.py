@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.images.layer_stack import Layer, LayerStack, SurfaceLayer
-from oneframe.images.legend import Entry, bar_panel, legend_panel, put, scale_bar
+from oneframe.images.legend import bar_panel, scale_bar
 from oneframe.images.mask_outline import outlines
 from oneframe.images.overlay import DASH_PX, GAP_PX, SMOOTHING_PX, draw_overlay, hidden_opacity, outline_segments
 from oneframe.images.strokes import coverage, line_distance
@@ -168,17 +168,3 @@ def test_the_scale_bar_is_as_long_as_it_says(px_per_mm, width, height):
     row = panel[..., 0] * panel[..., 3]
     drawn = row[row.max(axis=1).argmax()].sum() / row.max()
     assert drawn == pytest.approx(bar.length_px, abs=0.5)
-
-
-@pytest.mark.parametrize("shape", [(360, 480), (1080, 1920), (1920, 1080), (2160, 3840)])
-def test_panels_fit_into_the_image(shape):
-    entries = [Entry(MAGENTA, "facial nerve " * 4, "visible", False), Entry((0.0, 1.0, 1.0), "incus", "hidden", True)]
-    legend = legend_panel(entries, block_letters, shape)
-    assert legend.shape[1] <= 0.65 * shape[1]
-    assert legend.shape[0] <= 0.65 * shape[0]
-    assert legend_panel(entries, block_letters, (48, 64)) is None
-    image = np.zeros((*shape, 3), np.uint8)
-    put(image, legend, (True, True))
-    assert (image > 0).any()
-    # magenta, pure, at the swatch
-    assert ((image[..., 0] > 150) & (image[..., 1] < 60) & (image[..., 2] > 150)).any()

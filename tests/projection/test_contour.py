@@ -22,8 +22,8 @@ CAMERA = PinholeCamera(401, 301, fx=1210.0, fy=1190.0, cx=195.3, cy=148.8)
 
 
 def sphere(centre: tuple[float, float, float], radius: float) -> TriangleMesh:
-    """80,000 faces, fronts outside."""
-    ball = trimesh.creation.icosphere(subdivisions=6, radius=radius)
+    """20,000 faces, fronts outside."""
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
     return TriangleMesh(np.array(centre) + ball.vertices, ball.faces.astype(np.int32))
 
 

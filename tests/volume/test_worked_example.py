@@ -51,8 +51,8 @@ def widest_sight_line(surface: TriangleMesh, tip: np.ndarray, start_mm: float, d
 
 
 @pytest.mark.skipif(not BONES.is_dir(), reason="no folder shared/data beside the repository")
-@pytest.mark.parametrize(("side", "lateral"), [("LT143", 1), ("RT143", -1)])
-def test_a_mastoidectomy_holds_its_margins_and_shows_the_incus(side, lateral):
+def test_a_mastoidectomy_holds_its_margins_and_shows_the_incus():
+    side, lateral = "RT143", -1
     volume = read_volume(BONES / f"{side}_pseudoct_semisynthetic.nii.gz")
     labels = without_bone(read_labels(BONES / f"{side}_labels.nii.gz", volume, resampled=False))
     plan = read_drill_plan(ROOT / "docs" / "examples" / f"drill_{side.lower()}.toml")

@@ -1,8 +1,7 @@
 """The rim of a drilled surface, against the crease of a ball and a capsule in closed form."""
 
 import numpy as np
-import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.surface.deviation import deviation
@@ -50,9 +49,8 @@ def drilled_ball(seed: int, noise_hu: float) -> tuple[Isosurface, RemovedField, 
     return surface, removed, grid
 
 
-@pytest.mark.parametrize("noise_hu", [0, 35])
-def test_rim_is_the_crease_of_ball_and_burr(noise_hu):
-    surface, removed, grid = drilled_ball(1, noise_hu)
+def test_rim_is_the_crease_of_ball_and_burr():
+    surface, removed, grid = drilled_ball(1, noise_hu=35)
     sharp = with_sharp_rim(surface, removed, grid)
     assert is_closed(sharp.mesh)
     count = len(surface.mesh.vertices)
@@ -75,6 +73,7 @@ def test_rim_is_the_crease_of_ball_and_burr(noise_hu):
     assert burr(made).min() > -2 * bound
 
 
+@settings(max_examples=12)
 @given(st.integers(0, 2**32 - 1))
 def test_rim_of_noise_stays_closed_and_near_its_faces(seed):
     rng = np.random.default_rng(seed)

@@ -256,6 +256,10 @@ BAD = {
     "coefficients of a polynomial": (as_json(K=K.tolist(), mapping_coefficients=[0.1] * 4), "found mapping_coeff"),
     "coefficients of another program": (as_json(K=K.tolist(), kappa=-0.25), "found kappa with -0.25"),
     "a list k beside fx": (as_json(fx=1, fy=1, cx=1, cy=1, k=[0.1, 0.2]), "found k with 2 numbers"),
+    "two cameras of one tag": (
+        "<a>" + "".join(f"<c><K><data>{f} 0 9 0 {f} 9 0 0 1</data></K></c>" for f in (500, 600)) + "</a>",
+        "found 2 that differ",
+    ),
     "numbers of NumPy by yaml.dump": (
         ros(K) + "k1: !!python/object/apply:numpy.core.multiarray.scalar [x, y]\n",
         "numpy.core.multiarray.scalar in place of numbers",

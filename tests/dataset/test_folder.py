@@ -122,13 +122,6 @@ def test_a_lock_on_a_removed_file_is_none(tmp_path, monkeypatch):
             RunFolder(tmp_path, IDENTITY, WHOLE)
 
 
-def test_a_file_in_place_of_a_folder_is_reported(tmp_path):
-    (tmp_path / "file").write_text("x")
-    for path in (tmp_path / "file", tmp_path / "file" / "out"):
-        with pytest.raises(RunError, match=r": cannot write to the folder \(.+\)"):
-            RunFolder(path, IDENTITY, WHOLE)
-
-
 USERS_FILES = ("models/mine.obj", "models/.partial-0123456789abcdef-mine.obj", "camera.json", "train_synt/notes.txt")
 
 

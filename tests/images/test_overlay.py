@@ -9,7 +9,6 @@ from oneframe.images.layer_stack import Layer, LayerStack, SurfaceLayer
 from oneframe.images.legend import bar_panel, scale_bar
 from oneframe.images.mask_outline import outlines
 from oneframe.images.overlay import DASH_PX, GAP_PX, SMOOTHING_PX, draw_overlay, hidden_opacity, outline_segments
-from oneframe.images.strokes import coverage, line_distance
 
 SHAPE = 240, 320
 NO_LINES = np.zeros((0, 2, 2))
@@ -48,23 +47,6 @@ def test_outlines_follow_a_disc_and_its_hole(x, y, radius, hole, at):
         tops = curve.points[curve.outer[:, 1] < curve.inner[:, 1]]
         assert curve.points[0, 1] <= tops[:, 1].min() + 1
         assert curve.lengths.max() < 2
-
-
-def test_a_line_covers_its_width_and_no_more():
-    segment = np.array([[[20.3, 30.8], [190.7, 101.2]]])
-    at, distance = line_distance(segment, SHAPE, 6.0)
-    (x0, y0), (x1, y1) = segment[0]
-    along = np.array([x1 - x0, y1 - y0])
-    for width in (1.6, 3.0, 5.5):
-        covered = np.zeros(SHAPE).ravel()
-        covered[at] = coverage(distance, width)
-        # a capsule's area
-        expected = width * np.hypot(*along) + np.pi * width**2 / 4
-        assert covered.sum() == pytest.approx(expected, rel=0.02)
-    v, u = np.divmod(at, SHAPE[1])
-    t = np.clip(((u - x0) * along[0] + (v - y0) * along[1]) / (along @ along), 0, 1)
-    expected = np.hypot(u - x0 - t * along[0], v - y0 - t * along[1])
-    np.testing.assert_allclose(distance, expected, atol=1e-4)
 
 
 @given(angle=st.floats(0, 2 * np.pi), offset=st.floats(-30, 30))

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skimage.measure import marching_cubes
 
-from oneframe.volume.bone.cell_table import EDGES, cell_table
 from oneframe.volume.bone.isosurface import Isosurface, RemovedField, block_surface, isosurface
 from oneframe.volume.volume import VoxelGrid
 from scripts.benchmarks.surface_accuracy import scanned
@@ -39,14 +37,6 @@ def sphere(points: np.ndarray) -> np.ndarray:
 def torus(points: np.ndarray) -> np.ndarray:
     x, y, z = (points - (0.13, -0.21, 0.07)).T
     return np.hypot(np.hypot(x, y) - 7, z) - 2.6
-
-
-def test_a_cell_crosses_each_edge_that_leaves_the_material_once():
-    table = cell_table()
-    for case in range(256):
-        triangles = table.triangles[table.first[case] :][: table.count[case]]
-        crossed = {e for e, (axis, c) in enumerate(EDGES) if (case >> c ^ case >> (c | 1 << axis)) & 1}
-        assert set(triangles.ravel().tolist()) == crossed
 
 
 @given(SEEDS, st.integers(1, 12))
@@ -102,16 +92,6 @@ def test_surface_of_a_solid_is_within_a_hundredth_of_a_voxel_on_average(shape):
         assert error.mean() < 0.01
         assert enclosed_mm3(mesh) > 0
         assert is_closed(mesh)
-
-
-def test_vertices_agree_with_those_of_scikit_image():
-    grid = oblique_grid(np.random.default_rng(2), np.array([0.5, 0.5, 0.5]), 48)
-    values = scanned(torus, grid)
-    mine = isosurface(values, 300, index_grid(values)).mesh
-    theirs, faces, _, _ = marching_cubes(values.astype(np.float32), 300.5, allow_degenerate=False)
-    assert (len(mine.vertices), len(mine.faces)) == (len(theirs), len(faces))
-    order = [np.lexsort(np.round(v, 3).T) for v in (mine.vertices, theirs[:, ::-1])]
-    np.testing.assert_allclose(mine.vertices[order[0]], theirs[:, ::-1][order[1]], atol=2e-3)
 
 
 def test_voxels_at_the_level_and_material_at_the_border_make_no_flat_faces():

@@ -86,11 +86,3 @@ def test_rim_of_noise_stays_closed_and_near_its_faces(seed):
     assert np.isfinite(sharp.mesh.vertices).all()
     if len(sharp.mesh.vertices) > len(surface.mesh.vertices):
         assert deviation(sharp.mesh.vertices, surface.mesh).max() < 2.1
-
-
-def test_surface_without_a_rim_is_the_same():
-    values = np.zeros((6, 6, 6))
-    values[2:4, 2:4, 2:4] = 1
-    grid = VoxelGrid((6, 6, 6), np.eye(4))
-    surface = isosurface(values, 0.5, grid)
-    assert with_sharp_rim(surface, RemovedField(np.zeros(3, int), np.ones((2, 2, 2), np.float32)), grid) is surface

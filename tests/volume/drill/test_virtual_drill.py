@@ -135,13 +135,3 @@ def test_only_margins_spare_and_each_needs_its_structure():
     with pytest.raises(InputError, match=r"expected structures of the label map \(nerve\), found sinus"):
         removed_by_plan(DrillPlan(plan.strokes, {"sinus": 1.0}), grid, {"nerve": ball(2, np.full(3, 10.0))})
     assert removed_by_plan(DrillPlan(()), grid, {}) is None
-
-
-def test_strokes_beside_the_volume_change_nothing():
-    grid = VoxelGrid((20, 20, 20), np.eye(4))
-    volume = DrilledVolume(grid)
-    assert volume.add(Stroke(2.0, np.full((1, 3), 100.0))).is_empty
-    assert volume.extend(np.full(3, 90.0)).is_empty
-    assert not volume.extend(np.full(3, 10.0)).is_empty
-    assert not volume.undo().is_empty
-    assert volume.removed is None

@@ -52,7 +52,7 @@ from .learning.training_scenes import (
 from .learning.view_crops import ViewCrops
 
 ALL = [*DATASETS, FRAMES, PHOTOGRAPHS]
-QUICK = {"views": 4, "steps": 2, "seeds": [0, 1], "spoilt": True, "datasets": [NEUTRAL, "fill"]}
+QUICK = {"views": 4, "steps": 2, "seeds": [0, 1], "spoilt": True, "datasets": [NEUTRAL]}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -91,10 +91,9 @@ class TrainingScene:
 
     def offers(self, name: str) -> bool:
         """Whether it has what a dataset needs: further frames, a lamp, or a photographer."""
-        lit = "--light" not in DATASETS.get(name, ()) or read_case(self.case).light is not None
-        return (
-            lit and (name != FRAMES or self.film is not None) and (name != PHOTOGRAPHS or self.photographer is not None)
-        )
+        if "--light" in DATASETS.get(name, ()):
+            return read_case(self.case).light is not None
+        return bool({FRAMES: self.film, PHOTOGRAPHS: self.photographer}.get(name, True))
 
     def dataset(self, name: str, count: int) -> Dataset:
         """Open the dataset; render it first if it is not there or has fewer views."""
@@ -105,6 +104,7 @@ class TrainingScene:
         return open_dataset(folder)
 
     def _registered(self) -> Path:
+        assert self.film
         folder = self.folder / "registered"
         if not (folder / "case.toml").is_file():
             _oneframe("register", self.case, self.film, "--out", folder, *FRAME_OPTIONS)
@@ -112,6 +112,7 @@ class TrainingScene:
 
     def photographed(self, views: Dataset, mesh_from_model: np.ndarray) -> Callable[[View], np.ndarray]:
         """Photograph the surface at the poses of views, where that is not yet done; gives the pictures by view."""
+        assert self.photographer
         folder, camera = self.folder / PHOTOGRAPHS, read_case(self.case).camera.resized(*views.size_wh)
         model_from_mesh = inverse_rigid(mesh_from_model)
         files = [folder / f"{view.index:06d}.png" for view in views]

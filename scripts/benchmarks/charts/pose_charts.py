@@ -15,7 +15,7 @@ from ..alignment.landmark_accuracy import ALL, LandmarkRow
 from ..alignment.refinement_basin import RIGHT_IMAGE, RefinementTrial, tally
 from ..learning.pose_trials import PoseTrial, median_errors
 from ..learning.training_scenes import NEUTRAL, PHOTOGRAPHS
-from .panels import SERIES, Axis, Layer, Panel, box, categories, distinct, draw_chart, handle, line
+from .panels import SERIES, Axis, Layer, Panel, box, categories, distinct, draw_chart, handle, line, rule
 
 SOLVERS = {
     ALL: ("OneFrame", OURS, "o", -1),
@@ -42,6 +42,8 @@ DATASETS = {
 }  # fmt: skip
 SCORES = (("angle_deg", "rotation error (°)", 0.1, 100.0), ("px", "shift of the surface (px of 640)", 0.3, 300.0))
 """Field, label, and range of the axis; medians beyond it, and photographs without a pose, are drawn at its end."""
+GOAL = 1.2
+"""Times the error of a network that was trained on photographs: dotted."""
 
 
 def landmark_chart(rows: Sequence[LandmarkRow], data: Path) -> Path:
@@ -145,7 +147,7 @@ def training_chart(trials: Sequence[PoseTrial], conditions: str, data: Path) -> 
         row = [Panel(f"{size[0]} views, {size[1]} steps each", named, Axis(label, log=True, ends=(low, high)), alone)]
         if beside:
             times_label = Axis("/ that of training on photographs", log=True)
-            row.append(Panel("Error trained on views / on photographs", named, times_label, beside))
+            row.append(Panel("Error trained on views / on photographs", named, times_label, [rule(GOAL), *beside]))
         rows.append(row)
     counts = {scene: len({trial.photograph for trial in trials if trial.scene == scene}) for scene in scenes}
     key = [

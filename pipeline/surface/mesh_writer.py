@@ -101,7 +101,7 @@ def encoded_ply(
         ``(V,)`` further values of the vertices by their names, written as ``float``.
     """
     vertex_count, face_count = len(mesh.vertices), len(mesh.faces)
-    vertex_fields = [("xyz", "<f4", 3)]
+    vertex_fields: list[tuple[str, str] | tuple[str, str, int]] = [("xyz", "<f4", 3)]
     header = ["ply", "format binary_little_endian 1.0"]
     if texture is not None:
         header.append(f"comment TextureFile {texture}")
@@ -115,7 +115,7 @@ def encoded_ply(
         vertex_fields.append(("rgb", "u1", 3))
         header += [f"property uchar {channel}" for channel in ("red", "green", "blue")]
     for name in values or {}:
-        vertex_fields.append((name, "<f4", 1))
+        vertex_fields.append((name, "<f4"))
         header.append(f"property float {name}")
     face_fields = [("count", "u1"), ("indices", "<i4", 3)]
     header += [f"element face {face_count}", "property list uchar int vertex_indices"]

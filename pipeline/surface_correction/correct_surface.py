@@ -88,11 +88,11 @@ class SurfaceCorrection:
         others = f", {self.left_out} others show something else" if self.left_out else ""
         text = (
             f"{self.frames} further frames over {self.angle_deg:.0f}° tell of {known.mean():.0%} of the surface; of "
-            f"that, {self.confirmed.sum() / max(known.sum(), 1):.0%} is confirmed{others}"
+            f"that, {self.confirmed.sum() / max(int(known.sum()), 1):.0%} is confirmed{others}"
         )
         if moved.any():
             low, high = np.percentile(self.deviation_mm[moved], (2, 98))
-            share = moved.sum() / self.confirmed.sum()
+            share = moved.mean() / self.confirmed.mean()
             text += f", and {share:.0%} of it was {low:+.2f} to {high:+.2f} mm off"
         return f"{text}; below {self.floor_mm:.2f} mm a deviation means nothing"
 
@@ -185,8 +185,8 @@ class _Run:
         self._now = Estimate(np.zeros(len(self._points.places)), poses, poses, deviations, pivot, pixel_mm)
         ways = camera_centre(poses) - pivot
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        cosines = np.clip(ways @ ways.T, -1, 1)
-        self._angle_deg = float(np.degrees(np.arccos(cosines.min())))
+        cosines: np.ndarray = np.clip(ways @ ways.T, -1, 1)
+        self._angle_deg = float(np.degrees(np.arccos(np.min(cosines))))
         if self._angle_deg < LEAST_ANGLE_DEG:
             raise InputError(
                 f"expected frames over at least {LEAST_ANGLE_DEG:g}°, found {self._angle_deg:.1f}° between those that "
@@ -195,7 +195,8 @@ class _Run:
         textures = np.array([frame.textured.mean() for frame in self._frames])
         blurred, self._references = textures < SHARP * np.median(textures), [0]
         for _ in range(REFERENCES - 1):
-            self._references.append(int(np.where(blurred, 1, cosines[self._references].max(axis=0)).argmin()))
+            nearest = cosines[self._references].max(axis=0)
+            self._references.append(int(np.argmin(np.where(blurred, 1, nearest))))
 
     def _look(self, mesh: TriangleMesh, poses: Sequence[np.ndarray] | np.ndarray) -> None:
         self._surface = Surface(mesh, self._light)
@@ -206,15 +207,16 @@ class _Run:
         count, kept = len(self._frames), [0]
         for number in range(1, count):
             flow = flow_between(self._surface, self._views[0], self._views[number])
-            moved_px = np.median(np.linalg.norm(flow.found - flow.placed, axis=1)) if len(flow.found) else np.inf
-            if flow.share >= LEAST_RETURNING and moved_px < FARTHEST_PX:
-                kept.append(number)
+            if len(flow.pixels) >= LEAST_FLOW and flow.share >= LEAST_RETURNING:
+                moved_px = np.median(np.linalg.norm(flow.found - flow.placed, axis=1))
+                kept += [number] if moved_px < FARTHEST_PX else []
         if len(kept) <= LEAST_FRAMES:
             raise InputError(
                 f"expected at least {LEAST_FRAMES} accepted frames that show what the case's frame shows, found "
                 f"{len(kept) - 1} of {count - 1}; register more frames, to this case"
             )
-        self._frames, self._views = ([each[number] for number in kept] for each in (self._frames, self._views))
+        self._frames = [self._frames[number] for number in kept]
+        self._views = [self._views[number] for number in kept]
         self._left_out = count - len(kept)
 
     def round(self, rng: np.random.Generator, samples: int) -> Fit:

@@ -56,8 +56,13 @@ class Observed(NamedTuple):
     def joined(cls, parts: Sequence["Observed"]) -> "Observed":
         """All of them."""
         frames, residuals, by_height, weights, by_poses = zip(*parts, strict=True)
-        one = (np.concatenate(each) for each in (frames, residuals, by_height))
-        return cls(*one, sparse.vstack(weights, format="csr"), np.concatenate(by_poses))
+        return cls(
+            np.concatenate(frames),
+            np.concatenate(residuals),
+            np.concatenate(by_height),
+            sparse.vstack(weights, format="csr"),
+            np.concatenate(by_poses),
+        )
 
 
 def observed(

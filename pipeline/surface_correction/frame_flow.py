@@ -180,9 +180,8 @@ def flow_between(surface: Surface, view: SurfaceView, other: SurfaceView) -> Flo
     used &= cv2.remap(inner, to_u, to_v, cv2.INTER_NEAREST)[:, 0] > 0
     used &= np.abs(found - placed).max(axis=1) < JUMP_PX * (1 + moved_px)
     pixels = np.stack([u, v], axis=1)
-    return Flow(
-        pixels[used], *(each[used].astype(float) for each in (placed, found)), float(used.sum() / max(len(u), 1))
-    )
+    share = float(used.sum() / max(len(u), 1))
+    return Flow(pixels[used], placed[used].astype(float), found[used].astype(float), share)
 
 
 def _dense(preset: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -1,21 +1,27 @@
 """Speed against accuracy: every configuration renders the same views with the whole command.
 
 Scenes are the built-in sample case, each --case and bloster's photographs. PyVista and Cycles alone run in between.
-Writes a table, FILE.csv, with a row for each point, and its chart.
+Writes a table, FILE.csv, with a row for each point, and its chart. --light measures the light at the lens instead, on
+the sample alone: how far views in each light are off its photographs.
 """
 
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 
 from oneframe.blender.render.engines import engine_named, keep_freed_memory
+from oneframe.blender.sample.photograph import AMBIENT_STRENGTH, LAMP_OFFSET_MM
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
+from oneframe.case.case_file import read_case
+from oneframe.case.case_writer import write_case
 from oneframe.errors import InputError, RunError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.files.temporary import temporary_folder
+from oneframe.light.lens_light import LensLight
 from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
@@ -51,6 +57,17 @@ CONFIGURATIONS = (
     Configuration(processes=1),
     Configuration("raster", processes=1),
 )
+IN_LIGHT = (
+    Configuration(),
+    Configuration("raster"),
+    Configuration("raster", colour="vertex"),
+    *(
+        Configuration(engine, more={"light": light}, centred=centred)
+        for engine in ("cycles", "raster")
+        for light, centred in (("lens", True), ("lens", False), ("shadows", False))
+    ),
+)
+"""What --light measures."""
 QUICK = {"rounds": 1, "views": 12, "along": 5}
 
 
@@ -61,6 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="another scene: CASE.toml and optionally its PHOTOGRAPHS.json, as for oneframe evaluate",
     )  # fmt: skip
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
+    parser.add_argument("--light", action="store_true", help="what the light at the lens costs and gives")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
     parser.add_argument("--rounds", metavar="N", type=int, default=2, help="alternating rounds (default %(default)s)")
     parser.add_argument("--views", metavar="N", type=int, default=24, help="of a scene (default %(default)s)")
@@ -74,7 +92,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Measure all scenes."""
     keep_freed_memory()
-    configurations = usable(FEW if arguments.quick else CONFIGURATIONS, report)
+    chosen = IN_LIGHT if arguments.light else FEW if arguments.quick else CONFIGURATIONS
+    configurations = usable(chosen, report)
     points = []
     with temporary_folder() as folder:
         for number, scene in enumerate(scenes(arguments, folder)):
@@ -89,7 +108,9 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 peers = {}
             total = arguments.rounds * (len(configurations) + len(peers) + 1) + JUDGED_VIEWS
             with Progress(total, "measurements", stream=sys.stderr) as progress:
-                reference = converged_reference(scene, arguments.along, progress.advance)
+                # the reference is in the frame's own light
+                along = 0 if arguments.light else arguments.along
+                reference = converged_reference(scene, along, progress.advance)
                 points += measure_scene(
                     scene, reference, configurations, peers, run, arguments.rounds, progress.advance
                 )
@@ -122,7 +143,10 @@ def scenes(arguments: argparse.Namespace, folder: Path) -> Iterator[RenderScene]
     if not arguments.without_sample:
         for _ in write_sample_case(folder / "sample", sample_surface()):
             pass
-        cases.append(("sample", folder / "sample" / "case.toml", folder / "sample" / HELD_OUT))
+        path = folder / "sample" / "case.toml"
+        lamp = LensLight(tuple(LAMP_OFFSET_MM.tolist()), AMBIENT_STRENGTH)
+        write_case(path, replace(read_case(path), light=lamp))
+        cases.append(("sample", path, folder / "sample" / HELD_OUT))
     for case, *photographs in arguments.case:
         cases.append((case.resolve().parent.name, case, photographs[0] if photographs else None))
     if arguments.bloster:

@@ -77,7 +77,7 @@ def converged_reference(scene: RenderScene, along: int, advance: Callable[[], No
     scene
         The scene.
     along
-        Rays along a pixel's side, see :func:`.converged_view`.
+        Rays along a pixel's side, see :func:`.converged_view`; 0 for photographs alone.
     advance
         Called after each view.
 
@@ -87,7 +87,7 @@ def converged_reference(scene: RenderScene, along: int, advance: Callable[[], No
         No photograph of the scene shows enough of what the frame saw.
     """
     (colour,), _ = colours_of(scene.source, "projective")
-    judged = range(min(JUDGED_VIEWS, scene.planned))
+    judged = range(min(JUDGED_VIEWS, scene.planned) if along else 0)
     candidates = [*judged, *range(scene.planned, len(scene.poses))]
     with CyclesScene(ColouredSurface(scene.source.mesh, (colour,)), scene.camera) as exact:
         masks = {index: exact.render(scene.cam_from_model(index)) for index in candidates}
@@ -146,6 +146,7 @@ def measure_scene(
     np.save(folder / "poses.npy", scene.written_poses())
     finer = {each.mesh_px for each in configurations} - {0.0}
     cases = {0.0: (scene.case, faces)} | {px: scene.simplified_case(folder, px) for px in finer}
+    centred = scene.centred_case(folder) if any(each.centred for each in configurations) else scene.case
     rows: dict[str, tuple[object, ...]] = {}
     ways: dict[str, Callable[[Sequence[int]], Timed]] = {}
     for name, render in peers.items():
@@ -161,6 +162,7 @@ def measure_scene(
             )
             engine, processes = ENGINE_NAMES[each.engine], each.processes or cores
             rows[each.name] = OURS, each.name, engine, each.samples, each.colour, more, triangles, processes
+            case = centred if each.centred else case
             ways[each.name] = partial(_dataset, scene, case, folder, each.flags(cores))
         seconds: dict[str, list[float]] = {name: [] for name in ways}
         scores: dict[str, dict[str, float]] = {name: {} for name in ways}

@@ -99,8 +99,8 @@ def lit_bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[
         labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume, resampled=False))
         plan = read_drill_plan(PLANS / f"drill_{name.lower()}.toml")
         shown = _drilled(volume, labels, plan)
-        # the drilled cavity, in the middle of its strokes
-        photographs = _photographed(name, shown, plan.bounds_mm.mean(axis=0), out, lamp, most)
+        cavity = np.concatenate([stroke.points for stroke in plan.strokes]).mean(axis=0)
+        photographs = _photographed(name, shown, cavity, out, lamp, most)
         for kind, mesh in (("true", shown), ("ct", _drilled(_coarser(volume), labels, plan))):
             path = out / f"{name}_{kind}.ply"
             write_ply(path, mesh)

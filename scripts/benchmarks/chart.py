@@ -2,7 +2,7 @@
 
 Scenes are the built-in sample case, each --case and bloster's photographs. PyVista and Cycles alone run in between.
 Writes a table, FILE.csv, with a row for each point, and its chart. --light measures the light at the lens instead, on
-the sample alone: how far views in each light are off its photographs.
+the sample alone: processor time of its views without files, and how far they are off its photographs.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from oneframe.sample.temporal_bone import sample_surface
 from .charts.speed_accuracy_chart import speed_accuracy_chart
 from .figures import conditions_note, read_rows, write_rows
 from .published import bloster_cases
-from .rendering.render_accuracy import JUDGED_VIEWS, converged_reference, measure_scene, scene_peers
+from .rendering.render_accuracy import JUDGED_VIEWS, converged_reference, measure_lights, measure_scene, scene_peers
 from .rendering.render_scenes import RenderScene, case_scene
 from .rendering.speed_accuracy import Configuration, SpeedPoint
 
@@ -57,17 +57,6 @@ CONFIGURATIONS = (
     Configuration(processes=1),
     Configuration("raster", processes=1),
 )
-IN_LIGHT = (
-    Configuration(),
-    Configuration("raster"),
-    Configuration("raster", colour="vertex"),
-    *(
-        Configuration(engine, more={"light": light}, centred=centred)
-        for engine in ("cycles", "raster")
-        for light, centred in (("lens", True), ("lens", False), ("shadows", False))
-    ),
-)
-"""What --light measures."""
 QUICK = {"rounds": 1, "views": 12, "along": 5}
 
 
@@ -92,13 +81,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Measure all scenes."""
     keep_freed_memory()
-    chosen = IN_LIGHT if arguments.light else FEW if arguments.quick else CONFIGURATIONS
-    configurations = usable(chosen, report)
+    configurations = usable(FEW if arguments.quick else CONFIGURATIONS, report)
     points = []
     with temporary_folder() as folder:
         for number, scene in enumerate(scenes(arguments, folder)):
             triangles = len(scene.loaded.surface.mesh.faces)
             report(f"{scene.name}: {scene.camera.width}x{scene.camera.height} px, {triangles:,} triangles")
+            if arguments.light:
+                with Progress(8 * arguments.rounds * len(scene.photographs), "views", stream=sys.stderr) as progress:
+                    points += measure_lights(scene, arguments.rounds, progress.advance)
+                continue
             run = folder / f"run-{number}"
             run.mkdir()
             try:
@@ -108,9 +100,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 peers = {}
             total = arguments.rounds * (len(configurations) + len(peers) + 1) + JUDGED_VIEWS
             with Progress(total, "measurements", stream=sys.stderr) as progress:
-                # the reference is in the frame's own light
-                along = 0 if arguments.light else arguments.along
-                reference = converged_reference(scene, along, progress.advance)
+                reference = converged_reference(scene, arguments.along, progress.advance)
                 points += measure_scene(
                     scene, reference, configurations, peers, run, arguments.rounds, progress.advance
                 )

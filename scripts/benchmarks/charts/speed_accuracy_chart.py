@@ -23,7 +23,8 @@ IN_LIGHT = (
     ("photograph_error", "against photographs, where the frame saw the surface", "mean colour error (of 255)"),
     ("photograph_ssim", "against photographs, where the frame saw the surface", "1 - SSIM"),
 )
-"""The scores where nothing is compared with a converged reference, which is in the frame's own light."""
+"""The scores of lights: a converged reference would be in the frame's own light."""
+LIT_SMALL = "Lower left is better. Processor time of a view without its files, median and range of alternating rounds."
 SMALL = (
     "Lower left is better. Ours: complete views on disk (colour, depth, masks, ground truth), median and range of "
     "alternating rounds; PyVista: RGB in memory. Numbers: the Pareto front (filled) and PyVista, by time."
@@ -62,7 +63,8 @@ def speed_accuracy_chart(points: Sequence[SpeedPoint], conditions: str, data: Pa
     ]
     floors = distinct([point.name for point in points if point.kind == FLOOR])
     key += [handle(name, MUTED, linestyle=DASHED, linewidth=1.2) for name in floors]
-    return draw_chart(data, "Speed against accuracy", rows, (SMALL, conditions), size=(6.0, 4.4), key=key)
+    small = SMALL if known is SCORES else LIT_SMALL, conditions
+    return draw_chart(data, "Speed against accuracy", rows, small, size=(6.0, 4.4), key=key)
 
 
 def _panel(points: Sequence[SpeedPoint], field: str, title: str, label: str) -> Panel:

@@ -81,13 +81,6 @@ class RenderScene:
         write_case(case, replace(self.loaded.case, path=case, mesh=path, structures=(), dataset={}))
         return case, len(mesh.faces)
 
-    def centred_case(self, folder: Path) -> Path:
-        """Write the case with its lamp in the middle of the lens."""
-        case = self.loaded.case
-        centred = replace(case, path=folder / "centred.toml", light=replace(case.lens_light, lamp_cam_mm=(0, 0, 0)))
-        write_case(centred.path, centred)
-        return centred.path
-
 
 def case_scene(name: str, path: Path, photographs: Path | None, *, views: int, seed: int) -> RenderScene:
     """The scene of a case file, with ``views`` planned views and at most :data:`MOST_PHOTOGRAPHS` photographs.

@@ -27,8 +27,6 @@ class Configuration:
         Number of processes, which share the cores; 0 for one per core.
     more
         Values of further options of ``render_dataset.py`` by name.
-    centred
-        Whether the lamp counts as one in the middle of the lens.
     """
 
     engine: str = "cycles"
@@ -37,7 +35,6 @@ class Configuration:
     mesh_px: float = 0.0
     processes: int = 0
     more: Mapping[str, str] = field(default_factory=dict)
-    centred: bool = False
 
     @property
     def name(self) -> str:
@@ -49,7 +46,6 @@ class Configuration:
         if self.processes:
             parts.append(f"{self.processes} process{'es' * (self.processes > 1)}")
         parts += [f"{name} {value}" for name, value in self.more.items()]
-        parts += ["lamp in its middle"] * self.centred
         return ", ".join(parts)
 
     def flags(self, cores: int) -> list[str]:

@@ -76,6 +76,9 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     """Evaluate."""
     with temporary_folder() as folder:
         files = lit_files(arguments, folder) if arguments.light else case_files(arguments, folder)
+        if not files:
+            report("left out: the sample and --bones have a lamp at their lens, neither is asked for")
+            return
         methods = arguments.methods or (IN_LIGHT if arguments.light else DEFAULT)
         for path, _ in files if arguments.light else ():
             if (loaded := load_case(read_case(path))).frames[1:]:

@@ -95,8 +95,8 @@ bench-surface: setup
 	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 
 # views against real photographs, beside the paper's method, in demo/evaluation, and in the light of the lens, in
-# demo/light; the poses of further frames, in demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; what views are worth to a network, in demo/training:
-# TRAINING_FLAGS likewise
+# demo/light; the poses of further frames, in demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; what views are
+# worth to a network, in demo/training: TRAINING_FLAGS likewise
 evaluate: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py evaluation --out demo/evaluation $(EVALUATE_FLAGS)

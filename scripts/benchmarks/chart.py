@@ -8,24 +8,21 @@ the sample alone: processor time of its views without files, and how far they ar
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
 
 from oneframe.blender.render.engines import engine_named, keep_freed_memory
-from oneframe.blender.sample.photograph import AMBIENT_STRENGTH, LAMP_OFFSET_MM
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
-from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.errors import InputError, RunError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.files.temporary import temporary_folder
-from oneframe.light.lens_light import LensLight
 from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
 from .charts.speed_accuracy_chart import speed_accuracy_chart
+from .evaluation import lit_case
 from .figures import conditions_note, read_rows, write_rows
 from .published import bloster_cases
 from .rendering.render_accuracy import JUDGED_VIEWS, converged_reference, measure_lights, measure_scene, scene_peers
@@ -134,8 +131,7 @@ def scenes(arguments: argparse.Namespace, folder: Path) -> Iterator[RenderScene]
         for _ in write_sample_case(folder / "sample", sample_surface()):
             pass
         path = folder / "sample" / "case.toml"
-        lamp = LensLight(tuple(LAMP_OFFSET_MM.tolist()), AMBIENT_STRENGTH)
-        write_case(path, replace(read_case(path), light=lamp))
+        write_case(path, lit_case(path))
         cases.append(("sample", path, folder / "sample" / HELD_OUT))
     for case, *photographs in arguments.case:
         cases.append((case.resolve().parent.name, case, photographs[0] if photographs else None))

@@ -21,7 +21,7 @@ import numpy as np
 from oneframe.blender.render.engines import RENDERERS
 from oneframe.blender.sample.photograph import AMBIENT_STRENGTH, LAMP_OFFSET_MM, take_photographs
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
-from oneframe.case.case_file import read_case
+from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.frame import UnreadFrame
 from oneframe.case.loaded_case import LoadedCase, load_case
@@ -115,7 +115,7 @@ def lit_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     pairs = []
     if not arguments.no_sample:
         [(path, held_out)] = case_files(argparse.Namespace(**vars(arguments) | dict.fromkeys(LOADERS)), folder)
-        case = replace(read_case(path), light=LensLight(tuple(LAMP_OFFSET_MM.tolist()), AMBIENT_STRENGTH))
+        case = lit_case(path)
         poses = [pose for number, pose in enumerate(film_poses()) if not disturbance(number)][::FILM_STEP]
         wide = [microscope_pose(tilt_deg, azimuth_deg, 0, 300) for tilt_deg, azimuth_deg in WIDE]
         (folder / "sample" / "film").mkdir()
@@ -129,6 +129,12 @@ def lit_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
             named = replace(case, path=path.with_name(f"sample_{name}.toml"), frames=tuple(frames))
             pairs.append(written_case(named, listed))
     return pairs if arguments.bones is None else pairs + lit_bone_cases(arguments.bones, folder / "lit")
+
+
+def lit_case(path: Path) -> Case:
+    """The sample's case with the lamp that its photographs have."""
+    x, y, z = LAMP_OFFSET_MM.tolist()
+    return replace(read_case(path), light=LensLight((x, y, z), AMBIENT_STRENGTH))
 
 
 def frames_apart(loaded: LoadedCase, light: LensShading | None) -> float:

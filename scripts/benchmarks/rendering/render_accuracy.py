@@ -209,13 +209,13 @@ def measure_lights(scene: RenderScene, rounds: int, advance: Callable[[], None])
             seconds[key].append(time.process_time() - began)
             advance()
     masks = tuple(view.observed for view in seen), tuple(view.mask for view in seen)
-    reference = Reference(scene.photographs, *masks, tuple(photographs), 0)
+    truth = Reference(scene.photographs, *masks, tuple(photographs), 0)
     return [
         SpeedPoint(
             scene.name, OURS, f"{ENGINE_NAMES[engine]}, {name}", ENGINE_NAMES[engine], 1, "projective", name,
             len(scene.loaded.surface.mesh.faces), 1,
             *(1e3 * np.quantile(seconds[engine, name], [0.5, 0, 1])).tolist(),
-            **_judged(reference, views[engine, name]),
+            **_judged(truth, views[engine, name]),
         )
         for engine, name in renders
     ]  # fmt: skip

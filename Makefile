@@ -10,7 +10,7 @@ PLATFORM ?= all
 RUN = $(VENV)/bin/python
 # a file's tests in one process, in the order of the folders: few of those that take long come last; threads of numpy's
 # BLAS would only busy-wait on the cores that test
-PYTEST = OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest --dist loadgroup --no-loadscope-reorder
+PYTEST = OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest --dist loadfile --no-loadscope-reorder
 
 .PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo

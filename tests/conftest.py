@@ -44,16 +44,11 @@ LONG = ("benchmarks", "cluster", "outside", "window")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what takes long, and what one process should run, with ``--dist loadgroup``."""
+    """Mark what takes long, and begin with what takes longest."""
     root = Path(__file__).parent
     for item in items:
-        folders = item.path.relative_to(root).parts
-        if folders[0] in LONG:
+        if item.path.relative_to(root).parts[0] in LONG:
             item.add_marker(pytest.mark.long)
-        # a file has fixtures of its own, a Slurm is one machine, and Eevee compiles its shaders once in a process
-        group = "gl" if item.get_closest_marker("gl") else item.path.parent if "slurm" in folders else item.path
-        item.add_marker(pytest.mark.xdist_group(str(group)))
-    # what takes longest comes first
     items.sort(key=lambda item: item.path.parent.name != "window")
 
 

@@ -81,7 +81,7 @@ def trials_of(part: str, scenes: Sequence[Scene], arguments: argparse.Namespace,
     whole = [each for each in scenes if each.name in (SAMPLE, BONES) or each.loaded.case.path.stem == "bloster_0"]
     sample = [scene for scene in whole if scene.name == SAMPLE]
     if part == "photographs":
-        yield from sweeps.photographs(whole, 2 if quick else MOST_SOURCES)
+        yield from sweeps.photographs(whole, 1 if quick else MOST_SOURCES)
     elif part == "zoom":
         yield from sweeps.zooms(whole, 1 if quick else MOST_SOURCES)
         yield from () if quick else film_trials(sample, folder, sweeps.FILM_ZOOM)

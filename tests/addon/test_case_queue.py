@@ -16,6 +16,7 @@ from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import CHECKED, NEW, ROUGH, queued_cases, state_of
 from oneframe.images.png import encode_png
 from oneframe.transforms import rigid
+from tests.tree import tree
 from tests.video.surgical_film import write_film
 
 
@@ -119,10 +120,6 @@ def test_frames_of_a_film_name_it_scale_k_and_lie_in_the_queue(queue):
         bpy.ops.oneframe.queue_video_frames()
 
 
-def files_of(folder):
-    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}, sorted(folder.rglob("*"))
-
-
 def test_frames_that_are_refused_change_nothing(addon, write_tiny_case, tmp_path):
     case = write_tiny_case(tmp_path / "case")
     bpy.ops.oneframe.open_case(filepath=str(case))
@@ -131,7 +128,7 @@ def test_frames_that_are_refused_change_nothing(addon, write_tiny_case, tmp_path
     (case.parent / "Frame.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
     (case.parent / "narrow.png").write_bytes(encode_png(np.zeros((48, 32, 3), np.uint8)))
     bpy.ops.oneframe.open_video(filepath=str(narrow))
-    before = files_of(tmp_path)
+    before = tree(tmp_path), sorted(tmp_path.rglob("*"))
     for add in (
         bpy.ops.oneframe.queue_video_frames,
         lambda: bpy.ops.oneframe.queue_frames(directory=str(case.parent), files=[{"name": "narrow.png"}]),
@@ -139,6 +136,6 @@ def test_frames_that_are_refused_change_nothing(addon, write_tiny_case, tmp_path
     ):
         with pytest.raises(RuntimeError, match=r"expected"):
             add()
-        assert files_of(tmp_path) == before
+        assert (tree(tmp_path), sorted(tmp_path.rglob("*"))) == before
         assert scene.oneframe.case_path == str(case)
         assert queued.queue_of(scene) == ()

@@ -85,7 +85,7 @@ def test_is_enabled_disabled_and_removed_without_leftovers(installed, run_stock,
 
 
 @pytest.mark.render
-def test_renders_with_blenders_own_modules(installed, run_stock, run_command, write_tiny_case, tmp_path):
+def test_renders_with_blenders_own_modules(installed, run_stock, write_tiny_case, tmp_path):
     """As the add-on's dataset job does: with the scripts and the package inside the extension."""
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = run_stock(installed / "scripts" / "render_dataset.py", case, "--out", out, "--count", "2", "--workers", "1")
@@ -94,10 +94,6 @@ def test_renders_with_blenders_own_modules(installed, run_stock, run_command, wr
     traced = run_stock(installed / "scripts" / "render_dataset.py", case, "--out", tmp_path / "new", "--engine=raster")
     assert (traced.returncode, traced.stderr.count("\n")) == (2, 1)
     assert "expected the package embreex in this Python, found none; install it" in traced.stderr
-    # this one needs the wheel
-    checked = run_command([sys.executable, str(installed / "scripts" / "oneframe.py"), "check", str(out)])
-    assert checked.returncode == 0, checked.stderr
-    assert checked.stderr == ""
 
 
 def test_the_build_adds_version_platforms_and_wheels_to_the_manifest(extension_zip):

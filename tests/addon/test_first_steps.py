@@ -13,7 +13,6 @@ from blender_addon.setup.alignment_record import pose_record
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.setup.open_case import task_lines
 from blender_addon.state import from_scene, to_scene
-from blender_addon.state.workbench import OPEN, next_step
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.transforms import transform_points
@@ -27,10 +26,6 @@ def folder(write_tiny_case, tmp_path):
 def drop(folder, *names):
     bpy.ops.oneframe.drop_files(directory=str(folder), files=[{"name": name} for name in names])
     return bpy.context.scene.oneframe
-
-
-def test_a_dropped_case_is_opened(addon, folder):
-    assert drop(folder, "case.toml").case_path == str(folder / "case.toml")
 
 
 @pytest.mark.parametrize("way", ["open", "drop"])
@@ -94,15 +89,6 @@ def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon,
         assert files.poll_drop(bpy.context)
     assert ".toml" not in files.bl_file_extensions.split(";")
     assert {".png", ".ply", ".yaml", ".csv"} <= set(files.bl_file_extensions.split(";"))
-
-
-def test_the_next_step_leads_to_a_complete_case(addon, folder):
-    said = [next_step(bpy.context.scene)]
-    for operator, file in (("load_frame", "frame.png"), ("load_camera", "case.toml"), ("load_surface", "surface.ply")):
-        getattr(bpy.ops.oneframe, operator)(filepath=str(folder / file))
-        said.append(next_step(bpy.context.scene))
-    assert said[0] == OPEN
-    assert ["load K" in said[1], "load the surface" in said[2], said[3]] == [True, True, ""]
 
 
 def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):

@@ -36,6 +36,7 @@ def texts() -> tuple[str, ...]:
     return tuple(found)
 
 
+@cache
 def operator_labels() -> dict[str, str]:
     """Operator -> its label."""
     found = {}
@@ -48,6 +49,7 @@ def operator_labels() -> dict[str, str]:
     return found
 
 
+@cache
 def names() -> set[str]:
     """What stands on buttons, fields and tools, and over panels: the label of an operator where a panel draws it."""
     found, labels = set(), operator_labels()

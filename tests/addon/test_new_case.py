@@ -1,6 +1,5 @@
 """A case begun from nothing in the window: the same files as those of ``oneframe case``, complete in one folder."""
 
-import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -21,6 +20,7 @@ from oneframe.commands.__main__ import dispatch
 from oneframe.files.content import content_named
 from oneframe.images.png import encode_png
 from oneframe.volume.drill.drill_plan import read_drill_plan
+from tests.tree import tree
 from tests.video.surgical_film import write_film
 from tests.volume.ball_ct import write_ball_ct
 
@@ -57,14 +57,9 @@ def load(**loaded: Path) -> None:
         assert getattr(bpy.ops.oneframe, f"load_{name}")(filepath=str(path)) == {"FINISHED"}
 
 
-def hashes(folder: Path) -> dict[str, str]:
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-    return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
-
 def assert_same_case(window: Path, command: Path, *more: str) -> None:
     """The same files to the last bit, but for the command's picture."""
-    ours, theirs = hashes(window), hashes(command)
+    ours, theirs = tree(window), tree(command)
     assert theirs.pop("overlay.png")
     assert [name for name in more if ours.pop(name)] == list(more)
     assert ours == theirs
@@ -88,9 +83,9 @@ def test_the_window_and_the_command_make_the_same_case(addon, files, tmp_path, f
     assert_same_case(folder, tmp_path / "command", "drill.toml", "surface_made_by.json")
     assert len(read_drill_plan(folder / "drill.toml").strokes) == 1
     # the scene has them too: nothing refers to what ends with the session
-    before = hashes(folder)
+    before = tree(folder)
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
-    assert hashes(folder) == before
+    assert tree(folder) == before
     assert from_scene.loaded_case(scene).case.image == folder / "frame.png"
 
 
@@ -99,7 +94,7 @@ def test_a_surface_folder_opens_with_its_structures(addon, files, tmp_path):
     scene = bpy.context.scene
     (nerve,) = scene.oneframe.surface.children
     assert (nerve.name, tuple(nerve.color)[:3]) == ("facial_nerve", (1.0, 0.0, 1.0))
-    before = hashes(files)
+    before = tree(files)
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
     # by reference, unless copies are asked for
     case = read_case(tmp_path / "case.toml")
@@ -112,7 +107,7 @@ def test_a_surface_folder_opens_with_its_structures(addon, files, tmp_path):
     line = ["case", "--surface", files / "surface", "--frame", files / "photo.jpg", "--camera", files / "camera.json"]
     assert dispatch([*map(str, line), "--out", str(tmp_path / "command")]) == 0
     assert_same_case(folder, tmp_path / "command")
-    assert hashes(files) == before
+    assert tree(files) == before
 
 
 def test_a_surface_folder_with_a_damaged_structure_changes_nothing(addon, files, tmp_path):
@@ -131,10 +126,10 @@ def test_files_in_the_folder_stay_and_those_of_others_are_not_replaced(addon, fi
     shutil.copytree(files / "surface", folder)
     shutil.copy(files / "photo.jpg", folder / "view.jpg")
     load(camera=files / "camera.json", surface=folder / "surface.json", frame=folder / "view.jpg")
-    before = hashes(folder)
+    before = tree(folder)
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
-    assert hashes(folder).items() > before.items()
-    assert hashes(folder).keys() - before.keys() == {"case.toml"}
+    assert tree(folder).items() > before.items()
+    assert tree(folder).keys() - before.keys() == {"case.toml"}
     assert read_case(folder / "case.toml").image.name == "view.jpg"
     other = tmp_path / "other"
     other.mkdir()

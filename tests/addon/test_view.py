@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mathutils import Matrix
+from scipy.spatial import KDTree
 
 from blender_addon.ui.frame_view import FrameView
 from blender_addon.ui.keymap import MASK_TOOL, PIN_TOOL, binding
@@ -144,7 +145,7 @@ def test_creases_of_a_box_are_its_edges(gpu_context):
     steps = np.linspace(0, 1, 400)[:, None]
     on_edges = np.concatenate([(a + steps * (b - a)) for a, b in edges]) * [1, -1, -1]
     seen = CAMERA.project(on_edges)
-    nearest = np.sqrt(((pixels[:, None] - seen[None]) ** 2).sum(-1).min(axis=1))
+    nearest, _ = KDTree(seen).query(pixels)
     assert np.percentile(nearest, 98) * times < 1.5
     # the edge nearest to the camera is an inner crease: it is drawn along its whole length, except for its ends
     depth = [-edge[:, 2].mean() for edge in edges]
@@ -152,7 +153,7 @@ def test_creases_of_a_box_are_its_edges(gpu_context):
         (edges[int(np.argmin(depth))] * [1, -1, -1])[0]
         + steps[80:-80] * np.diff(edges[int(np.argmin(depth))] * [1, -1, -1], axis=0)
     )
-    gaps = np.sqrt(((inner[:, None] - pixels[None]) ** 2).sum(-1).min(axis=1))
+    gaps, _ = KDTree(pixels).query(inner)
     assert gaps.max() * times < 2.0
 
 
@@ -193,25 +194,6 @@ def test_a_coloured_surface_shows_its_colours(gpu_context, domain):
     np.testing.assert_allclose(
         picture[covered][:, :3], np.broadcast_to([0.2, 0.6, 0.9], (covered.sum(), 3)), atol=0.006
     )
-
-
-@given(
-    at=st.tuples(st.floats(0, 200), st.floats(0, 150)),
-    times=st.floats(1, 50),
-    size=st.tuples(st.integers(20, 300), st.integers(20, 300)),
-    point=st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-300, -50)),
-)
-@settings(max_examples=50)
-def test_a_loupe_magnifies_about_its_centre(at, times, size, point):
-    import blender_addon  # noqa: F401  (finds the pipeline)
-
-    def seen(projection):
-        x, y, _, w = projection.clip_from_view @ Matrix.Translation(point).col[3]
-        return (np.array([x, y]) / w + 1) / 2 * [projection.width, projection.height]
-
-    whole = projection_through(CAMERA)
-    expected = np.array(size) / 2 + times * (seen(whole) - at)
-    np.testing.assert_allclose(seen(whole.magnified(*at, times, *size)), expected, atol=1e-3 * times, rtol=1e-4)
 
 
 def test_view_operators_are_cyclic_replace_each_other_and_move_nothing(in_view, scene):

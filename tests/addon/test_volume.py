@@ -30,7 +30,7 @@ def near(*offset):
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """A ball of bone of 8 mm radius with a nerve through it, as CT, labels, and what is none."""
+    """A ball of bone of 8 mm radius with a nerve through it, as CT and labels."""
     folder = tmp_path_factory.mktemp("ct")
     grid = np.stack(np.meshgrid(*[np.arange(count) for count in SIZE], indexing="ij")).T
     points = ORIGIN + grid * SPACING
@@ -45,8 +45,6 @@ def files(tmp_path_factory):
         image.SetOrigin(ORIGIN.tolist())
         sitk.WriteImage(image, str(folder / f"{name}.nii.gz"))
     (folder / "labels.json").write_text('{"labels": {"facial nerve": 1}}')
-    (folder / "cut.nii.gz").write_bytes((folder / "ct.nii.gz").read_bytes()[:400])
-    (folder / "text.nrrd").write_text("no volume")
     return folder
 
 
@@ -111,17 +109,13 @@ def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
     entry = scene.oneframe.landmarks.add()
     entry.has_point, entry.point = True, (1.0, 2.0, 3.0)
     before = landmarks_mesh(scene)[0].point
-    world = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
+    world = np.array(surface.matrix_world) @ np.linalg.inv(mesh_from_model_of(surface))
     scene.oneframe_ct.threshold_hu = 900
     bpy.ops.oneframe.make_surface()
     assert scene.oneframe.surface == surface
     np.testing.assert_allclose(landmarks_mesh(scene)[0].point, before, atol=1e-5)
-    after = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
+    after = np.array(surface.matrix_world) @ np.linalg.inv(mesh_from_model_of(surface))
     np.testing.assert_allclose(after, world, atol=1e-4)
-
-
-def _mesh_from_model(surface):
-    return mesh_from_model_of(surface)
 
 
 def test_strokes_are_taken_back_in_any_number(scene, files):
@@ -145,7 +139,7 @@ def _snapshot(session):
     return {key: (b.vertices.tobytes(), b.faces.tobytes(), b.drilled.tobytes()) for key, b in session.blocks.items()}
 
 
-def test_the_burr_meets_the_bone_and_stops_at_the_margin(scene, files):
+def test_the_burr_meets_the_bone_that_is_left(scene, files):
     with_labels(files)
     bpy.ops.oneframe.make_surface()
     bpy.ops.oneframe.drill()
@@ -153,9 +147,6 @@ def test_the_burr_meets_the_bone_and_stops_at_the_margin(scene, files):
     hit = session.hit(None, near(0, 0, 50), np.array([0, 0, -2.0]))
     np.testing.assert_allclose(hit, near(0, 0, 8), atol=0.1)
     assert session.hit(None, near(0, 9.5, 50), np.array([0, 0, -1.0])) is None
-    reached = session.room.reached(near(0, 0, 12), CENTRE, 1.5)
-    # nerve of 1 mm, margin of 1 mm, burr of 1.5 mm
-    assert reached[2] - CENTRE[2] == pytest.approx(3.5, abs=0.3)
     name, distance = session.room.nearest(near(0, 0, 4))
     assert (name, distance) == ("facial_nerve", pytest.approx(3.0, abs=0.3))
     session.begin(2.0, near(0, 0, 8))
@@ -238,18 +229,10 @@ def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(scene, files,
     assert len(drill_session.of(scene).strokes) == 1
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("cut.nii.gz", "cut.nii.gz"),
-        ("text.nrrd", "text.nrrd"),
-        ("labels.nii.gz", "label"),
-    ],
-)
-def test_what_is_no_ct_changes_nothing(name, message, scene, files):
+def test_what_is_no_ct_changes_nothing(scene, files):
     before = loaded.ct_of(scene)
-    with pytest.raises(RuntimeError, match=message):
-        bpy.ops.oneframe.open_ct(filepath=str(files / name))
+    with pytest.raises(RuntimeError, match="label"):
+        bpy.ops.oneframe.open_ct(filepath=str(files / "labels.nii.gz"))
     assert loaded.ct_of(scene) is before
     assert scene.oneframe_ct.path == str(files / "ct.nii.gz")
 
@@ -261,14 +244,5 @@ def test_a_threshold_without_bone_changes_nothing(scene):
     assert scene.oneframe.surface is None
     bpy.ops.oneframe.otsu()
     bpy.ops.oneframe.make_surface()
-    corners = transform_points(_mesh_from_model(scene.oneframe.surface), np.array(scene.oneframe.surface.bound_box))
+    corners = transform_points(mesh_from_model_of(scene.oneframe.surface), np.array(scene.oneframe.surface.bound_box))
     np.testing.assert_allclose(corners.mean(axis=0), CENTRE, atol=0.3)
-
-
-def test_what_a_stroke_takes_is_bone_alone(scene, files):
-    bpy.ops.oneframe.make_surface()
-    bpy.ops.oneframe.drill()
-    session = drilled(scene, (2.0, [near(0, 0, 10.5), near(3, 0, 10.5)]))
-    assert session.taken_mm3 == 0
-    drilled(scene, (2.0, [near(0, 0, 4)]))
-    assert session.taken_mm3 == pytest.approx(4 / 3 * np.pi * 8, rel=0.03)

@@ -103,30 +103,24 @@ def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, 
     assert descendants(process.pid) == {}
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
-def test_a_stopped_run_goes_on_and_renders_nothing_twice(
-    case, reference, tmp_path, scheduler, render_command, run_command, how
+def test_a_killed_run_goes_on_and_renders_next_to_nothing_twice(
+    case, reference, tmp_path, scheduler, render_command, run_command
 ):
     out, (address, holder) = tmp_path / "out", scheduler
     command = render_command(case, "--out", out, "--count", VIEWS, "--cluster", address)
     run = started(command)
     try:
         wait_until(lambda: len(records(out)) >= VIEWS // 4, run)
-        run.send_signal(how)
-        _, errors = run.communicate()
     finally:
         run.kill()
-    assert run.returncode != 0
-    if how == signal.SIGINT:
-        assert "stopped; run the same command again to continue" in errors
-        wait_until(lambda: not render_processes(holder))
+        run.communicate()
     kept = records(out)
     ended = run_command(command)
     assert (ended.returncode, ended.stderr) == (0, "")
     last = records(out)
-    # of a killed run, those in work are finished by its workers as well
+    # those in work are finished by its workers as well
     again = {name for name, state in kept.items() if last[name] != state}
-    assert len(again) <= (0 if how == signal.SIGINT else 4)
+    assert len(again) <= 4
     assert different_files(out, reference) == []
     wait_until(lambda: not render_processes(holder))
 

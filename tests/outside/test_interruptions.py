@@ -35,10 +35,22 @@ def case(tmp_path_factory, write_tiny_case) -> Path:
 @pytest.fixture(scope="module")
 def render(case) -> Callable[..., subprocess.CompletedProcess]:
     """Renders into a folder, with a signal at a change of the file system."""
-    program = Path(__file__).with_name("interrupted_render.py")
+    program = Path(__file__).with_name("interrupted_command.py")
 
     def run(out: Path, *more: str, signal_name: str = "none", who: str = "parent", place: int = 0):
-        command = [sys.executable, program, signal_name, who, str(place), case, "--out", out, *ARGUMENTS, *more]
+        command = [
+            sys.executable,
+            program,
+            signal_name,
+            who,
+            str(place),
+            "render",
+            case,
+            "--out",
+            out,
+            *ARGUMENTS,
+            *more,
+        ]
         return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, start_new_session=True)
 
     return run

@@ -250,7 +250,7 @@ def test_temporary_folders_with_strange_names(case, tmp_path, run_command):
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_path, number):
     if signal.getsignal(number) == signal.SIG_IGN:
         pytest.skip(f"this run ignores {number.name}, as under nohup, and so do its commands")

@@ -44,15 +44,3 @@ def test_parts_of_a_dataset(rendered, tmp_path, capfd):
     assert f"split: {sentence}" in capfd.readouterr().out
     wider, _ = packed("train", "--split-gap-px", 4)
     assert wider < train
-
-
-@pytest.mark.render
-def test_a_changed_table_is_noticed(rendered, tmp_path):
-    table = rendered / "train_synt" / "000000" / "scene_gt.json"
-    whole = table.read_bytes()
-    table.write_bytes(whole.replace(b"obj_id", b"obj_ID"))
-    try:
-        with pytest.raises(ValueError, match=r"scene_gt\.json"):
-            dispatch(["pack", str(rendered), "--out", str(tmp_path / "out"), "--split", "val"])
-    finally:
-        table.write_bytes(whole)

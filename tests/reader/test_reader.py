@@ -252,7 +252,7 @@ def device(path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes, devices and sparse files of POSIX")
-@pytest.mark.parametrize("kind", ["rgb", "depth_mm", "mask_visib", "mask_observed", "frame"])
+@pytest.mark.parametrize("kind", ["rgb", "depth_mm", "frame"])
 @pytest.mark.parametrize("make", [huge, os.mkfifo, device])
 def test_what_cannot_be_a_file_of_a_view_is_a_sentence(kind, make, copied):
     """None of them is waited for, or read into memory."""

@@ -5,7 +5,6 @@ import io
 import zlib
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -23,7 +22,6 @@ from oneframe.transforms import rigid, rotation_from_vector
 pytestmark = pytest.mark.render
 
 OPTIONS = DatasetOptions(count=2)
-POSE = "[[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]"
 
 
 @pytest.fixture
@@ -57,19 +55,13 @@ def claiming(png: bytes, side_px: int) -> bytes:
     return png[:12] + header + zlib.crc32(header).to_bytes(4, "big") + png[33:]
 
 
-def jpeg() -> bytes:
-    return cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (48, 64, 3)).astype(np.uint8))[1].tobytes()
-
-
 FRAMES = {
     "PNG cut off": (lambda png: png[:-200], "the file is cut off; copy it again"),
     "PNG that takes gigabytes": (
         lambda png: claiming(png, 20_000),
         r"expected an image of at most 25\.0 million pixels, found 20000x20000; crop it or scale it down",
     ),
-    "JPEG cut off": (lambda _: jpeg()[:-300], "the file is cut off; copy it again"),
     "another kind of file": (lambda _: b"solid mesh", "expected an image"),
-    "nothing": (lambda _: b"", "found an empty file"),
 }
 
 
@@ -79,15 +71,6 @@ def test_bad_frames_are_refused(case, what):
     path = case.parent / "frame.png"
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(InputError, match=rf"^case\.toml: \[frame\] image frame\.png: .*{message}"):
-        opened(case)
-
-
-def test_missing_frames_and_folders_are_refused(case):
-    (case.parent / "frame.png").unlink()
-    with pytest.raises(InputError, match=r"expected an image file, .*frame\.png does not exist; correct the path"):
-        opened(case)
-    (case.parent / "frame.png").mkdir()
-    with pytest.raises(InputError, match=r"cannot read .*frame\.png \("):
         opened(case)
 
 
@@ -111,8 +94,6 @@ MISFITS = {
         ('units = "mm"', 'units = "m"'),
         "the surface is .*e.05 mm away: wrong units",
     ),
-    "a fold": (("[0, 0, 1]]\n", "[0, 0, 1]]\ndistortion = [-30, 0, 0, 0, 0]\n"), "distortion: .*folds it over"),
-    "mirrored": ((POSE, POSE.replace("-340", "340").replace("[0, 0, -1,", "[0, 0, 1,")), "found a reflection"),
 }
 
 
@@ -133,9 +114,6 @@ def test_a_surface_that_no_pixel_shows_is_refused_and_nothing_is_left(case):
     assert not (case.parent.parent / "out").exists()
 
 
-# --- constraints and poses ------------------------------------------------------------------------------------------
-
-
 def test_explicit_poses_that_miss_the_surface_are_rendered_and_reported(case, tmp_path):
     away = rigid(rotation_from_vector(np.array([0, 1.0, 0]))) @ read_case(case).cam_from_mesh
     np.save(tmp_path / "poses.npy", away[None])
@@ -143,26 +121,10 @@ def test_explicit_poses_that_miss_the_surface_are_rendered_and_reported(case, tm
     assert "no view shows any surface" in messages
 
 
-# --- end to end -----------------------------------------------------------------------------------------------------
-
-
-def test_the_command_prints_one_line_and_exits_with_2(case, tmp_path, run_oneframe):
-    (case.parent / "frame.png").write_bytes((case.parent / "frame.png").read_bytes()[:900])
-    assert_refused(run_oneframe("render", case, "--out", tmp_path / "deep" / "out"), "the file is cut off")
-    assert not (tmp_path / "deep").exists()
-
-
-def assert_refused(ended, message: str) -> None:
-    assert ended.returncode == 2, ended.stderr
-    assert ended.stderr.startswith("error: ")
-    assert ended.stderr.count("\n") == 1
-    assert message in ended.stderr
-
-
 def test_a_rasteriser_without_opengl_is_refused(case, tmp_path, render_command, run_command):
     """Blender itself would end the process without a word, as it ends the trial: a segmentation fault in 5.2."""
     command = render_command(case, "--out", tmp_path / "out", "--engine", "eevee")
     ended = run_command(command, __EGL_VENDOR_LIBRARY_FILENAMES="/nonexistent", DISPLAY="", WAYLAND_DISPLAY="")
-    assert_refused(ended, "--engine eevee: expected an OpenGL context, Blender gets none on this machine; install")
-    assert "--engine cycles" in ended.stderr
+    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
+    assert "error: --engine eevee: expected an OpenGL context, Blender gets none on this machine" in ended.stderr
     assert not (tmp_path / "out").exists()

@@ -110,29 +110,6 @@ def test_values_that_look_like_options_are_values():
     )
 
 
-def files_of(root: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
-
-
-@pytest.mark.render
-def test_the_program_renders_what_the_script_renders(
-    write_tiny_case, tmp_path, run_oneframe, render_command, run_command
-):
-    """With workers, which are started through the package and through the script."""
-    case = write_tiny_case(tmp_path / "case")
-    arguments = ["--count", "4", "--workers", "2", "--engine", "raster"]
-    program = [sys.executable, "-m", "oneframe.commands", "render", str(case), "--out", str(tmp_path / "program")]
-    script = render_command(case, "--out", tmp_path / "script")
-    for command in (program, script):
-        ended = run_command([*command, *arguments])
-        # a worker that does not start would be told here
-        assert (ended.returncode, ended.stderr) == (0, "")
-    assert files_of(tmp_path / "program") == files_of(tmp_path / "script")
-    checked = run_oneframe("check", tmp_path / "program")
-    assert (checked.returncode, checked.stderr) == (0, "")
-    assert "dataset of 4 views: complete and consistent" in checked.stdout
-
-
 @pytest.fixture
 def in_blender(run_command, tmp_path):
     """Runs the program in a real Blender, as shipped; ``script`` is another script than that of the program."""

@@ -66,12 +66,11 @@ def test_the_case_gets_its_lamp_and_keeps_all_else(tmp_path, light):
 def test_a_sun_is_refused_with_its_figures_and_nothing_is_written(tmp_path, light):
     case = written(tmp_path, sun)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    for frames in ((tmp_path / "registered",), ()):
-        run = light(case.path, *frames, "--picture", tmp_path / "lamp.png")
-        assert run.returncode == 2
-        (line,) = run.stderr.splitlines()
-        assert "explains" in line
-        assert "lamp at the lens" in line
+    run = light(case.path, tmp_path / "registered", "--picture", tmp_path / "lamp.png")
+    assert run.returncode == 2
+    (line,) = run.stderr.splitlines()
+    assert "explains" in line
+    assert "lamp at the lens" in line
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
 

@@ -112,26 +112,14 @@ def test_what_cannot_be_drawn_is_refused(overlay, case_path, tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             dispatch(["overlay", *map(str, (case_path, "--out", out, *options))])
-    refused(overlay(case_path, *video, "--out", film), r"found the video .*, an input")
     refused(
         overlay(case_path, *video, "--out", tmp_path / "o.mp4"),
         r"poses.json: expected a pose for each of the 3 frames of the video, found 2; write null",
     )
-    refused(overlay(case_path, "--out", case_path.parent / "frame.png"), r"found the frame .*, an input")
     text = case_path.read_text()
     case_path.write_text(text.replace("[1, 0, 0, -12]", "[1, 0, 0, -312]"))
     refused(overlay(case_path, "--out", out), "expected the surface in the frame, it lies left of the frame: u -")
     assert {path.name for path in tmp_path.iterdir()} == {"case", "film.avi", "poses.json"}
-
-
-def test_without_structures_and_with_a_distorted_lens(overlay, case_path, tmp_path):
-    text = case_path.read_text().replace(STRUCTURES, "")
-    case_path.write_text(text.replace("[camera]", "[camera]\ndistortion = [-2.0, 5.0, 0.01, 0.0, 0.0]"))
-    out = tmp_path / "o.png"
-    ended = overlay(case_path, "--out", out)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert "no structures" in ended.stdout
-    assert "undistorted" in ended.stdout
 
 
 def test_white_structures_are_context_and_others_can_be_chosen(overlay, case_path, tmp_path):

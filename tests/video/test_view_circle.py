@@ -18,7 +18,7 @@ def scene(seed: int) -> np.ndarray:
     return 120 + 600 * texture
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(
     u=st.floats(420, 540), v=st.floats(240, 300), radius=st.floats(210, 400), softness=st.floats(0.4, 2.5),
     black=st.floats(0, 8), seed=st.integers(0, 5),

@@ -1,8 +1,6 @@
-"""A queue: frames are checked, one in the middle is being aligned when Blender ends: killed, or by its cross."""
+"""A queue: frames are checked, one in the middle is being aligned when Blender is ended by its cross."""
 
 import json
-import os
-import signal
 
 import bpy
 import x11
@@ -13,7 +11,7 @@ from bl_ext.user_default.oneframe.case_queue import queued
 from bl_ext.user_default.oneframe.setup import autosave
 from bl_ext.user_default.oneframe.state import from_scene
 
-FRAMES = int(os.environ.get("ONEFRAME_FRAMES", "3"))
+FRAMES = 3
 SHIFT_PX = 14
 
 
@@ -26,9 +24,8 @@ def scenario(user):
     with user.context():
         bpy.ops.oneframe.queue_frames("EXEC_DEFAULT", True, directory=str(user.folder), files=files)
     assert len(queued.queue_of(scene)) == FRAMES
-    if os.environ["ONEFRAME_END"] == "closed":
-        # what is kept at the end, it alone
-        bpy.app.timers.unregister(autosave._tick)
+    # what is kept at the end, it alone
+    bpy.app.timers.unregister(autosave._tick)
     poses = {}
     middle = FRAMES // 2
     for number in range(middle + 1):
@@ -40,9 +37,6 @@ def scenario(user):
             yield from user.key("PAGE_DOWN", user.middle(), alt=True)
             yield from user.until(lambda now=number: queued.position(scene) == now + 1, "the next frame")
     (user.folder / "poses.json").write_text(json.dumps(poses))
-    if os.environ["ONEFRAME_END"] == "killed":
-        yield autosave.PERIOD_S + 1
-        os.kill(os.getpid(), signal.SIGKILL)
     x11.click_cross()
     yield 0.7
     yield from user.picture("1_quitting")

@@ -1,4 +1,4 @@
-"""The window and the dataset's renderer show frame and surface where K and pose project them, to 0.1 px of the frame.
+"""The window shows frame and surface where K and pose project them, to 0.1 px of the frame.
 
 The frame shows dots. The surface consists of small plates that project to the same pixels, at depths from 240 to
 360 mm; the principal point is off centre. The scenario measures the centres of both in pictures of the window.
@@ -11,11 +11,9 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe.pipeline.blender.render.engines import opened_engine
 from bl_ext.user_default.oneframe.pipeline.camera.pinhole import PinholeCamera
 from bl_ext.user_default.oneframe.pipeline.case.case_file import Case
 from bl_ext.user_default.oneframe.pipeline.case.case_writer import write_case
-from bl_ext.user_default.oneframe.pipeline.colour.shading import ColouredSurface
 from bl_ext.user_default.oneframe.pipeline.images.png import encode_png
 from bl_ext.user_default.oneframe.pipeline.surface.mesh import TriangleMesh
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
@@ -25,7 +23,6 @@ from bl_ext.user_default.oneframe.pipeline.transforms import (
     rotation_from_vector,
     transform_points,
 )
-from bl_ext.user_default.oneframe.state.from_scene import loaded_case
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 CAMERA = PinholeCamera(960, 720, 5100.0, 4980.0, 402.3, 415.8)
@@ -77,13 +74,6 @@ def scenario(user):
         user.facts["magnification"] = round(view.magnification, 2)
         assert len(off) == len(dots), f"only {len(off)} of {len(dots)} dots were in view"
         assert max(off.values()) < TOLERANCE_PX, f"{shown}: up to {max(off.values()):.3f} px off"
-
-    surface.hide_viewport = False
-    bpy.context.view_layer.update()
-    off = rendered_distances(loaded_case(scene), dots)
-    user.facts["rendered"] = {"dots": len(off), "largest_px": round(max(off), 4)}
-    assert len(off) == len(dots)
-    assert max(off) < TOLERANCE_PX, f"rendered: {user.facts}"
 
 
 def pan_rule(user):
@@ -144,18 +134,3 @@ def centroid(spot):
     weight = np.clip(spot - spot.min(), 0, None)
     y, x = np.mgrid[: spot.shape[0], : spot.shape[1]]
     return np.array([(x * weight).sum(), (y * weight).sum()]) / weight.sum()
-
-
-def rendered_distances(loaded, dots):
-    """The same distances in the renderer's silhouette at the frame's pose, at higher resolution: a mask is binary."""
-    fine = 3
-    camera = loaded.frame.camera.resized(fine * CAMERA.width, fine * CAMERA.height)
-    with opened_engine("cycles", ColouredSurface(loaded.surface.mesh), camera) as render:
-        mask = render(loaded.frame.cam_from_model).mask.astype(float)
-    reach, off = int(1.6 * fine * RADIUS_PX), []
-    for dot in dots:
-        column, row = np.rint((dot + 0.5) * fine - 0.5).astype(int)
-        spot = mask[row - reach : row + reach + 1, column - reach : column + reach + 1]
-        middle = (centroid(spot) + [column - reach, row - reach] + 0.5) / fine - 0.5
-        off.append(float(np.abs(middle - dot).max()))
-    return off

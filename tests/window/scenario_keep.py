@@ -1,4 +1,4 @@
-"""What the user would lose is asked about: another case, quitting, a pose in doubt; colouring can be stopped."""
+"""What the user would lose is asked about: another case, quitting, a pose in doubt, the file of another case."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import bpy
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.dataset import background_job
+from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.refine.status_line import status
 from bl_ext.user_default.oneframe.setup.case_in_scene import unsaved_parts
 
@@ -100,3 +101,17 @@ def scenario(user):
         yield 0.7
         found = [area for area in user.window.screen.areas if area.type == "FILE_BROWSER"]
         assert len(found) == dialogs, answer
+    yield from user.key("ESC", (selector.x + selector.width / 2, selector.y + selector.height / 2))
+    yield 0.5
+
+    # another surface has no file yet; that of the case before is replaced by choice only
+    yield from user.key("RIGHT_ARROW", user.middle())
+    text = user.case.read_bytes()
+    for answer in ("RET", "R"):
+        assert user.case.read_bytes() == text
+        yield from user.press("save_case")
+        yield from user.choose_file(user.case)
+        yield 0.5
+        yield from user.key(answer)
+        yield 0.5
+    yield from user.until(lambda: read_case(user.case).mesh.resolve() == surface, "the case replaced by choice")

@@ -116,7 +116,7 @@ def test_edges_of_a_rendered_triangle_are_where_k_says(engine, name):
 @pytest.mark.render
 @pytest.mark.parametrize("name", ["landscape", "long lens"])
 def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, ray_cast, name):
-    camera = CAMERAS[name]
+    camera = CAMERAS[name].resized(320, 240)
     if name == "landscape":
         oblique_pose = rigid(translation=[0, 0, -180.0]) @ oblique_pose
     depth, _ = ray_cast(bumpy_mesh, camera, oblique_pose, camera.pixel_grid().reshape(-1, 2))
@@ -125,7 +125,7 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
     for engine in EXACT_ENGINES:
         with opened_engine(engine, ColouredSurface(bumpy_mesh), camera) as render:
             rendered = render(oblique_pose)
-        assert np.count_nonzero((depth > 0) != rendered.mask) <= 2, engine
+        assert np.count_nonzero((depth > 0) != rendered.mask) <= 1, engine
         error = np.abs(rendered.depth_mm - depth)[rendered.mask & (depth > 0)]
         # a ray through the very rim of a hill may pass it in single precision
         assert np.quantile(error, 0.9999) < 1e-3, engine
@@ -133,10 +133,7 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
 
 
 @pytest.mark.render
-def test_a_view_larger_than_a_tile_of_the_renderer_is_complete(bumpy_mesh, frontal_pose):
-    camera = PinholeCamera(2100, 2000, 14000.0, 14000.0, 1049.5, 999.5)
-    with opened_engine("cycles", ColouredSurface(bumpy_mesh), camera) as render:
-        assert render(frontal_pose).mask.all()
+def test_a_view_of_too_many_pixels_is_refused(bumpy_mesh):
     with pytest.raises(InputError, match="million pixels"):
         opened_engine(
             "cycles", ColouredSurface(bumpy_mesh), PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5)
@@ -154,7 +151,7 @@ def test_a_closed_scene_leaves_no_engine_behind(bumpy_mesh, frontal_pose):
 
 def engines_of(name: str) -> list[bpy.types.RenderEngine]:
     """Blender's own instances of a render engine that is written in Python."""
-    kinds = tuple(kind for kind in bpy.types.RenderEngine.__subclasses__() if getattr(kind, "bl_idname", None) == name)
+    kinds = {kind for kind in bpy.types.RenderEngine.__subclasses__() if getattr(kind, "bl_idname", None) == name}
     gc.collect()
     # isinstance would ask the objects themselves, of which some are left of operators that are gone
-    return [found for found in gc.get_objects() if issubclass(type(found), kinds)]
+    return [found for found in gc.get_objects() if type(found) in kinds]

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import trimesh
 
 from oneframe.blender.render.cycles import CyclesScene
 from oneframe.blender.render.engines import reference_view_of
@@ -57,29 +56,31 @@ def test_vertex_mode_is_exact_where_the_image_is_smooth(bumpy_mesh, frontal_pose
     assert np.abs(view.rgb - image)[view.observed].mean() * 255 < 0.05
 
 
-@pytest.mark.parametrize("mode", MODES)
 def test_only_what_the_frame_saw_is_painted(
-    stepped_mesh, frontal_pose, oblique_pose, sharp_image, ray_cast, loaded_case, mode
+    stepped_mesh, frontal_pose, oblique_pose, sharp_image, ray_cast, loaded_case
 ):
     """Against an independent ray cast: a painted point is free to the source camera, a free point is painted."""
     source = reference_view_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     for pose in (oblique_pose, frontal_pose @ rigid(rotation_from_vector(np.array([-0.5, 0.3, 0.8])))):
-        view = rendered_in(mode, source, pose)
-        rows, columns = np.nonzero(view.mask)
+        views = {mode: rendered_in(mode, source, pose) for mode in MODES}
+        depth_mm = views["projective"].depth_mm
+        rows, columns = np.nonzero(depth_mm)
         rays = CAMERA.rays_cam(np.stack([columns, rows], 1).astype(float))
-        points = transform_points(inverse_rigid(pose), rays * view.depth_mm[rows, columns, None])
+        points = transform_points(inverse_rigid(pose), rays * depth_mm[rows, columns, None])
         seen_at = CAMERA.project(transform_points(frontal_pose, points))
         first, _ = ray_cast(stepped_mesh, CAMERA, frontal_pose, seen_at)
         own = transform_points(frontal_pose, points)[:, 2]
         free = (np.abs(first - own) < 0.05) & CAMERA.contains(seen_at)
         # a back side is never seen by the frame, which looks down on front sides only
-        observed = view.observed[rows, columns]
         assert free.mean() > 0.5
         assert (~free).mean() > 0.05
-        assert not (observed & ~free).any()
-        # what stays unpainted although it is free: a rim of one frame pixel (projective), texel or triangle
-        rim = 1 if mode != "vertex" else 4
-        assert (free & ~observed).mean() < 0.06 * rim
+        for mode, view in views.items():
+            assert np.array_equal(view.depth_mm, depth_mm), mode
+            observed = view.observed[rows, columns]
+            assert not (observed & ~free).any(), mode
+            # what stays unpainted although it is free: a rim of one frame pixel (projective), texel or triangle
+            rim = 1 if mode != "vertex" else 4
+            assert (free & ~observed).mean() < 0.06 * rim, mode
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -106,24 +107,6 @@ def test_projection_is_exact_for_two_huge_triangles(sharp_image, loaded_case):
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_small_object_has_no_grey_rim(mode, sharp_image, loaded_case):
-    """A ball 40 px wide before the background: all that faces the frame has colour, also a little to the side."""
-    pose = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
-    image = sharp_image(CAMERA)
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=7.5)
-    mesh = TriangleMesh(np.array(ball.vertices), ball.faces.astype(np.int32))
-    source = reference_view_of(loaded_case(mesh, image, pose, CAMERA))
-    here = rendered_in(mode, source, pose)
-    # of 1240 pixels those seen at more than 87 degrees
-    assert np.count_nonzero(here.mask & ~here.observed) <= 5
-    if mode != "vertex":
-        assert np.abs(np.rint(here.rgb * 255) - image * 255)[here.observed].max() <= 1
-    there = rendered_in(mode, source, pose @ rigid(rotation_from_vector(np.array([0.0, 0.1, 0.0]))))
-    exact = rendered_in("projective", source, pose @ rigid(rotation_from_vector(np.array([0.0, 0.1, 0.0]))))
-    assert np.count_nonzero(there.observed != exact.observed) <= 0.01 * exact.observed.sum()
-
-
-@pytest.mark.parametrize("mode", MODES)
 def test_the_fill_changes_what_was_not_seen_and_nothing_else(
     stepped_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case, mode
 ):
@@ -142,26 +125,6 @@ def test_the_fill_changes_what_was_not_seen_and_nothing_else(
     assert filled.rgb[unseen].min() >= 0.2 - 1e-5
     assert filled.rgb[unseen].max() <= 0.4 + 1e-5
     assert np.array_equal(filled.rgb, again.rgb)
-
-
-def test_the_fill_never_copies_an_occluder(stepped_mesh, frontal_pose, oblique_pose, loaded_case):
-    """The plate in front is red, the one behind it green: so is what the first hides of the second."""
-    points = stepped_mesh.vertices
-    in_front = points[:, 2] > 0
-    pixels = CAMERA.project(transform_points(frontal_pose, points[in_front]))
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
-    grid = CAMERA.pixel_grid()
-    shows_front = ((grid >= low) & (grid <= high)).all(axis=2)
-    image = np.where(shows_front[..., None], [1.0, 0, 0], [0, 1.0, 0]).astype(np.float32)
-    source = reference_view_of(loaded_case(stepped_mesh, image, frontal_pose, CAMERA))
-    for mode in MODES:
-        view = rendered_in(mode, source, oblique_pose, unseen="fill")
-        rows, columns = np.nonzero(view.mask & ~view.observed)
-        rays = CAMERA.rays_cam(np.stack([columns, rows], 1).astype(float))
-        height = transform_points(inverse_rigid(oblique_pose), rays * view.depth_mm[rows, columns, None])[:, 2]
-        behind = height < 0
-        assert behind.sum() > 200
-        assert view.rgb[rows, columns, 0][behind].max() < 0.02
 
 
 def test_a_smaller_angle_of_incidence_counts_less_as_seen(bumpy_mesh, frontal_pose, sharp_image, loaded_case):

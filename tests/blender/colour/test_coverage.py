@@ -32,17 +32,3 @@ def beside(flags):
     """Pixels with a neighbour that has the flag."""
     around = np.pad(flags, 1)
     return around[2:, 1:-1] | around[:-2, 1:-1] | around[1:-1, 2:] | around[1:-1, :-2]
-
-
-def test_progress_never_goes_back_and_may_stop_the_work(write_tiny_case, tmp_path):
-    source = colouring_view_of(load_case(read_case(write_tiny_case(tmp_path))))
-    fractions = []
-    baked_colour_of(source, "texture", fractions.append)
-    assert fractions == sorted(fractions)
-    assert 0 <= fractions[0] < fractions[-1] <= 1
-
-    def stop(_fraction):
-        raise InterruptedError
-
-    with pytest.raises(InterruptedError):
-        baked_colour_of(source, "texture", stop)

@@ -15,8 +15,7 @@ pytestmark = pytest.mark.render
 CAMERA = PinholeCamera(320, 240, 1600.0, 1580.0, 151.5, 122.25)
 
 
-@pytest.mark.parametrize("surface", ["bumpy_mesh", "stepped_mesh"])
-@pytest.mark.parametrize("flipped", [False, True])
+@pytest.mark.parametrize(("surface", "flipped"), [("bumpy_mesh", True), ("stepped_mesh", False)])
 def test_depths_differ_by_rounding_and_colours_not_at_all(
     surface, flipped, oblique_pose, sharp_image, loaded_case, request
 ):

@@ -47,7 +47,7 @@ def loaded(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("engine", "mode", "samples"),
-    [("raster", "projective", 1), ("raster", "texture", 4), ("raster", "vertex", 1), ("cycles", "projective", 4)],
+    [("raster", "texture", 4), ("raster", "vertex", 1), ("cycles", "projective", 4)],
 )
 def test_a_pixel_has_the_colour_from_the_first_frame_that_saw_its_point(loaded, engine, mode, samples):
     source = reference_view_of(loaded, engine)
@@ -76,15 +76,14 @@ def test_a_pixel_has_the_colour_from_the_first_frame_that_saw_its_point(loaded, 
     assert np.abs(together.rgb - expected)[inside].max() < 1e-6
 
 
-@pytest.mark.parametrize("engine", ["raster", "cycles"])
-def test_a_dataset_says_which_frame_colours_a_pixel(loaded, engine, tmp_path):
-    options = DatasetOptions(count=2, engine=engine)
+def test_a_dataset_says_which_frame_colours_a_pixel(loaded, tmp_path):
+    options = DatasetOptions(count=2, engine="raster")
     job = Job(loaded.case, tmp_path / "out", options, Shard(0, 1))
     dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
-    source = reference_view_of(loaded, engine)
+    source = reference_view_of(loaded, "raster")
     with ExitStack() as opened:
         alone = [
-            opened.enter_context(opened_engine(engine, ColouredSurface(source.mesh, (view,)), CAMERA))
+            opened.enter_context(opened_engine("raster", ColouredSurface(source.mesh, (view,)), CAMERA))
             for view in source.views
         ]
         for view in open_dataset(tmp_path / "out"):

@@ -37,21 +37,15 @@ def photograph(surface, camera, pose, path, samples=3) -> np.ndarray:
     return read_image(path)[0]
 
 
-@pytest.mark.parametrize(
-    ("camera", "rotation_vector"),
-    [
-        (PinholeCamera(64, 48, 340.0, 402.0, 39.3, 18.2), (0.1, -0.2, 0.3)),
-        (PinholeCamera(40, 64, 415.0, 330.0, 15.1, 37.4), (-0.2, 0.15, -0.5)),
-    ],
-)
-def test_silhouette_agrees_with_projection(tmp_path, camera, rotation_vector):
+def test_silhouette_agrees_with_projection(tmp_path):
     """A bright convex polygon far from the origin: its photograph covers the pixels that the projection says."""
     centre = np.array([60.0, -150.0, 1040.0])
     corners = centre + np.array([[-9, -7, 0], [10, -6, 1.5], [8, 7, 0], [-6, 9, -1.5]])
     bone = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
     tissue = dict.fromkeys(("drilled", "nerve", "air_cell", "mucosa", "canal_skin", "soft_tissue", "pool"), np.zeros(4))
     # front sides (+z) toward the camera
-    rotation = rotation_from_vector(np.array(rotation_vector)) @ np.diag([1.0, -1.0, -1.0])
+    camera = PinholeCamera(40, 64, 415.0, 330.0, 15.1, 37.4)
+    rotation = rotation_from_vector(np.array([-0.2, 0.15, -0.5])) @ np.diag([1.0, -1.0, -1.0])
     pose = rigid(rotation, np.array([-1.0, 1.0, 300.0]) - rotation @ centre)
     image = photograph(SampleSurface(bone, {}, tissue), camera, pose, tmp_path / "photograph.png", samples=16)
 
@@ -128,9 +122,9 @@ def test_sample_case_is_read_back_as_written(tmp_path, coarse):
 
 
 def test_the_film_shows_its_poses_and_its_faults(tmp_path, coarse):
-    camera = MICROSCOPE.resized(128, 96)
+    camera = MICROSCOPE.resized(64, 48)
     film, listed = write_sample_film(tmp_path, coarse, camera=camera)
-    entries, small = json.loads(listed.read_text()), camera.resized(64, 48)
+    entries, small = json.loads(listed.read_text()), camera.resized(32, 24)
     poses = [np.array(entry["cam_from_mesh"]) for entry in entries]
     steps = [rotation_angle_deg(b[:3, :3] @ a[:3, :3].T) for a, b in pairwise([*poses, poses[0]])]
     # no leap, also not from the last frame to the first

@@ -5,7 +5,7 @@ import io
 import pytest
 
 from oneframe import progress
-from oneframe.progress import Progress, ShareProgress, read_progress
+from oneframe.progress import ShareProgress
 
 
 class Terminal(io.StringIO):
@@ -19,17 +19,6 @@ def clock(monkeypatch):
     seconds = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: seconds[0])
     return seconds
-
-
-def test_lines_say_what_is_left(clock):
-    stream = io.StringIO()
-    with Progress(40, "views", stream=stream) as shown:
-        for _ in range(40):
-            clock[0] += 1.0
-            shown.advance()
-    lines = [read_progress(line) for line in stream.getvalue().splitlines()]
-    assert [(line.count, line.total, line.noun) for line in lines] == [(n, 40, "views") for n in (0, 10, 20, 30, 40)]
-    assert [line.left for line in lines] == ["", "30 s", "20 s", "10 s", ""]
 
 
 def test_a_share_says_what_is_left_and_nothing_of_what_is_soon_done(clock):

@@ -30,7 +30,7 @@ from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector,
 from tests.alignment.test_refinement import hills
 from tests.remembered import refinement, remembered
 
-CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)
+CAMERA = PinholeCamera(240, 180, fx=1300.0, fy=1304.0, cx=122.0, cy=87.5)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
 START = TRUE_POSE @ rigid(rotation_from_vector(np.radians([1.5, -1.0, 1.0])), np.array([1.0, -1.0, 2.0]))
 CASE = """
@@ -38,8 +38,8 @@ units = "mm"
 [frame]
 image = "frame.png"
 [camera]
-size = [320, 240]
-K = [[1734.0, 0, 163.0], [0, 1739.0, 117.0], [0, 0, 1]]
+size = [240, 180]
+K = [[1300.0, 0, 122.0], [0, 1304.0, 87.5], [0, 0, 1]]
 [surface]
 mesh = "surface.ply"
 [pose]
@@ -65,7 +65,7 @@ def case_folder(tmp_path_factory):
     (folder / "frame.png").write_bytes(encode_png(photograph(stored)))
     mirrored = np.ascontiguousarray(photograph(stored)[:, ::-1])
     (folder / "mirrored.png").write_bytes(encode_png(mirrored))
-    (folder / "flat.png").write_bytes(encode_png(np.full((240, 320, 3), 128, np.uint8)))
+    (folder / "flat.png").write_bytes(encode_png(np.full((180, 240, 3), 128, np.uint8)))
     for name, pose in (("start", START), ("true", TRUE_POSE)):
         (folder / f"{name}.toml").write_text(CASE.format(pose=pose.tolist()))
     return folder
@@ -184,12 +184,12 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
         return from_scene.cam_from_model(scene)
 
     true = TRUE_POSE @ from_scene.mesh_from_model_of(from_scene.surface_of(opened))
-    clicks_px = np.array([[40.0, 30], [280, 40], [270, 200], [50, 210], [160, 120], [100, 70]])
+    clicks_px = np.array([[30.0, 22], [210, 30], [202, 150], [38, 158], [120, 90], [75, 52]])
     rng = np.random.default_rng(3)
     points = [frame_view.surface_point_at(opened, pixel) for pixel in clicks_px]
     pixels = CAMERA.project(transform_points(true, np.array(points))) + rng.normal(0, 2, clicks_px.shape)
     for point, pixel in zip(points, pixels, strict=True):
-        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [319, 239]))
+        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [239, 179]))
     by_landmarks, of_landmarks = current(opened), uncertainty_px(opened)
     assert any("6 correspondences" in line for line in evidence_of(opened))
     assert solve.pulls(opened) == {"landmarks": None}
@@ -217,7 +217,7 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
         assert "image" in solve.solution(opened).alignment.kinds, count
     assert np.array_equal(current(opened), refined)
     for point, pixel in zip(points[:2], pixels[:2], strict=True):
-        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [319, 239]))
+        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [239, 179]))
     # moved by hand: no figure holds any more
     bpy.ops.oneframe.nudge(axis="x")
     assert uncertainty_px(opened) is None
@@ -309,8 +309,8 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
 
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
     assert pose_record(opened)["method"] == "manual"
-    point = frame_view.surface_point_at(opened, np.array([100.0, 70.0]))
-    bpy.ops.oneframe.landmark_pin(point=point, pixel=(110.0, 75.0))
+    point = frame_view.surface_point_at(opened, np.array([75.0, 52.0]))
+    bpy.ops.oneframe.landmark_pin(point=point, pixel=(85.0, 57.0))
     pulled = pose_record(opened)
     assert (pulled["method"], pulled["pairs"]) == ("pins", 1)
     assert pulled["rms_px"] < 0.02

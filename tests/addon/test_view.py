@@ -76,8 +76,7 @@ def drawn(surface, projection, crease_deg=None):
     picture.draw(projection, surface, crease_deg)
     shape = (projection.height, projection.width, 4)
     return tuple(
-        np.array(texture.read().to_list(), float).reshape(shape)[::-1] / 255
-        for texture in (picture.picture, picture.lines)
+        np.array(texture.read(), float).reshape(shape)[::-1] / 255 for texture in (picture.picture, picture.lines)
     )
 
 
@@ -171,7 +170,7 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     with buffer.bind():
         composite = Composite("FRAME", seen, frame_image_of(scene), picture, contour=False, target_encodes=False)
         composite.draw(scene.oneframe_view, (0, 0), (width, height))
-    shown = np.array(target.read().to_list(), float).reshape(height, width, 4)[::-1, :, :3]
+    shown = np.array(target.read(), float).reshape(height, width, 4)[::-1, :, :3]
     # the outermost pixels are mixed with the opposite border by some cards' anisotropic filters
     np.testing.assert_allclose(shown[1:-1, 1:-1], image[1:-1, 1:-1] * 255, atol=1.01)
 
@@ -239,7 +238,7 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     def alpha():
         picture.draw(projection, plate, None)
         shape = (projection.height, projection.width, 4)
-        return np.array(picture.structures.read().to_list(), float).reshape(shape)[::-1] / 255
+        return np.array(picture.structures.read(), float).reshape(shape)[::-1] / 255
 
     found = alpha()
     edge = CAMERA.project(np.array([[0.0, -0.5, 140.0]]))[0, 0]

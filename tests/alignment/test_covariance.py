@@ -78,19 +78,18 @@ def test_the_region_grows_with_its_level_and_ends_where_it_says():
 # --- the weakest direction -------------------------------------------------------------------------------------------
 
 NAMES = (
-    ("shift to the left or right ± 2.1 mm", 2.1),
-    ("shift up or down ± 2.1 mm", 2.1),
-    ("depth along the view ray ± 2.1 mm", 2.1),
-    ("pitch about the image's horizontal axis ± 12°", np.radians(12.0)),
-    ("yaw about the image's vertical axis ± 12°", np.radians(12.0)),
-    ("roll about the view ray ± 12°", np.radians(12.0)),
+    "shift to the left or right ± 2.1 mm",
+    "shift up or down ± 2.1 mm",
+    "depth along the view ray ± 2.1 mm",
+    "pitch about the image's horizontal axis ± 12°",
+    "yaw about the image's vertical axis ± 12°",
+    "roll about the view ray ± 12°",
 )
 
 
-@pytest.mark.parametrize("number", range(6))
-def test_the_weakest_direction_is_named_with_its_size(number):
-    name, deviation = NAMES[number]
-    deviations = np.array([1.0, 1, 1, 0.1, 0.1, 0.1])
+@pytest.mark.parametrize(("number", "name"), enumerate(NAMES))
+def test_the_weakest_direction_is_named_with_its_size(number, name):
+    deviation, deviations = (2.1, np.radians(12.0))[number // 3], np.array([1.0, 1, 1, 0.1, 0.1, 0.1])
     deviations[number] = deviation
     found = uncertainty(np.diag(deviations**2))
     assert found.weakest == name
@@ -141,7 +140,7 @@ def test_pixel_covariances_are_the_scatter_of_the_pixels():
 # --- a wrong stated noise --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("numerator", "dof", "prior"), [(6, 2, 0.5), (6, 6, 0.5), (2, 2, 0.5), (6, 10, 3.0)])
+@pytest.mark.parametrize(("numerator", "dof", "prior"), [(6, 2, 0.5), (2, 2, 0.5), (6, 10, 3.0)])
 def test_the_pooled_ratio_against_draws(numerator, dof, prior):
     rng, draws = np.random.default_rng(numerator + dof), 200_000
     pooled = (prior + rng.chisquare(dof, draws)) / (prior + dof)
@@ -155,7 +154,6 @@ def test_the_pooled_ratio_against_draws(numerator, dof, prior):
     ("pairs", "worse", "least", "most"),
     [
         (4, 1, 0.947, 0.953),
-        (6, 1, 0.947, 0.953),
         (10, 1, 0.947, 0.953),
         # clicks twice as bad: as near to 95 % as 2, 6 and 14 degrees of freedom allow
         (4, 2, 0.83, 0.953),

@@ -43,10 +43,6 @@ def solved(landmarks, image=None, sigma_px=2.0):
     return pose_posterior(landmarks, MICROSCOPE, image, click_sigma_px=sigma_px).estimate
 
 
-def close(pose):
-    return pytest.approx(pose, abs=1e-6)
-
-
 def test_degrees_of_freedom_add_where_covariances_do():
     assert joint_dof(np.full((2, 6), 0.5), [6.0, 6.0]) == 12.0
     assert joint_dof(np.array([[1.0, 0.0], [0.0, 1.0]]), [3.0, 6.0]) == pytest.approx(4.0)
@@ -107,7 +103,7 @@ def test_what_contradicts_is_left_out_the_image_or_a_landmark():
     missed = replace(landmarks[1], pixel=(u + 200, v))
     found = solved([landmarks[0], missed], image)
     assert found.inliers.tolist() == [True, False]
-    assert found.cam_from_model == close(solved(landmarks[:1], image).cam_from_model)
+    assert found.cam_from_model == pytest.approx(solved(landmarks[:1], image).cam_from_model, abs=1e-6)
 
 
 def test_the_image_decides_between_poses_that_fit_the_landmarks():

@@ -85,7 +85,7 @@ def test_exact_pairs_give_the_exact_pose(seed, count, focal_px, thickness):
     assert best[:3, :3] @ best[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
 
 
-@settings(max_examples=10)
+@settings(max_examples=8)
 @given(st.integers(0, 2**32 - 1), st.integers(5, 20), st.sampled_from([MICROSCOPE, WIDE]), st.booleans())
 def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, camera, wrong):
     rng = np.random.default_rng(seed)
@@ -117,8 +117,6 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
     assert moved.uncertainty.covariance == pytest.approx(one.uncertainty.covariance, rel=1e-3, abs=1e-9)
     assert one.messages == moved.messages
     assert sorted(shuffled.messages) == sorted(one.messages)
-    again = solved(points, pixels, names)
-    assert np.array_equal(again.cam_from_model, one.cam_from_model)
 
 
 # --- wrong pairs -----------------------------------------------------------------------------------------------------
@@ -127,7 +125,7 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
 @pytest.mark.parametrize(("count", "wrong", "shift_px"), [(6, 1, 60), (20, 8, 150)])
 def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
     rng = np.random.default_rng(count)
-    exact, trials = 0, 8
+    exact, trials = 0, 6
     for _ in range(trials):
         trial = box_trial(rng, count, 2.0)
         bad = rng.choice(count, wrong, replace=False)
@@ -220,7 +218,7 @@ def test_nearly_collinear_points_are_recognised_by_the_click_noise():
     assert solve_pose(points, exact, MICROSCOPE, click_sigma_px=0.01).inliers.all()
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 # a covariance that is singular in double precision
 @example(7, 7, 60.0, 1e-2, "line", 50.0)
 @given(
@@ -267,10 +265,10 @@ def test_any_pairs_are_solved_or_refused(seed, count, focal_px, extent, kind, si
 # --- accuracy --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("count", "rotation_deg", "mesh_px"), [(4, 0.60, 3.2), (10, 0.26, 1.5)])
-def test_noisy_clicks_give_the_accuracy_that_they_can(count, rotation_deg, mesh_px):
+def test_noisy_clicks_give_the_accuracy_that_they_can():
     """A short run of `benchmark.py landmarks`; the slack is that of a median over so few trials."""
-    rng, trials = np.random.default_rng(count), 50
+    count, rotation_deg, mesh_px, trials = 4, 0.60, 3.2, 50
+    rng = np.random.default_rng(count)
     ours, peers = run_trials(lambda: box_trial(rng, count, 2.0), trials)
     slack = 1 + 2.5 / np.sqrt(trials)
     for accepted in (True, False):

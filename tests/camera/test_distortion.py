@@ -47,14 +47,6 @@ def test_inside_is_where_opencv_finds_content():
     assert np.count_nonzero(inside != expected) < 10
 
 
-def test_zero_distortion_is_the_identity(rng):
-    image = rng.random((CAMERA.height, CAMERA.width, 3)).astype(np.float32)
-    undistorted, inside = undistort(image, CAMERA, Distortion(0, 0, 0, 0, 0))
-    assert np.abs(undistorted - image).max() < 1e-6
-    assert inside.all()
-    assert checked_distortion([0, 0, 0, 0, 0], CAMERA, "K") is None
-
-
 @given(coefficients)
 def test_accepted_distortions_can_be_inverted(values):
     """A distortion that is not refused is one to one: OpenCV's iterative inverse recovers every pixel."""

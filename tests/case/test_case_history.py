@@ -24,7 +24,7 @@ def posed(case, number, record):
 
 
 @pytest.mark.parametrize("save", [update_case, write_case])
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(st.lists(st.tuples(st.integers(0, 9), st.sampled_from(RECORDS)), min_size=1, max_size=12))
 def test_poses_that_are_replaced_are_kept_the_latest_first(write_tiny_case, tmp_path_factory, save, poses):
     path = write_tiny_case(tmp_path_factory.mktemp("case"))

@@ -63,7 +63,7 @@ def section_in(block):
     return re.search(r"^\[+(\w+)", block, re.MULTILINE)[1]
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(data=st.data())
 def test_only_what_has_changed_is_rewritten(data, tmp_path_factory):
     folder = tmp_path_factory.getbasetemp()

@@ -96,8 +96,6 @@ def test_the_command_line_may_resolve_a_conflict_in_the_table():
     ("values", "message"),
     [
         ({"count": 0}, "count: expected 1 to 1e\\+07, found 0"),
-        ({"cone_deg": float("nan")}, "cone_deg: expected a number, found nan"),
-        ({"video": 1}, "video: expected true or false, found 1"),
         ({"conut": 7}, "unknown option 'conut'; did you mean 'count'\\?"),
         ({"engine": "cycle"}, "found 'cycle'; did you mean 'cycles'\\?"),
         ({"distance_min": 1.2}, "expected distance_min <= distance_max, found 1.2 > 1.1; swap them"),
@@ -126,12 +124,8 @@ def test_shards_part_the_views(total, count, per_scene):
     assert max(sizes) - min(sizes) <= 2 * unit - (unit == 1)
 
 
-def test_shard_as_text():
-    assert parse_shard("0/1") == Shard(0, 1)
+def test_a_shard_is_one_of_several():
     assert parse_shard("3/50") == Shard(3, 50)
-
-
-@pytest.mark.parametrize("text", ["1", "4/4", "-1/4", "a/b"])
-def test_bad_shards_are_refused(text):
-    with pytest.raises(InputError, match="--shard: expected I/N"):
-        parse_shard(text)
+    for text in ("1", "4/4", "-1/4", "a/b"):
+        with pytest.raises(InputError, match="--shard: expected I/N"):
+            parse_shard(text)

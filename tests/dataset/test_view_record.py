@@ -60,11 +60,11 @@ def test_whatever_is_left_of_a_record_is_no_view(tmp_path):
 
     whole, rng = paths.file("frame").read_bytes(), np.random.default_rng(3)
     assert finished() == {7}
-    for cut in range(0, len(whole), 5):
+    for cut in range(0, len(whole), 11):
         for data in (whole[:cut], whole[:cut] + bytes(len(whole) - cut)):
             paths.file("frame").write_bytes(data)
             assert finished() == set()
-    for _ in range(200):
+    for _ in range(80):
         first, last = sorted(rng.integers(0, len(whole) + 1, 2))
         data = whole[:first] + rng.bytes(last - first) + whole[last:]
         paths.file("frame").write_bytes(data)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.evaluation.baseline import projected_colours, pyvista_renderer
+from oneframe.evaluation.baseline import pyvista_renderer
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.transforms import rigid, rotation_from_vector
 
@@ -24,13 +24,3 @@ def test_pyvista_renders_the_same_view(bumpy_mesh, frontal_pose):
     outline = np.count_nonzero(expected[:, 1:] != expected[:, :-1]) + np.count_nonzero(expected[1:] != expected[:-1])
     # a tenth of a pixel along the outline
     assert np.count_nonzero(covered != expected) < 0.1 * outline
-
-
-def test_beyond_the_frame_is_black_or_the_colour_of_its_border(bumpy_mesh, frontal_pose):
-    narrow = PinholeCamera(64, 48, 3190.0, 3190.0, 31.5, 23.5)
-    image = np.full((48, 64, 3), 0.5, np.float32)
-    black, clamped = (
-        projected_colours(bumpy_mesh, image, narrow, frontal_pose, clamped=clamped) for clamped in (False, True)
-    )
-    assert clamped == pytest.approx(0.5)
-    assert 0 < np.count_nonzero(black.any(axis=1)) < len(black)

@@ -48,19 +48,6 @@ def test_kid_is_that_of_a_double_loop(rng):
     assert found.standard_error == pytest.approx(np.sqrt(8 / 9 * ((left_out - np.mean(left_out)) ** 2).sum()), rel=1e-8)
 
 
-def test_kid_is_unbiased_and_its_standard_error_never_too_small(rng):
-    def draws(shift: float) -> tuple[np.ndarray, np.ndarray]:
-        found = [kernel_distance(features(rng, 25, 8), features(rng, 25, 8, shift)) for _ in range(400)]
-        return np.array([each.kid for each in found]), np.array([each.standard_error for each in found])
-
-    values, errors = draws(1.0)
-    assert np.sqrt((errors**2).mean()) == pytest.approx(values.std(), rel=0.15)
-    values, errors = draws(0.0)
-    assert abs(values.mean()) < 3.5 * values.std() / np.sqrt(len(values))
-    # only pairs of images vary then, and a jackknife counts their variance twice
-    assert np.sqrt((errors**2).mean()) == pytest.approx(np.sqrt(2) * values.std(), rel=0.2)
-
-
 # --- a network as an ONNX file, by hand: fields of protocol buffers, as onnx.proto numbers them ---
 
 

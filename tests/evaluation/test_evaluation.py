@@ -107,7 +107,7 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch)
     listed = json.loads((sample / "held_out.json").read_text())[:3]
     listed[0]["cam_from_mesh"] = (np.eye(4, k=3) * 1e4 + np.array(listed[0]["cam_from_mesh"])).tolist()
     (sample / "three.json").write_text(json.dumps(listed))
-    pairs, methods = [(sample / "case.toml", sample / "three.json")] * 2, ("projective-raster", "vertex-raster")
+    pairs, methods = [(sample / "case.toml", sample / "three.json")], ("projective-raster", "vertex-raster")
     scored = []
 
     def counted(*arguments):

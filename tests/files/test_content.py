@@ -127,12 +127,12 @@ def test_what_a_killed_process_has_left_goes_and_what_a_living_one_writes_stays(
     process = subprocess.Popen([sys.executable, "-c", cleaner, str(tmp_path)], stdout=subprocess.PIPE)
     process.stdout.readline()
     try:
-        for number in range(300):
+        for number in range(100):
             write_bytes_atomically(target, str(number).encode())
     finally:
         process.kill()
         process.wait()
-    assert target.read_bytes() == b"299"
+    assert target.read_bytes() == b"99"
 
 
 def test_names_of_content(tmp_path):

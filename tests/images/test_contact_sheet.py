@@ -6,7 +6,7 @@ import pytest
 from oneframe.images.contact_sheet import downscaled
 
 
-@pytest.mark.parametrize("width", [1, 7, 12, 35])
+@pytest.mark.parametrize("width", [1, 35])
 def test_reduced_pixels_are_the_means_of_their_areas(rng, width):
     image = rng.random((84, 36, 3), dtype=np.float32)
     small = downscaled(image, width)

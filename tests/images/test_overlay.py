@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.images.layer_stack import Layer, LayerStack, SurfaceLayer
-from oneframe.images.legend import Entry, bar_panel, legend_panel, put, scale_bar
+from oneframe.images.legend import bar_panel, scale_bar
 from oneframe.images.mask_outline import outlines
 from oneframe.images.overlay import DASH_PX, GAP_PX, SMOOTHING_PX, draw_overlay, hidden_opacity, outline_segments
-from oneframe.images.strokes import coverage, line_distance
 
 SHAPE = 240, 320
 NO_LINES = np.zeros((0, 2, 2))
@@ -48,23 +47,6 @@ def test_outlines_follow_a_disc_and_its_hole(x, y, radius, hole, at):
         tops = curve.points[curve.outer[:, 1] < curve.inner[:, 1]]
         assert curve.points[0, 1] <= tops[:, 1].min() + 1
         assert curve.lengths.max() < 2
-
-
-def test_a_line_covers_its_width_and_no_more():
-    segment = np.array([[[20.3, 30.8], [190.7, 101.2]]])
-    at, distance = line_distance(segment, SHAPE, 6.0)
-    (x0, y0), (x1, y1) = segment[0]
-    along = np.array([x1 - x0, y1 - y0])
-    for width in (1.6, 3.0, 5.5):
-        covered = np.zeros(SHAPE).ravel()
-        covered[at] = coverage(distance, width)
-        # a capsule's area
-        expected = width * np.hypot(*along) + np.pi * width**2 / 4
-        assert covered.sum() == pytest.approx(expected, rel=0.02)
-    v, u = np.divmod(at, SHAPE[1])
-    t = np.clip(((u - x0) * along[0] + (v - y0) * along[1]) / (along @ along), 0, 1)
-    expected = np.hypot(u - x0 - t * along[0], v - y0 - t * along[1])
-    np.testing.assert_allclose(distance, expected, atol=1e-4)
 
 
 @given(angle=st.floats(0, 2 * np.pi), offset=st.floats(-30, 30))
@@ -168,17 +150,3 @@ def test_the_scale_bar_is_as_long_as_it_says(px_per_mm, width, height):
     row = panel[..., 0] * panel[..., 3]
     drawn = row[row.max(axis=1).argmax()].sum() / row.max()
     assert drawn == pytest.approx(bar.length_px, abs=0.5)
-
-
-@pytest.mark.parametrize("shape", [(360, 480), (1080, 1920), (1920, 1080), (2160, 3840)])
-def test_panels_fit_into_the_image(shape):
-    entries = [Entry(MAGENTA, "facial nerve " * 4, "visible", False), Entry((0.0, 1.0, 1.0), "incus", "hidden", True)]
-    legend = legend_panel(entries, block_letters, shape)
-    assert legend.shape[1] <= 0.65 * shape[1]
-    assert legend.shape[0] <= 0.65 * shape[0]
-    assert legend_panel(entries, block_letters, (48, 64)) is None
-    image = np.zeros((*shape, 3), np.uint8)
-    put(image, legend, (True, True))
-    assert (image > 0).any()
-    # magenta, pure, at the swatch
-    assert ((image[..., 0] > 150) & (image[..., 1] < 60) & (image[..., 2] > 150)).any()

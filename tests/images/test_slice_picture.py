@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from oneframe.images.slice_picture import BACKGROUND, GAP_PX, INK, Contour, Slice, slice_picture
+from oneframe.images.slice_picture import GAP_PX, INK, Contour, Slice, slice_picture
 
 GREEN = (0.0, 1.0, 0.0)
 
@@ -46,12 +46,3 @@ def test_bar_has_a_round_length_and_letters_stand_at_their_sides():
     for box in (np.s_[80:120, :20], np.s_[80:120, -20:], np.s_[:20, 190:210], np.s_[-20:, 190:210], np.s_[:20, :150]):
         # letters, and not a block
         assert 10 < light[box].sum() < 0.5 * light[box].size
-
-
-def test_panels_of_all_sizes_fit_into_one_picture():
-    small = Slice("SAGITTAL", np.ones((3, 2)), 1.0, "APSI")
-    large = Slice("CORONAL", np.ones((50, 40)), 1e-3, "RLSI")
-    picture = slice_picture([small, large])
-    assert picture.shape == (50 + 2 * GAP_PX, 42 + 3 * GAP_PX, 3)
-    assert picture[0, 0, 0] == np.float32(BACKGROUND)
-    assert np.isfinite(picture).all()

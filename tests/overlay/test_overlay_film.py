@@ -20,7 +20,7 @@ from tests.video.difficult_films import with_uneven_times
 from tests.video.surgical_film import write_film
 
 CAMERA = PinholeCamera(320, 240, fx=1600.0, fy=1590.0, cx=161.2, cy=118.4)
-FRAMES = 14
+FRAMES = 10
 
 
 @pytest.fixture
@@ -42,10 +42,10 @@ def film_frames() -> list[np.ndarray]:
 
 def film_poses(frontal_pose: np.ndarray) -> list[np.ndarray | None]:
     poses: list[np.ndarray | None] = [
-        rigid(translation=np.array([k - 7.0, 0.3 * k, 0])) @ frontal_pose for k in range(FRAMES)
+        rigid(translation=np.array([k - 5.0, 0.3 * k, 0])) @ frontal_pose for k in range(FRAMES)
     ]
     poses[3] = None
-    poses[9] = rigid(translation=np.array([900.0, 0, 0])) @ frontal_pose
+    poses[6] = rigid(translation=np.array([900.0, 0, 0])) @ frontal_pose
     return poses
 
 

@@ -114,8 +114,9 @@ def some_poses(count=5):
     return np.stack([rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 90) for _ in range(count)])
 
 
-@pytest.mark.parametrize("dtype", ["<f8", "<f4", ">f8", "<i4"])
-@pytest.mark.parametrize("key", ["cam_from_mesh", "cam_from_model", None])
+@pytest.mark.parametrize(
+    ("dtype", "key"), [("<f8", "cam_from_mesh"), ("<f4", "cam_from_model"), (">f8", None), ("<i4", None)]
+)
 def test_json_and_npy_of_any_number_type_give_the_same_poses(tmp_path, dtype, key):
     poses = some_poses().astype(dtype)
     if dtype == "<i4":

@@ -22,8 +22,8 @@ CAMERA = PinholeCamera(401, 301, fx=1210.0, fy=1190.0, cx=195.3, cy=148.8)
 
 
 def sphere(centre: tuple[float, float, float], radius: float) -> TriangleMesh:
-    """80,000 faces, fronts outside."""
-    ball = trimesh.creation.icosphere(subdivisions=6, radius=radius)
+    """20,000 faces, fronts outside."""
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
     return TriangleMesh(np.array(centre) + ball.vertices, ball.faces.astype(np.int32))
 
 
@@ -101,22 +101,6 @@ def test_the_outline_of_a_visible_structure_is_its_silhouette(frontal_pose):
     distance = np.sqrt(((points[:, None] - border[None]) ** 2).sum(axis=2))
     assert distance.min(axis=1).max() < 1
     assert distance.min(axis=0).max() < 1.5
-
-
-def test_a_tube_is_shaded_like_a_tube(frontal_pose):
-    """Bright along its middle, darker towards both sides: the cosine of a cylinder."""
-    nerve = tube(np.array([[-40.0, 0, 0], [-10, 0, 0], [10, 0, 0], [40, 0, 0]]), 6.0, sides=64)
-    layer = structure_layer(Solid.of(nerve), (1.0, 0.0, 1.0), CAMERA, frontal_pose)
-    column = layer.shade[:, 200 - layer.corner[0]]
-    rows = np.flatnonzero(layer.depth_mm[:, 200 - layer.corner[0]])
-    across = (rows - rows.mean()) / (len(rows) / 2)
-    np.testing.assert_allclose(column[rows], np.sqrt(np.clip(1 - across**2, 0, 1)), atol=0.12)
-    # the window holds the whole structure
-    whole = depth_of(nerve, frontal_pose)
-    placed = np.zeros_like(whole)
-    (x, y), (h, w) = layer.corner, layer.depth_mm.shape
-    placed[y : y + h, x : x + w] = layer.depth_mm
-    np.testing.assert_allclose(placed, whole, rtol=1e-5)
 
 
 def test_structures_outside_have_no_layer_but_a_place(frontal_pose):

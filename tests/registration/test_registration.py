@@ -105,7 +105,7 @@ def everywhere() -> np.ndarray:
     return np.ones(CAMERA.shape_hw, bool)
 
 
-@pytest.mark.parametrize(("tilt", "roll", "nearer"), [(0, 180, 1.0), (20, 40, 1.1), (-35, -100, 0.9)])
+@pytest.mark.parametrize(("tilt", "roll", "nearer"), [(0, 180, 1.0), (-35, -100, 0.9)])
 def test_a_frame_is_registered_from_nothing(registrar, mesh, tilt, roll, nearer):
     true = seen_from(tilt, roll, nearer)
     image = np.clip(0.6 * photograph(mesh, true) ** 1.5, 0, 1)
@@ -361,23 +361,26 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     poses = [seen_from(tilt, roll) for tilt, roll in ((4, 0), (8, 5), (12, 10))]
     folder = tmp_path / "frames"
     folder.mkdir()
-    writer = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, CAMERA.size_wh)
-    for number, pose in enumerate(poses):
-        (folder / f"{number}.png").write_bytes(encoded(mesh, pose))
-        writer.write(np.rint(255 * photograph(mesh, pose)).astype(np.uint8))
-    writer.release()
+    images = [np.rint(255 * photograph(mesh, pose)).astype(np.uint8) for pose in poses]
+    for number, image in enumerate(images):
+        (folder / f"{number}.png").write_bytes(encode_png(image))
+    parts = [write_images(tmp_path / "part.h264", part).read_bytes() for part in (images, [images[0][::2, ::2]])]
+    (tmp_path / "film.h264").write_bytes(b"".join(parts))
     unusable = {"v empty": b"", "w cut off": encoded(mesh, SOURCE)[:5000]}
     unusable["x wide"] = encode_png(np.zeros((240, 640, 3), np.uint8))
     for name, content in unusable.items():
         (folder / f"{name}.png").write_bytes(content)
     write_case(tmp_path, mesh, SOURCE)
-    for name, states in (("frames", [ACCEPTED] * 3 + [REFUSED] * 3), ("film.avi", [ACCEPTED] * 3)):
+    for name, options, reasons in (
+        ("frames", (), ("an empty file", "cut off", "expected the proportions")),
+        ("film.h264", ("--colour-frames", "1", "--denoise"), ("it has 160x120 px, the film's first frame 320x240",)),
+    ):
         out = tmp_path / f"registered_{name}"
-        found = registered(tmp_path, name, out, *(["--colour-frames", "1", "--denoise"] if name == "film.avi" else []))
-        assert [entry["state"] for entry in found] == states
+        found = registered(tmp_path, name, out, *options)
+        assert [entry["state"] for entry in found] == [ACCEPTED] * 3 + [REFUSED] * len(reasons)
         for entry, true in zip(found, poses, strict=False):
             assert rotation_angle_deg(np.array(entry["cam_from_mesh"])[:3, :3] @ true[:3, :3].T) < 0.5
-        for entry, words in zip(found[3:], ("an empty file", "cut off", "expected the proportions"), strict=False):
+        for entry, words in zip(found[3:], reasons, strict=True):
             assert words in entry["reason"]
             assert ".png" not in entry["reason"]
         lines = (out / "bop_estimates.csv").read_text().splitlines()
@@ -388,7 +391,7 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
             pose = np.c_[np.reshape([*map(float, rotation.split())], (3, 3)), [*map(float, position.split())]]
             assert int(im_id) == entry["frame"]
             assert pose == pytest.approx(np.array(entry["cam_from_mesh"])[:3], rel=1e-6, abs=1e-6)
-        assert (out / "overlay.mp4").exists() == (name == "film.avi")
+        assert (out / "overlay.mp4").exists() == (name == "film.h264")
         assert b"refused" in (out / "registration.html").read_bytes()
     # what was not registered is left out of a list of photographs
     listed, messages = read_photographs(tmp_path / "registered_frames" / "poses.json", read_case(out / "case.toml"))
@@ -403,24 +406,6 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     with pytest.raises(InputError, match=r"v empty\.png: .* empty.*; nor can any other frame be used"):
         registered(tmp_path, "frames", tmp_path / "none")
     assert not (tmp_path / "none").exists()
-
-
-@pytest.mark.usefixtures("near_views")
-def test_of_a_film_other_sizes_are_refused_and_its_end_is_missed(mesh, tmp_path, capfd):
-    write_case(tmp_path, mesh, SOURCE)
-    image = np.rint(255 * photograph(mesh, seen_from(4, 0))).astype(np.uint8)
-    film = write_images(tmp_path / "cut.mkv", [image] * 20)
-    film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
-    registered(tmp_path, film.name, tmp_path / "cut", "--every", "9")
-    assert "note: the file is cut off: it ends " in capfd.readouterr().out
-    assert b"The video&#x27;s file is cut off" in (tmp_path / "cut" / "registration.html").read_bytes()
-
-    stills = {"whole": [image], "half": [cv2.resize(image, (160, 120))]}
-    parts = {name: write_images(tmp_path / f"{name}.h264", images).read_bytes() for name, images in stills.items()}
-    (tmp_path / "film.h264").write_bytes(parts["whole"] + parts["half"] + parts["whole"])
-    found = registered(tmp_path, "film.h264", tmp_path / "out")
-    assert [entry["state"] for entry in found] == [ACCEPTED, REFUSED, ACCEPTED]
-    assert found[1]["reason"] == "it has 160x120 px, the film's first frame 320x240"
 
 
 @pytest.mark.usefixtures("near_views")
@@ -447,7 +432,7 @@ def test_the_command_corrects_source_and_focal_length(mesh, tmp_path):
     write_case(tmp_path, mesh, farther)
     text = (tmp_path / "case.toml").read_text()
     (tmp_path / "case.toml").write_text(text.replace(str(CAMERA.k.tolist()), str(CAMERA.zoomed(factor).k.tolist())))
-    poses = [seen_from(tilt, roll) for tilt, roll in ((28, 0), (-28, 30), (25, 90), (-28, -60), (25, 180), (20, -130))]
+    poses = [seen_from(tilt, roll) for tilt, roll in ((28, 0), (-28, 30), (25, 90), (25, 180))]
     (tmp_path / "frames").mkdir()
     for number, pose in enumerate(poses):
         (tmp_path / "frames" / f"{number}.png").write_bytes(encoded(mesh, pose))

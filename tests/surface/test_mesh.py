@@ -50,15 +50,13 @@ def test_a_cube_shows_its_front_on_the_sides_that_a_viewpoint_is_beyond(viewpoin
     assert cube.flipped().front_facing(np.array(viewpoint)).tolist() == (~shown).tolist()
 
 
-@pytest.mark.parametrize("shape", ["ball", "sphere", "needle", "Reuleaux"])
+@pytest.mark.parametrize("shape", ["sphere", "Reuleaux"])
 def test_diameter_of_many_points(shape):
     rng = np.random.default_rng(5)
     points = rng.normal(size=(1500, 3))
     if shape == "sphere":  # every point is a candidate
         points /= np.linalg.norm(points, axis=1, keepdims=True)
-    elif shape == "needle":
-        points *= [100, 1e-3, 1e-3]
-    elif shape == "Reuleaux":  # the centre of the box is not the centre of the widest pair
+    else:  # the centre of the box is not the centre of the widest pair
         corner = np.array([[0, 0], [1, 0], [0.5, np.sqrt(3) / 2]])[rng.integers(3, size=1500)]
         angle = rng.uniform(0, 2 * np.pi, 1500)
         points = np.column_stack([corner + 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]), 0 * angle])
@@ -84,17 +82,6 @@ def test_measures_of_a_moved_turned_scaled_cube(rotation_vector, offset, factor)
     outward = mesh.vertices - mesh.vertices.mean(axis=0)
     assert ((outward * mesh.vertex_normals).sum(axis=1) > 0).all()
     assert np.allclose((outward[mesh.faces[:, 0]] * mesh.face_normals).sum(axis=1), factor / 2)
-
-
-@given(lattices, st.integers(0, 2))
-def test_bounds_radius_and_edges_do_not_depend_on_the_order(points, shift):
-    faces = np.arange(len(points) * 3).reshape(-1, 3) * 7 % len(points)
-    mesh = TriangleMesh(points, faces)
-    other = TriangleMesh(points[::-1], len(points) - 1 - np.roll(faces, shift, axis=1))
-    assert np.array_equal(mesh.bounds, other.bounds)
-    assert mesh.radius == other.radius == max(np.linalg.norm(point) for point in points)
-    assert mesh.median_edge == other.median_edge
-    assert ((mesh.bounds[0] <= points) & (points <= mesh.bounds[1])).all()
 
 
 def test_vertex_normals_of_a_sphere_are_radial():

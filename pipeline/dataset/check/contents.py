@@ -50,7 +50,11 @@ def check_sums(root: Path, description: Description, findings: Findings, *, hash
         return 0
     for number in range(scene_count(description.count)):
         folder = scene_folder(number)
-        if (root / folder / "frame").is_dir() and records_hash(root / folder) != sums.records.get(folder):
+        try:
+            changed = (root / folder / "frame").is_dir() and records_hash(root / folder) != sums.records.get(folder)
+        except OSError:  # such as a folder in the place of a record
+            changed = True
+        if changed:
             findings.add(
                 DAMAGED, f"{folder}/frame: the records do not have the sha256 in {CHECKSUMS}: one was changed or lost"
             )

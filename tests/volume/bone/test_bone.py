@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import label
 
@@ -76,6 +76,7 @@ def test_crumbs_that_the_drill_cuts_off_are_washed_away():
     assert not left[:, :, 26:].any()
 
 
+@settings(max_examples=8)
 @given(st.permutations(range(3)), st.tuples(*[st.sampled_from((1, -1))] * 3))
 def test_couch_that_touches_the_skull_goes_in_any_order_of_the_axes(order, flips):
     # patient: x to the left, y to the back, z to the head; 4 mm voxels, a couch with a hollow

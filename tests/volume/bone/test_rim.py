@@ -1,8 +1,7 @@
 """The rim of a drilled surface, against the crease of a ball and a capsule in closed form."""
 
 import numpy as np
-import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.surface.deviation import deviation
@@ -50,9 +49,8 @@ def drilled_ball(seed: int, noise_hu: float) -> tuple[Isosurface, RemovedField, 
     return surface, removed, grid
 
 
-@pytest.mark.parametrize("noise_hu", [0, 35])
-def test_rim_is_the_crease_of_ball_and_burr(noise_hu):
-    surface, removed, grid = drilled_ball(1, noise_hu)
+def test_rim_is_the_crease_of_ball_and_burr():
+    surface, removed, grid = drilled_ball(1, noise_hu=35)
     sharp = with_sharp_rim(surface, removed, grid)
     assert is_closed(sharp.mesh)
     count = len(surface.mesh.vertices)
@@ -75,6 +73,7 @@ def test_rim_is_the_crease_of_ball_and_burr(noise_hu):
     assert burr(made).min() > -2 * bound
 
 
+@settings(max_examples=12)
 @given(st.integers(0, 2**32 - 1))
 def test_rim_of_noise_stays_closed_and_near_its_faces(seed):
     rng = np.random.default_rng(seed)
@@ -87,11 +86,3 @@ def test_rim_of_noise_stays_closed_and_near_its_faces(seed):
     assert np.isfinite(sharp.mesh.vertices).all()
     if len(sharp.mesh.vertices) > len(surface.mesh.vertices):
         assert deviation(sharp.mesh.vertices, surface.mesh).max() < 2.1
-
-
-def test_surface_without_a_rim_is_the_same():
-    values = np.zeros((6, 6, 6))
-    values[2:4, 2:4, 2:4] = 1
-    grid = VoxelGrid((6, 6, 6), np.eye(4))
-    surface = isosurface(values, 0.5, grid)
-    assert with_sharp_rim(surface, RemovedField(np.zeros(3, int), np.ones((2, 2, 2), np.float32)), grid) is surface

@@ -35,11 +35,6 @@ def _random_field(seed: int, size: int = 18) -> TriangleMesh:
     return _mesh(vertices * 0.2 + (0, 0, 1000), faces)
 
 
-def _box(size_mm: tuple[float, float, float], centre: tuple[float, float, float]) -> trimesh.Trimesh:
-    box = trimesh.creation.box(size_mm).subdivide_to_size(0.5)
-    return box.apply_translation(centre)
-
-
 def _excess(points: np.ndarray, mesh: TriangleMesh, tolerance: float) -> float:
     """How much farther than the tolerance the farthest point lies, measured from samples all over the mesh."""
     side = tolerance / 2
@@ -59,46 +54,21 @@ def _check(mesh: TriangleMesh, reduced: TriangleMesh, tolerance: float) -> None:
     assert len(np.unique(reduced.faces)) == len(reduced.vertices)
 
 
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(st.integers(0, 10**6), st.floats(0.15, 0.5), st.sampled_from([_bumpy_sphere, _random_field]))
 def test_within_tolerance_both_ways_and_closed(seed: int, tolerance: float, shape) -> None:
     mesh = shape(seed)
     _check(mesh, simplified(mesh, tolerance), tolerance)
 
 
-def test_a_torus_keeps_its_hole_and_its_volume_and_loses_most_faces() -> None:
-    torus = trimesh.creation.torus(8, 3, major_sections=96, minor_sections=48)
-    reduced = simplified(_mesh(torus.vertices, torus.faces), 0.1)
-    theirs = trimesh.Trimesh(reduced.vertices, reduced.faces)
-    assert len(reduced.faces) < len(torus.faces) / 5
-    assert theirs.euler_number == 0
-    assert theirs.volume == pytest.approx(torus.volume, rel=0.02)
-
-
-def test_a_plate_thicker_than_the_tolerance_and_a_small_part_stay() -> None:
-    parts = [_box((4, 4, 0.4), (0, 0, 0)), _box((0.6, 0.6, 0.6), (0, 0, 3)), _box((3, 3, 3), (0, 0, -5))]
-    whole = trimesh.util.concatenate(parts)
-    mesh = _mesh(whole.vertices, whole.faces)
-    reduced = simplified(mesh, 0.1)
-    _check(mesh, reduced, 0.1)
-    theirs = trimesh.Trimesh(reduced.vertices, reduced.faces)
-    assert sorted(part.volume for part in theirs.split()) == pytest.approx(
-        sorted(part.volume for part in parts), rel=0.3
-    )
-    assert len(reduced.faces) < len(mesh.faces) / 4
-
-
-def test_progress_grows_to_one() -> None:
+def test_blocks_keep_the_laws_and_the_same_mesh_gives_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = _random_field(5, 14)
+    monkeypatch.setattr(simplification, "_BLOCK_FACES", 500)
     shares: list[float] = []
-    simplified(_bumpy_sphere(0), 0.05, progress=shares.append)
+    reduced, again = simplified(mesh, 0.1, progress=shares.append), simplified(mesh, 0.1)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-
-
-def test_blocks_keep_the_laws_and_the_same_mesh_gives_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    mesh = _random_field(5)
-    monkeypatch.setattr(simplification, "_BLOCK_FACES", 500)
-    reduced, again = simplified(mesh, 0.1), simplified(mesh, 0.1)
+    assert len(reduced.faces) < 0.7 * len(mesh.faces)
     assert reduced.vertices.tobytes() + reduced.faces.tobytes() == again.vertices.tobytes() + again.faces.tobytes()
     _check(mesh, reduced, 0.1)
 

@@ -1,7 +1,7 @@
 """Taubin's filter: noise goes, volume and drilled vertices stay."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.volume.bone.bone_surface import smoothed
@@ -22,6 +22,7 @@ def noisy_ball(radius: float, noise_hu: float, offset: float = 0.0) -> tuple[Iso
     return isosurface(values, 0, VoxelGrid((count, count, count), matrix)), centre + offset
 
 
+@settings(max_examples=8)
 @given(st.floats(5, 25), st.integers(1, 20))
 def test_volume_of_a_ball_stays_within_half_a_percent(radius, steps):
     rough, _ = noisy_ball(radius, 0)

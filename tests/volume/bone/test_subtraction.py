@@ -43,7 +43,7 @@ def check_cavity(before: Volume, removed: RemovedField, error_mm: float) -> None
     assert (np.linalg.norm(kept - BURR, axis=1) > RADIUS - before.grid.spacing_mm[0]).all()
 
 
-@pytest.mark.parametrize(("size", "spacing", "seed"), [(60, 0.4, 1), (90, 0.3, 2), (30, 0.9, 1)])
+@pytest.mark.parametrize(("size", "spacing", "seed"), [(60, 0.4, 1), (30, 0.9, 2)])
 def test_labels_on_any_grid_are_removed(size, spacing, seed):
     before = scan(oblique_grid(np.random.default_rng(1), 0.4, 60))
     grid = oblique_grid(np.random.default_rng(seed), spacing, size)

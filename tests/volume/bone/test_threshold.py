@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
@@ -14,6 +14,7 @@ def volume(values: np.ndarray) -> Volume:
     return Volume(values.astype(np.int16), VoxelGrid(values.shape[::-1], np.eye(4)))
 
 
+@settings(max_examples=10)
 @given(
     seed=st.integers(0, 999), tissue=st.integers(-100, 150), bone=st.integers(300, 2500), share=st.floats(0.05, 0.95)
 )

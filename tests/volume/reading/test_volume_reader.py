@@ -53,7 +53,7 @@ def corners(volume: Volume) -> np.ndarray:
     return np.array(list(itertools.product(*[(0.0, count - 1.0) for count in volume.grid.size])))
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(
     suffix=st.sampled_from(FORMATS),
     packed=st.booleans(),
@@ -239,7 +239,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("unit", ["mm", "millimeters", "Millimetre"])
+@pytest.mark.parametrize("unit", ["mm", "Millimetre"])
 def test_millimetres_under_other_names_are_millimetres(tmp_path, unit):
     path = text(tmp_path / "a.nrrd", b"kinds:", b"space units:" + f' "{unit}"'.encode() * 3 + b"\nkinds:")
     np.testing.assert_allclose(read_volume(path).grid.spacing_mm, [0.5, 0.6, 0.7])

@@ -1,7 +1,6 @@
 """Slices through volumes that lie anywhere show the patient the same way."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,9 +34,8 @@ def test_linear_field_is_sampled_exactly_and_what_lies_outside_is_told(seed):
     assert (found[beyond] == 1e6).all()
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_patients_right_is_on_the_left_and_the_head_at_the_top(seed):
-    grid = random_grid(seed, (20, 24, 28))
+def test_patients_right_is_on_the_left_and_the_head_at_the_top():
+    grid = random_grid(0, (20, 24, 28))
     points = voxel_centres(grid)
     middle = grid.bounds_mm.mean(axis=0)
     for axis, sides in enumerate(("RL", "AP", "IS")):

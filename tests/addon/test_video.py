@@ -1,13 +1,10 @@
 """A video in the add-on: scored as by the command, looked through; a frame is taken to the last bit, and saved."""
 
-import threading
-
 import bpy
 import cv2
 import numpy as np
 import pytest
 
-from blender_addon.ui.background_operator import BackgroundWork
 from blender_addon.video import session, shown_frame
 from blender_addon.video.frame_fetcher import FrameFetcher
 from oneframe.case.case_file import read_case
@@ -168,27 +165,6 @@ def test_bad_videos_change_nothing(film, tmp_path):
     with pytest.raises(RuntimeError, match="it is empty"):
         bpy.ops.oneframe.open_video(filepath=str(tmp_path / "bad.mp4"))
     assert session.of(bpy.context.scene) is film
-
-
-def test_scoring_stops_when_the_user_stops_it(video):
-    begun, go_on = threading.Event(), threading.Event()
-
-    def work(progress):
-        def stepped(fraction):
-            begun.set()
-            go_on.wait()
-            progress(fraction)
-
-        return session.scorer((str(video), 1, 0.0, 0.0))(stepped)
-
-    background_work = BackgroundWork(work)
-    begun.wait()
-    background_work.stop()
-    go_on.set()
-    background_work._thread.join()
-    assert not background_work.running
-    assert background_work.result is None
-    assert background_work.error is None
 
 
 def test_the_fetcher_gives_exact_frames_in_any_order_or_says_it_cannot(film, video, tmp_path):

@@ -124,7 +124,7 @@ def test_random_drags_never_lose_the_surface(long_form):
     surface = rng.normal(size=(500, 3))
     surface *= 20 / np.linalg.norm(surface, axis=1, keepdims=True)
     pose, pins = rigid(translation=[0.0, 0.0, DISTANCE[LONG]]), []
-    for _ in range(1000 if long_form else 60):
+    for _ in range(1000 if long_form else 40):
         seen = surface[((shown(LONG, pose, surface) - LONG.size_wh) * shown(LONG, pose, surface) <= 0).all(axis=1)]
         if rng.random() < 0.15:
             pins = []

@@ -122,7 +122,7 @@ def test_the_image_decides_between_poses_that_fit_the_landmarks():
     assert rotation_angle_deg(found.cam_from_model[:3, :3] @ pose[:3, :3].T) < 1
 
 
-@pytest.mark.parametrize(("pairs", "worse"), [(2, 1), (10, 2)])
+@pytest.mark.parametrize(("pairs", "worse"), [(2, 1), (6, 2)])
 def test_the_region_of_both_holds_the_truth_as_often_as_it_says(pairs, worse):
     rng, inside, draws = np.random.default_rng(pairs), [], 50
     for _ in range(draws):

@@ -22,7 +22,7 @@ REGISTRATION = ("registration_grid", "stability_registration", "registration_cor
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     # what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),
-    "chart": ("chart.csv", ["--without-sample", "--case", "{case}", "--views", "4"], ["chart.png"]),
+    "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], ["chart.png"]),
     "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
     "refinement": ("refinement.csv", ["{case}"], ["refinement.png"]),
     "surface": ("surface.json", [], []),

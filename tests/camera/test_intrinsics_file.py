@@ -237,6 +237,9 @@ BAD = {
         "expected OpenCV's distortion .* found distortion_model = 'equidistant'; undistort",
     ),
     "a flag of fisheye": (as_json(K=K.tolist(), is_fisheye=True), "found is_fisheye = 'True'; undistort"),
+    "a number as flag of fisheye": ("fisheye_model: 1\n" + ros(K), "found fisheye_model = '1'"),
+    "fisheye without coefficients": (as_json(K=K.tolist(), camera_model="fisheye"), "found camera_model = 'fisheye'"),
+    "a fisheye by its type": (as_json(K=K.tolist(), type="fisheye"), "found type = 'fisheye'"),
     "a lens of unknown meaning": (
         as_json(cam={"K": K.tolist()}, lens={"warp": {"dist_poly": [0.1, 0.2]}}),
         "lens.warp",
@@ -244,6 +247,10 @@ BAD = {
     "the model in a table of distortion": (
         as_json(K=K.tolist(), distortion={"type": "equidistant", "coeffs": [0.1] * 4}),
         "found distortion.type = 'equidistant'",
+    ),
+    "the model beside a matrix of distortion": (
+        as_json(K=K.tolist(), distortion={"rows": 4, "cols": 1, "data": [0.1] * 4, "model": "fisheye"}),
+        "found distortion.model = 'fisheye'",
     ),
     "the model in an attribute": (
         "<a><K>9 0 9 0 9 9 0 0 1</K><distortion model='fisheye'><data>0.1 0.2 0.3 0.4</data></distortion></a>",

@@ -15,6 +15,7 @@ from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist,
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import load_case
 from oneframe.colour.source_view import SourceView
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
@@ -31,6 +32,7 @@ from oneframe.registration.register import (
     judged_together,
     zoom_of,
 )
+from oneframe.registration.register_frames import CaseRegistrar
 from oneframe.registration.report import frame_evidence
 from oneframe.registration.source_correction import SURFACE_SHARE, SourceCorrection, Track, with_case
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
@@ -406,6 +408,14 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     with pytest.raises(InputError, match=r"v empty\.png: .* empty.*; nor can any other frame be used"):
         registered(tmp_path, "frames", tmp_path / "none")
     assert not (tmp_path / "none").exists()
+
+
+def test_a_film_that_is_cut_off_says_so(mesh, tmp_path):
+    write_case(tmp_path, mesh, SOURCE)
+    film = write_images(tmp_path / "cut.mkv", [np.rint(255 * photograph(mesh, SOURCE)).astype(np.uint8)] * 20)
+    film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
+    with CaseRegistrar(load_case(read_case(tmp_path / "case.toml"))).frames(film) as opened:
+        assert opened.cut_off.startswith("the file is cut off")
 
 
 @pytest.mark.usefixtures("near_views")

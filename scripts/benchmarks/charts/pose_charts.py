@@ -1,20 +1,21 @@
 """Charts of poses by one method each: from landmarks, from the image, and by a network trained on views."""
 
 import itertools
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import DASHED, MUTED, OURS, PAPER, PEER, TEXT, WARNING
+from oneframe.charts.page import DASHED, MUTED, OURS, PEER, TEXT, WARNING
 from oneframe.errors import InputError
 
 from ..alignment.landmark_accuracy import ALL, LandmarkRow
 from ..alignment.refinement_basin import RIGHT_IMAGE, RefinementTrial, tally
-from ..learning.pose_trials import PoseTrial, Training
-from ..learning.training_scenes import NEUTRAL
-from .panels import SERIES, Axis, Layer, Panel, box, categories, draw_chart, handle, line, short_number
+from ..learning.pose_trials import PoseTrial, median_errors
+from ..learning.training_scenes import NEUTRAL, PHOTOGRAPHS
+from .panels import SERIES, Axis, Layer, Panel, box, categories, distinct, draw_chart, handle, line, rule
 
 SOLVERS = {
     ALL: ("OneFrame", OURS, "o", -1),
@@ -34,14 +35,15 @@ VERDICTS = (
     ("wrong and refused", (False, False), {"marker": "s", "facecolor": "none", "edgecolor": TEXT}),
 )
 DATASETS = {
-    NEUTRAL: "default\noptions", "fill": "--unseen\nfill", "vertex": "--colour\nvertex\n(paper)",
-    "plain": "plain\nshading", "samples4": "--samples\n4", "cone10": "cone\n10°", "cone35": "cone\n35°",
-    "frames": "6 more\nframes",
+    NEUTRAL: "default\noptions", "lens": "--light\nlens", "shadows": "--light\nshadows",
+    "fill": "--unseen\nfill", "fill-lens": "fill,\nlens",
+    "vertex": "--colour\nvertex\n(paper)", "cone10": "cone\n10°", "cone35": "cone\n35°",
+    "frames": "6 more\nframes", PHOTOGRAPHS: "photo-\ngraphs",
 }  # fmt: skip
-SCORES = (("angle_deg", "rotation error (°)", 0.01, 100.0), ("px", "shift of the surface (px of 640)", 0.03, 300.0))
+SCORES = (("angle_deg", "rotation error (°)", 0.1, 100.0), ("px", "shift of the surface (px of 640)", 0.3, 300.0))
 """Field, label, and range of the axis; medians beyond it, and photographs without a pose, are drawn at its end."""
-STAGES = (("network alone", "", "o", "-"), ("then refined by render and flow", "refined_", "D", DASHED))
-RESAMPLES = 2000
+GOAL = 1.2
+"""Times the error of a network that was trained on photographs: dotted."""
 
 
 def landmark_chart(rows: Sequence[LandmarkRow], data: Path) -> Path:
@@ -119,68 +121,46 @@ def _scatter(points: np.ndarray, look: dict[str, Any]) -> Layer:
 
 
 def training_chart(trials: Sequence[PoseTrial], conditions: str, data: Path) -> Path:
-    """Draw medians over the photographs, with their bootstrap intervals, by number of views and by option."""
-    trainings = list(dict.fromkeys(trial.training for trial in trials))
-    steps, longest = min(each.steps for each in trainings), max(each.steps for each in trainings)
-    compared = max((each.views for each in trainings if each.dataset != NEUTRAL), default=0)
-    equal = [each for each in trainings if each.steps == steps]
-    scenes = list(dict.fromkeys(each.scene for each in trainings))
-    options = list(dict.fromkeys(each.dataset for each in equal if each.views == compared))
-    counts = sorted({each.views for each in equal})
-    titles = (
-        f"By the number of views, {steps} steps each; star: {longest} steps",
-        f"By the options of rendering, {compared} views, {steps} steps each",
-    )
-    rows = list[list[Panel]]()
+    """Draw medians over photographs and seeds, with their bootstrap intervals, by what networks were trained on.
+
+    Where one was trained on photographs, the errors of the others are drawn relative to its own, too. Of trainings with
+    several numbers of views or steps, those with the most datasets are drawn.
+    """
+    trainings = list(dict.fromkeys(trial.training._replace(seed=0) for trial in trials))
+    size, _ = Counter((each.views, each.steps) for each in trainings).most_common(1)[0]
+    equal = [each for each in trainings if (each.views, each.steps) == size]
+    scenes = distinct([each.scene for each in equal])
+    options = [name for name in DATASETS if name in {each.dataset for each in equal}]
+    named, rows = categories("", [DATASETS[name] for name in options]), list[list[Panel]]()
     for score, label, low, high in SCORES:
-        by_views, by_option = list[Layer](), list[Layer]()
-        for place, scene in enumerate(scenes):
-            colour, shift = SERIES[place], 0.16 * (place - (len(scenes) - 1) / 2)
+        alone, beside = list[Layer](), list[Layer]()
+        for place, (scene, colour) in enumerate(zip(scenes, SERIES, strict=False)):
             own = [each for each in equal if each.scene == scene]
-            views = [each for each in own if each.dataset == NEUTRAL]
-            option = [each for each in own if each.views == compared]
-            most = [each for each in trainings if each.scene == scene and each.steps == longest != steps]
-            for _, prefix, marker, style in STAGES:
-                look = {"color": colour, "marker": marker, "markerfacecolor": PAPER if prefix else colour}
-                solid = look | {"linestyle": style}
-                for layers, x, chosen, more in (
-                    (by_views, [each.views for each in views], views, solid),
-                    (by_views, [1.25 * each.views for each in most], most, look | {"marker": "*", "markersize": 13}),
-                    (by_option, [options.index(each.dataset) + shift for each in option], option, look),
-                ):
-                    if chosen:
-                        medians = np.clip(_medians(trials, chosen, prefix + score), low, high)
-                        layers.append(_intervals(x, medians, more))
-        y = Axis(label, log=True, ends=(low, high))
-        first = not rows
-        number = Axis("views" if rows else "", log=True, ticks={count: short_number(count) for count in counts})
-        named = categories("", [DATASETS.get(option, option) for option in options])
-        rows.append([Panel(titles[0] * first, number, y, by_views), Panel(titles[1] * first, named, y, by_option)])
-    key = []
-    for scene, colour in zip(scenes, SERIES, strict=False):
-        count = len({trial.photograph for trial in trials if trial.scene == scene})
-        for stage, prefix, marker, style in STAGES:
-            marks: dict[str, Any] = {
-                "marker": marker,
-                "linestyle": style,
-                "markerfacecolor": PAPER if prefix else colour,
-            }
-            key.append(handle(f"{scene} ({count}): {stage}", colour, **marks))
-    small = (f"Medians over held-out photographs (their number), with 95 % bootstrap intervals. {conditions}",)
-    return draw_chart(data, "What views are worth", rows, small, size=(6.3, 3.8), key=key, widths=(1, 1.35))
+            x = [options.index(each.dataset) + 0.16 * (place - (len(scenes) - 1) / 2) for each in own]
+            alone.append(
+                _intervals(x, np.clip([median_errors(trials, each, score) for each in own], low, high), colour)
+            )
+            for best in own:
+                if best.dataset == PHOTOGRAPHS:
+                    times = [median_errors(trials, each, score, best) for each in own]
+                    beside.append(_intervals(x, np.array(times), colour))
+        row = [Panel(f"{size[0]} views, {size[1]} steps each", named, Axis(label, log=True, ends=(low, high)), alone)]
+        if beside:
+            times_label = Axis("/ that of training on photographs", log=True)
+            row.append(Panel("Error trained on views / on photographs", named, times_label, [rule(GOAL), *beside]))
+        rows.append(row)
+    counts = {scene: len({trial.photograph for trial in trials if trial.scene == scene}) for scene in scenes}
+    key = [
+        handle(f"{scene} ({counts[scene]})", colour, marker="o", linestyle="none")
+        for scene, colour in zip(scenes, SERIES, strict=False)
+    ]
+    small = (
+        f"Medians over held-out photographs (their number) and seeds, with 95 % bootstrap intervals. {conditions}",
+    )
+    return draw_chart(data, "What views are worth", rows, small, size=(13.0 / len(rows[0]), 3.6), key=key)
 
 
-def _intervals(x: Sequence[float], medians: np.ndarray, look: dict[str, Any]) -> Layer:
+def _intervals(x: Sequence[float], medians: np.ndarray, colour: str) -> Layer:
     median, *ends = medians.T
-    style = {"linestyle": "none", "capsize": 2.5, "clip_on": False, **look}
-    return lambda axes: axes.errorbar(x, median, np.abs(ends - median), **style)
-
-
-def _medians(trials: Sequence[PoseTrial], trainings: Sequence[Training], score: str) -> np.ndarray:
-    """``(N, 3)``: median of a score over the photographs of each training, and the ends of its interval."""
-    rng, found = np.random.default_rng(0), []
-    for training in trainings:
-        errors = np.array([getattr(trial, score) for trial in trials if trial.training == training])
-        drawn = np.median(errors[rng.integers(len(errors), size=(RESAMPLES, len(errors)))], axis=1)
-        found.append([np.median(errors), *np.quantile(drawn, [0.025, 0.975], method="nearest")])
-    return np.array(found)
+    look: dict[str, Any] = {"color": colour, "marker": "o", "linestyle": "none", "capsize": 2.5, "clip_on": False}
+    return lambda axes: axes.errorbar(x, median, np.abs(ends - median), **look)

@@ -113,8 +113,7 @@ def predicted(network: CoordinateNetwork, image: np.ndarray) -> np.ndarray:
 
 def _output(network: CoordinateNetwork, images: np.ndarray) -> torch.Tensor:
     pixels = torch.from_numpy(images).permute(0, 3, 1, 2).to(torch.float32) / 64 - 2
-    with torch.autocast("cpu", torch.bfloat16):
-        return network(pixels).float()
+    return network(pixels)
 
 
 def _loss(output: torch.Tensor, codes: torch.Tensor) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""Poses of photographs by a trained network, and refined from there by render and flow, beside the true ones."""
+"""Poses of photographs by a trained network beside the true ones, and refined from there by render and flow."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +27,8 @@ FARTHEST_DEG = 60
 FEWEST, SUREST = 12, 0.7
 """Points without which there is no pose, and the part of them that is used."""
 NEAREST_MM = 1.0
+RESAMPLES = 2000
+"""Bootstrap samples of seeds and photographs."""
 OUTLIER = 3.0
 """Times the median of the stated errors."""
 
@@ -38,11 +40,12 @@ class Training(NamedTuple):
     dataset: str
     views: int
     steps: int
+    seed: int
 
 
 @dataclass(frozen=True)
 class PoseTrial:
-    """A photograph's errors by one training, before and after refinement, see :func:`errors`.
+    """A photograph's errors by one training, see :func:`errors`.
 
     Attributes
     ----------
@@ -54,19 +57,17 @@ class PoseTrial:
     dataset: str
     views: int
     steps: int
+    seed: int
     seconds: float
     photograph: str
     angle_deg: float
     percent: float
     px: float
-    refined_angle_deg: float
-    refined_percent: float
-    refined_px: float
 
     @property
     def training(self) -> Training:
         """Of the network."""
-        return Training(self.scene, self.dataset, self.views, self.steps)
+        return Training(self.scene, self.dataset, self.views, self.steps, self.seed)
 
 
 def errors(pose: np.ndarray | None, photograph: PosedFrame, mesh: TriangleMesh) -> tuple[float, float, float]:
@@ -104,13 +105,35 @@ def refined(views: KnownViews, photograph: PosedFrame, pose: np.ndarray | None) 
 
 def summary(trials: Sequence[PoseTrial]) -> str:
     """A line with the medians of one training."""
-    names = "angle_deg", "percent", "px", "refined_angle_deg", "refined_percent", "refined_px"
+    names = "angle_deg", "percent", "px"
     medians = [float(np.median([getattr(trial, name) for trial in trials])) for name in names]
     return (
-        "{}, {}, {} views, {} steps: ".format(*trials[0].training)
-        + "{:.2f}°, {:.2f} %, {:.2f} px; refined {:.2f}°, {:.2f} %, {:.2f} px".format(*medians)
+        "{}, {}, {} views, {} steps, seed {}: ".format(*trials[0].training)
+        + "{:.2f}°, {:.2f} %, {:.2f} px".format(*medians)
         + f" (medians of {len(trials)} photographs; {trials[0].seconds:.0f} s)"
     )
+
+
+def median_errors(
+    trials: Sequence[PoseTrial], training: Training, score: str, beside: Training | None = None
+) -> tuple[float, float, float]:
+    """Median over the photographs and all seeds of a training, and the ends of its 95 % bootstrap interval.
+
+    With another training ``beside`` it, of the same photographs: how many times the median of that one.
+    """
+    rng = np.random.default_rng(0)
+
+    def medians(training: Training) -> np.ndarray:
+        own = [trial for trial in trials if trial.training._replace(seed=0) == training._replace(seed=0)]
+        errors = np.array([getattr(trial, score) for trial in own]).reshape(len({trial.seed for trial in own}), -1)
+        seeds = rng.integers(len(errors), size=(RESAMPLES, len(errors), 1))
+        # the same photographs for both
+        photographs = np.random.default_rng(0).integers(errors.shape[1], size=(RESAMPLES, 1, errors.shape[1]))
+        return np.append(np.median(errors), np.median(errors[seeds, photographs], axis=(1, 2)))
+
+    found = medians(training) / (1.0 if beside is None else medians(beside))
+    low, high = np.quantile(found[1:], [0.025, 0.975], method="nearest")
+    return float(found[0]), float(low), float(high)
 
 
 def pose_of(points: np.ndarray, pixels: np.ndarray, errors_mm: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:

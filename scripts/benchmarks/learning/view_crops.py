@@ -4,12 +4,13 @@ In held-out photographs the light moves with the lens, and nothing is cut out of
 zoomed, relit, blurred, partly hidden, and lie on random backgrounds. Needs ``cv2``.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from oneframe.reader import Dataset
+from oneframe.reader import Dataset, View
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import inverse_rigid, transform_points
 
@@ -50,20 +51,20 @@ class ViewCrops:
     reach_mm: float
 
     @classmethod
-    def of(cls, views: Dataset, count: int, mesh: TriangleMesh, *, plain: bool = False) -> "ViewCrops":
-        """Read the first ``count`` views of a surface (model frame); ``plain``: lit from the lens, without colours."""
+    def of(cls, views: Dataset, mesh: TriangleMesh, rgb: Callable[[View], np.ndarray]) -> "ViewCrops":
+        """Read views of a surface (model frame), and colours ``(H, W, 3)`` uint8 for each."""
         least, most = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         centre, reach_mm = (least + most) / 2, float((most - least).max() / 2)
         width, height = views.size_wh
         pixels = np.stack([*np.meshgrid(np.arange(width), np.arange(height)), np.ones((height, width))], axis=-1)
-        rgba = np.zeros((count, height, width, 4), np.uint8)
-        codes = np.full((count, height, width, 3), NOTHING, np.int16)
-        middles = np.zeros((count, 2))
-        for place, view in enumerate(views[:count]):
+        rgba = np.zeros((len(views), height, width, 4), np.uint8)
+        codes = np.full((len(views), height, width, 3), NOTHING, np.int16)
+        middles = np.zeros((len(views), 2))
+        for place, view in enumerate(views):
             seen, rays = view.mask, pixels @ np.linalg.inv(view.k).T
             points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * view.depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
-            rgba[place][seen, :3] = _shading(rays * view.depth_mm[..., None])[seen] if plain else view.rgb[seen]
+            rgba[place][seen, :3] = rgb(view)[seen]
             rgba[place][seen, 3] = 255
             middles[place] = pixels[seen][:, :2].mean(axis=0)
         return cls(rgba, codes, middles, centre, reach_mm)
@@ -92,14 +93,6 @@ class ViewCrops:
         image, hidden = _photographed(rgba, rng)
         codes[hidden[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE] > 0] = NOTHING
         return image, codes
-
-
-def _shading(points: np.ndarray) -> np.ndarray:
-    """``(H, W, 1)`` uint8: a grey surface of ``(H, W, 3)`` points, camera frame, with the light at the lens."""
-    normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
-    lengths = np.linalg.norm(normals, axis=-1) * np.linalg.norm(points, axis=-1)
-    cosine = np.abs((normals * points).sum(axis=-1)) / np.maximum(lengths, 1e-9)
-    return np.rint(255 * np.sqrt(cosine))[..., None].astype(np.uint8)
 
 
 def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

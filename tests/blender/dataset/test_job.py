@@ -611,31 +611,6 @@ def test_shards_of_fewer_and_of_more_views_are_merged(case, reference, tmp_path)
         assert_same_dataset(out, reference)
 
 
-def test_the_table_of_the_case_is_used_and_the_command_line_goes_before_it(tmp_path, write_tiny_case, run_oneframe):
-    case = write_tiny_case(tmp_path / "case")
-    with case.open("a") as file:
-        file.write('[dataset]\ncount = 3\nseed = 5\nsampler = "gaussian"\nfloat_depth = true\n')
-    ended = run_oneframe(
-        "render", case, "--out", tmp_path / "out", "--count", "2", "--no-float-depth", "--workers", "1"
-    )
-    assert (ended.returncode, ended.stderr) == (0, "")
-    record = json.loads((tmp_path / "out" / "dataset.json").read_text())
-    options = record["options"]
-    assert (record["count"], options["seed"], options["sampler"], options["float_depth"]) == (2, 5, "gaussian", False)
-
-
-def test_float_depth_is_the_depth_that_the_image_rounds(reference):
-    paths = ViewPaths(reference, 4)
-    exact = np.load(paths.file("depth_mm"))
-    rounded = cv2.imread(str(paths.file("depth")), cv2.IMREAD_UNCHANGED)
-    scale = read_record(paths).depth_scale
-    assert exact.dtype == np.float32
-    assert exact.shape == rounded.shape
-    assert ((exact > 0) == (rounded > 0)).all()
-    assert np.abs(exact - rounded * scale).max() <= scale / 2 * 1.01
-    assert 250 < exact[exact > 0].mean() < 350
-
-
 def some_view(case: Path, out: Path, **settings: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Colours, depth and observed mask of one view with some options."""
     run_here(case, out, dataclasses.replace(OPTIONS, count=1, **settings))

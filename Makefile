@@ -72,7 +72,7 @@ lint: $(VENV)/.ready-to-test
 	$(VENV)/bin/lint-imports --no-logo
 	$(RUN) -m mypy
 
-# speed against PyVista, with anti-aliasing, memory and start, in demo/bench
+# speed against PyVista, with memory and start, in demo/bench
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py speed --out demo/bench/render_speed.json $(BENCH_FLAGS)
@@ -81,6 +81,7 @@ bench: setup
 chart: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py chart --out demo/bench/speed_accuracy.csv $(CHART_FLAGS)
+	$(RUN) scripts/benchmark.py chart --light --out demo/bench/light_accuracy.csv
 
 # accuracy of landmarks and of the refinement, in demo/bench
 bench-alignment: setup
@@ -93,12 +94,13 @@ bench-alignment: setup
 bench-surface: setup
 	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 
-# views against real photographs, beside the paper's method, in demo/evaluation, and the poses of further frames, in
-# demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; what views are worth to a network, in demo/training:
-# TRAINING_FLAGS likewise
+# views against real photographs, beside the paper's method, in demo/evaluation, and in the light of the lens, in
+# demo/light; the poses of further frames, in demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; what views are
+# worth to a network, in demo/training: TRAINING_FLAGS likewise
 evaluate: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py evaluation --out demo/evaluation $(EVALUATE_FLAGS)
+	$(RUN) scripts/benchmark.py evaluation --light --out demo/light $(EVALUATE_FLAGS)
 	$(RUN) scripts/benchmark.py registration --out demo/registration $(EVALUATE_FLAGS)
 	@if $(RUN) -c "import torch" 2>/dev/null; then $(RUN) scripts/benchmark.py training --out demo/training/training.csv --spoilt $(TRAINING_FLAGS); else echo "left out: training, which needs PyTorch (the extra train)"; fi
 

@@ -12,16 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ..case.frame import UnreadFrame, load_posed_frame
+from ..case.frame import PosedFrame, UnreadFrame, load_posed_frame
 from ..case.loaded_case import LoadedCase
 from ..colour.lens_shading import lens_shading_of
 from ..colour.ray_tracer import RayTracer
 from ..colour.reference_view import ReferenceView, traced_view_of
 from ..colour.shading import ColouredSurface
 from ..dataset.description import distribution_of
-from ..dataset.options import DatasetOptions
+from ..dataset.options import NO_LIGHT, SHADOWS, DatasetOptions
 from ..poses.distributions import ReferencePose
 from ..projection.rendered_view import Render
+from ..transforms import camera_centre
 from .finished_scores import BOUND, FinishedScores
 from .methods import ChosenMethods, Method, opened
 from .record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
@@ -38,7 +39,9 @@ from .scores.view_scores import SCORES, scores_of
 
 NOVEL_POSES = 6
 """Pairs of the gallery for each case."""
-UNBOUNDED = ("surface_px", "observed_px", "gain_red", "gain_green", "gain_blue", "flow_px", "flow_high_px")
+UNBOUNDED = (
+    "angle_deg", "surface_px", "observed_px", "gain_red", "gain_green", "gain_blue", "flow_px", "flow_high_px",
+)  # fmt: skip
 """Scores without a bound: what they measure is what the bound is given."""
 
 
@@ -201,8 +204,10 @@ def evaluate_case(
     """
     began = time.perf_counter()
     reference = traced_view_of(case.loaded)
-    in_lens = any(method.lens for method in settings.methods.running)
-    without_light = traced_view_of(case.loaded, lens_shading_of(case.loaded)) if in_lens else reference
+    sources = {NO_LIGHT: reference}
+    for light in {method.light for method in settings.methods.running} - {NO_LIGHT}:
+        shading = lens_shading_of(case.loaded, shadows=light == SHADOWS)
+        sources[light] = traced_view_of(case.loaded, shading)
     trace = RayTracer(ColouredSurface(reference.mesh, reference.views), case.loaded.frame.camera).render
     novel_poses = _novel_poses(case, reference, settings.seed)[:novel]
     mesh_from_model = case.loaded.surface.mesh_from_model
@@ -217,8 +222,9 @@ def evaluate_case(
         rendered = [number for number in numbers if number in again or number not in known]
         for _ in known:
             advance()
-        source = without_light if method.lens else reference
-        with opened(method, settings.methods.renderers, source, case.loaded.frame.camera, poses) as render:
+        with opened(
+            method, settings.methods.renderers, sources[method.light], case.loaded.frame.camera, poses
+        ) as render:
             findings.preparation_seconds += time.perf_counter() - began
             for shown in _shown_surfaces(case, trace, rendered):
                 key, both = keys[shown.number], None
@@ -233,7 +239,9 @@ def evaluate_case(
                         if shown.number not in real_features:
                             real_features[shown.number] = _features(settings.inception, shown.real, shown)
                         both = real_features[shown.number], _features(settings.inception, view.rendered, shown)
-                    finished.add(key, scores_of(shown.real, view.rendered, shown.surface, shown.observed), both)
+                    scores = scores_of(shown.real, view.rendered, shown.surface, shown.observed)
+                    scores["angle_deg"] = _angle_deg(case.loaded.frames, poses[shown.number], reference.pivot_model)
+                    finished.add(key, scores, both)
                     advance()
                 yield view
             if method in settings.compared:
@@ -251,6 +259,13 @@ def evaluate_case(
             nothing = (row.image for row in rows if not _shows_surface(row.scores))
             findings.without_overlap += [(case.name, image) for image in nothing]
     _add_bound(case, trace, leading, settings, findings, advance)
+
+
+def _angle_deg(frames: Sequence[PosedFrame], pose: np.ndarray, pivot_model: np.ndarray) -> float:
+    """How far the lens of a pose (4x4, mm) has gone around a surface point from the nearest of the frames' lenses."""
+    towards = np.array([camera_centre(each) - pivot_model for each in (pose, *(f.cam_from_model for f in frames))])
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    return float(np.degrees(np.arccos(np.clip((towards[1:] @ towards[0]).max(), -1, 1))))
 
 
 def _shows_surface(scores: Mapping[str, float]) -> bool:

@@ -39,6 +39,7 @@ from .record.evaluation_record import (
     EvaluatedCase,
     EvaluatedMethod,
     Evaluation,
+    by_angle,
     evaluation_bytes,
     summarised,
 )
@@ -204,6 +205,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
         bound=tuple(bounds(findings, cases, rng)),
         missing="" if run.settings.inception else NO_INCEPTION,
         pictures=tuple(gallery.pictures),
+        angles=tuple(by_angle(findings.rows, cases, rng)),
         seconds={"all": time.perf_counter() - began, "preparation": findings.preparation_seconds},
     )
     gallery.write_sheets()

@@ -13,7 +13,7 @@ from ..camera.pinhole import PinholeCamera
 from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ..colour.shading import ColouredSurface, SurfaceColour
 from ..colour.vertex_colours import VertexColours
-from ..dataset.options import COLOURS, ENGINES, LENS, UNSEEN
+from ..dataset.options import COLOURS, ENGINES, LENS, NO_LIGHT, SHADOWS, UNSEEN
 from ..errors import InputError, RunError
 from ..files.keys import nearest_name
 from ..images.pixel_values import to_uint8
@@ -42,8 +42,8 @@ class Method:
         One of :data:`oneframe.dataset.options.ENGINES`, or ``"pyvista"``.
     unseen
         What surface looks like that the frame did not see: one of :data:`oneframe.dataset.options.UNSEEN`.
-    lens
-        Whether the light at the lens moves with it: cases without such a light are refused.
+    light
+        One of :data:`oneframe.dataset.options.LIGHTS`: cases without a light at the lens are refused those in it.
     """
 
     key: str
@@ -51,7 +51,7 @@ class Method:
     colour: str
     renderer: str
     unseen: str = "neutral"
-    lens: bool = False
+    light: str = NO_LIGHT
 
     @property
     def peer(self) -> bool:
@@ -59,16 +59,18 @@ class Method:
         return self.colour in (PAPER, PAPER_CLAMPED)
 
 
-def _ours(colour: str, engine: str, unseen: str = "neutral", *, lens: bool = False) -> Method:
-    words = [colour, *([] if unseen == "neutral" else [unseen]), *([LENS] if lens else []), engine]
-    return Method("-".join(words), "ours, " + ", ".join(words), colour, engine, unseen, lens)
+def _ours(colour: str, engine: str, unseen: str = "neutral", light: str = NO_LIGHT) -> Method:
+    words = [colour, *([] if unseen == "neutral" else [unseen]), *([] if light == NO_LIGHT else [light]), engine]
+    return Method("-".join(words), "ours, " + ", ".join(words), colour, engine, unseen, light)
 
 
 METHODS = {
     method.key: method
     for method in (
         *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ENGINES for colour in COLOURS),
-        *(_ours("projective", engine, unseen, lens=True) for unseen in UNSEEN for engine in ENGINES),
+        *(_ours("projective", engine, unseen, LENS) for unseen in UNSEEN for engine in ENGINES),
+        # shadow maps are too coarse
+        *(_ours("projective", engine, unseen, SHADOWS) for unseen in UNSEEN for engine in ENGINES if engine != "eevee"),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-clamped-pyvista", "paper, clamped (PyVista)", PAPER_CLAMPED, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
@@ -128,7 +130,7 @@ def chosen_methods(keys: Sequence[str], renderers: Renderers) -> ChosenMethods:
     for key in keys:
         if key not in METHODS and key != EVERY:
             raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, (*METHODS, EVERY))}")
-    every = [key for key, method in METHODS.items() if not method.lens]
+    every = [key for key, method in METHODS.items() if method.light == NO_LIGHT]
     methods = [
         METHODS[key] for key in dict.fromkeys(part for key in keys for part in (every if key == EVERY else [key]))
     ]

@@ -1,7 +1,8 @@
 """Speed against accuracy: every configuration renders the same views with the whole command.
 
 Scenes are the built-in sample case, each --case and bloster's photographs. PyVista and Cycles alone run in between.
-Writes a table, FILE.csv, with a row for each point, and its chart.
+Writes a table, FILE.csv, with a row for each point, and its chart. --light measures the light at the lens instead, on
+the sample alone: processor time of its views without files, and how far they are off its photographs.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import bpy
 
 from oneframe.blender.render.engines import engine_named, keep_freed_memory
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
+from oneframe.case.case_writer import write_case
 from oneframe.errors import InputError, RunError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.files.temporary import temporary_folder
@@ -20,9 +22,10 @@ from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
 from .charts.speed_accuracy_chart import speed_accuracy_chart
+from .evaluation import lit_case
 from .figures import conditions_note, read_rows, write_rows
 from .published import bloster_cases
-from .rendering.render_accuracy import JUDGED_VIEWS, converged_reference, measure_scene, scene_peers
+from .rendering.render_accuracy import JUDGED_VIEWS, converged_reference, measure_lights, measure_scene, scene_peers
 from .rendering.render_scenes import RenderScene, case_scene
 from .rendering.speed_accuracy import Configuration, SpeedPoint
 
@@ -61,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="another scene: CASE.toml and optionally its PHOTOGRAPHS.json, as for oneframe evaluate",
     )  # fmt: skip
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
+    parser.add_argument("--light", action="store_true", help="what the light at the lens costs and gives")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
     parser.add_argument("--rounds", metavar="N", type=int, default=2, help="alternating rounds (default %(default)s)")
     parser.add_argument("--views", metavar="N", type=int, default=24, help="of a scene (default %(default)s)")
@@ -80,6 +84,10 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
         for number, scene in enumerate(scenes(arguments, folder)):
             triangles = len(scene.loaded.surface.mesh.faces)
             report(f"{scene.name}: {scene.camera.width}x{scene.camera.height} px, {triangles:,} triangles")
+            if arguments.light:
+                with Progress(8 * arguments.rounds * len(scene.photographs), "views", stream=sys.stderr) as progress:
+                    points += measure_lights(scene, arguments.rounds, progress.advance)
+                continue
             run = folder / f"run-{number}"
             run.mkdir()
             try:
@@ -122,7 +130,9 @@ def scenes(arguments: argparse.Namespace, folder: Path) -> Iterator[RenderScene]
     if not arguments.without_sample:
         for _ in write_sample_case(folder / "sample", sample_surface()):
             pass
-        cases.append(("sample", folder / "sample" / "case.toml", folder / "sample" / HELD_OUT))
+        path = folder / "sample" / "case.toml"
+        write_case(path, lit_case(path))
+        cases.append(("sample", path, folder / "sample" / HELD_OUT))
     for case, *photographs in arguments.case:
         cases.append((case.resolve().parent.name, case, photographs[0] if photographs else None))
     if arguments.bloster:

@@ -4,30 +4,56 @@ Writes cases and lists of photographs into a temporary folder and does what `one
 evaluation.
 The poses of bloster agree to 2 px, those of LM-O to 2 to 6 px. Pictures of data without a licence to publish them stay
 out of the documentation.
+--light compares views with the frame's shading, in the light of the lens, and with its shadows instead: on the sample,
+from one frame and from four, at its held-out photographs and at poses of its film; and on the drilled --bones.
 """
 
 import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
+import cv2
+import numpy as np
+
 from oneframe.blender.render.engines import RENDERERS
+from oneframe.blender.sample.photograph import AMBIENT_STRENGTH, LAMP_OFFSET_MM, take_photographs
 from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
-from oneframe.case.case_file import read_case
+from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
+from oneframe.case.frame import UnreadFrame
+from oneframe.case.loaded_case import LoadedCase, load_case
+from oneframe.colour.lens_shading import LensShading, lens_shading_of
+from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.reference_view import traced_view_of
+from oneframe.colour.shading import ColouredSurface
 from oneframe.errors import InputError
 from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
 from oneframe.evaluation.methods import DEFAULT, chosen_methods
 from oneframe.files.temporary import temporary_folder
-from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
+from oneframe.light.lens_light import LensLight
+from oneframe.registration.pose_list import read_photographs
+from oneframe.sample.film import disturbance, film_poses
+from oneframe.sample.temporal_bone import MICROSCOPE, microscope_pose, sample_surface
 
-from .alignment.bone_photographs import bone_cases
+from .alignment.bone_photographs import bone_cases, lit_bone_cases
 from .published import LOADERS as PUBLISHED
-from .published import CaseFiles, Loader
+from .published import CaseFiles, Loader, written_case
 
 LOADERS: dict[str, Loader] = {**PUBLISHED, "bones": bone_cases}
 QUICK = {"photographs": 2, "width": 240}
+IN_LIGHT = [
+    f"projective{unseen}{light}-raster" for unseen in ("", "-fill") for light in ("", "-lens", "-shadows")
+]  # fmt: skip
+"""The methods of --light."""
+FILM_STEP, FURTHER = 3, 3
+"""Every third clear pose of the film is photographed; frames of the sample's second case besides its own."""
+WIDE = (45, 328), (52, 345), (38, 280), (5, 148), (12, 148)
+"""Tilts and azimuths, degrees, of further photographs: 20 to 35 degrees from the frame."""
+BLOCKS = 16
+"""Along the width, over which the step between frames is a mean."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name in LOADERS:
         parser.add_argument(f"--{name}", metavar="FOLDER", type=Path, help=f"the data set {name}")
     parser.add_argument("--no-sample", action="store_true", help="leave out the sample case")
-    parser.add_argument("--methods", nargs="+", metavar="METHOD", default=DEFAULT, help="as oneframe evaluate")
+    parser.add_argument("--light", action="store_true", help="what the light at the lens is worth")
+    parser.add_argument(
+        "--methods", nargs="+", metavar="METHOD", help="as oneframe evaluate; of --light those in the light"
+    )
     parser.add_argument("--inception", metavar="FILE.onnx", type=Path, help="as oneframe evaluate")
     parser.add_argument("--photographs", metavar="N", type=int, help="of each case of a data set at most (default all)")
     parser.add_argument("--width", metavar="PX", type=int, default=MICROSCOPE.width, help="of the sample's images")
@@ -46,8 +75,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Evaluate."""
     with temporary_folder() as folder:
+        files = lit_files(arguments, folder) if arguments.light else case_files(arguments, folder)
+        if not files:
+            report("left out: the sample and --bones have a lamp at their lens, neither is asked for")
+            return
+        methods = arguments.methods or (IN_LIGHT if arguments.light else DEFAULT)
+        for path, _ in files if arguments.light else ():
+            if (loaded := load_case(read_case(path))).frames[1:]:
+                none, lit = (frames_apart(loaded, light) for light in (None, lens_shading_of(loaded)))
+                report(f"{path.stem}: step between frames {none:.1f} of 255, in the light of the lens {lit:.1f}")
         prepared = evaluation_run(
-            case_files(arguments, folder), arguments.out, chosen_methods(arguments.methods, RENDERERS),
+            files, arguments.out, chosen_methods(methods, RENDERERS),
             seed=arguments.seed, inception=arguments.inception, pictures=arguments.pictures,
         )  # fmt: skip
         for line in run_evaluation(prepared, stream=sys.stderr):
@@ -70,3 +108,51 @@ def case_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     if not pairs:
         raise InputError("command line: expected a data set with --no-sample, found none")
     return pairs
+
+
+def lit_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
+    """Write the cases that know the lamp at their lens: the sample, with its frame and with further ones, and bones."""
+    pairs = []
+    if not arguments.no_sample:
+        [(path, held_out)] = case_files(argparse.Namespace(**vars(arguments) | dict.fromkeys(LOADERS)), folder)
+        case = lit_case(path)
+        poses = [pose for number, pose in enumerate(film_poses()) if not disturbance(number)][::FILM_STEP]
+        wide = [microscope_pose(tilt_deg, azimuth_deg, 0, 300) for tilt_deg, azimuth_deg in WIDE]
+        (folder / "sample" / "film").mkdir()
+        shots = [(pose, folder / "sample" / "film" / f"{number:02d}.png") for number, pose in enumerate(poses + wide)]
+        list(take_photographs(sample_surface(), case.camera, shots))
+        film = [UnreadFrame(image, case.camera, None, pose) for pose, image in shots]
+        further = film[: len(poses) : -(-len(poses) // FURTHER)]
+        held = read_photographs(held_out, case)[0]
+        listed = [(each.image, each.cam_from_mesh) for each in (*held, *film) if each not in further]
+        for name, frames in (("one", ()), ("four", further)):
+            named = replace(case, path=path.with_name(f"sample_{name}.toml"), frames=tuple(frames))
+            pairs.append(written_case(named, listed))
+    return pairs if arguments.bones is None else pairs + lit_bone_cases(arguments.bones, folder / "lit")
+
+
+def lit_case(path: Path) -> Case:
+    """The sample's case with the lamp that its photographs have."""
+    x, y, z = LAMP_OFFSET_MM.tolist()
+    return replace(read_case(path), light=LensLight((x, y, z), AMBIENT_STRENGTH))
+
+
+def frames_apart(loaded: LoadedCase, light: LensShading | None) -> float:
+    """The step between the frames of a case where two of them saw the surface, of 255: the median over blocks.
+
+    Views at the first frame's pose are coloured from one frame each, in the light of the lens or as the frames are.
+    """
+    reference, camera = traced_view_of(loaded, light), loaded.frame.camera
+    side, steps = camera.width // BLOCKS, list[np.ndarray]()
+    views = [
+        RayTracer(ColouredSurface(reference.mesh, (view,), light=light), camera).render(loaded.frame.cam_from_model)
+        for view in reference.views
+    ]
+    for one, other in combinations(views, 2):
+        both = (one.observed & other.observed).astype(np.float32)
+        apart = (one.rgb - other.rgb) * both[..., None]
+        seen, total = (
+            cv2.resize(each, (BLOCKS, camera.height // side), interpolation=cv2.INTER_AREA) for each in (both, apart)
+        )
+        steps.append(np.abs(total[seen > 0.5] / seen[seen > 0.5][:, None]).mean(axis=1))
+    return 255 * float(np.median(np.concatenate(steps)))

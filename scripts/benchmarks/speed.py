@@ -1,4 +1,4 @@
-"""Speed against PyVista, anti-aliasing, start-up and memory.
+"""Speed against PyVista, start-up and memory.
 
 All figures use the same surface (200 000 triangles), K and 640x480 px. Times are medians of alternating rounds, since
 machines are noisy. PyVista runs as users run it: off screen, RGB, in memory.
@@ -12,9 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from skimage.metrics import structural_similarity
 
-from oneframe.blender.dataset.job import Job, OpenJob, open_job, render_views
+from oneframe.blender.dataset.job import Job, open_job, render_views
 from oneframe.blender.render.engines import keep_freed_memory
 from oneframe.case.case_file import read_case
 from oneframe.dataset.layout import ViewPaths
@@ -22,12 +21,10 @@ from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.files.machine import available_cores
 from oneframe.files.temporary import temporary_folder
-from oneframe.images.pixel_values import to_uint8
 
 from .figures import write_figures
 from .memory import memory_mb
 from .rendering.benchmark_case import VIEW_CAMERA, write_benchmark_case
-from .rendering.converged_view import converged_view
 from .rendering.render_accuracy import LIT_PEER, UNLIT_PEER, measure_scene, render_command, scene_peers
 from .rendering.render_scenes import case_scene
 from .rendering.speed_accuracy import FLOOR, Configuration
@@ -45,10 +42,6 @@ CONFIGURATIONS = (
 TIMED_VIEWS = 40
 EXACT = ("cycles", "raster")
 """The engines whose views are exact."""
-EDGE_SAMPLES = (1, 4, 8, 16)
-REFERENCE_ALONG = 11
-"""Rays along a pixel's side: 121 in all, of images of 38 million pixels."""
-COMPARED_VIEWS = 3
 MEMORY_STEP = 100
 """Number of views between two measurements of the memory."""
 QUICK = {"rounds": 1, "views": 300}
@@ -93,29 +86,6 @@ def speed(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, 
     return ms | ratios
 
 
-def anti_aliasing(case: Path, folder: Path, _arguments: argparse.Namespace) -> dict[str, float]:
-    """SSIM of exact and of anti-aliased views with converged ones, the lowest of the compared views."""
-    figures = {}
-    truths: list[np.ndarray] = []
-    for samples in EDGE_SAMPLES:
-        with _job(case, folder / "unused", samples=samples).renderer(threads=available_cores()) as renderer:
-            views = [renderer.make(index) for index in range(COMPARED_VIEWS)]
-        source = renderer.reference
-        truths = truths or [
-            to_uint8(
-                converged_view(
-                    source.mesh, source.view, VIEW_CAMERA, view.planned.cam_from_model, along=REFERENCE_ALONG
-                )
-            )
-            for view in views
-        ]
-        figures[f"SSIM with {samples} rays at edges" if samples > 1 else "SSIM of exact views"] = min(
-            float(structural_similarity(truth, to_uint8(view.rendered.rgb), channel_axis=2, data_range=255))
-            for truth, view in zip(truths, views, strict=True)
-        )
-    return figures
-
-
 def start(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, float]:
     """Seconds from the command to the first view on disk by engine, median of some runs."""
     figures = {}
@@ -141,19 +111,15 @@ def memory(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str,
             # the disk may be small
             shutil.rmtree(ViewPaths(out, index).file("rgb").parent, ignore_errors=True)
 
-    with _job(case, out).renderer(threads=available_cores()) as renderer:
+    job = open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE), Shard()))
+    with job.renderer(threads=available_cores()) as renderer:
         render_views(renderer, out, range(arguments.views), finished)
     first, last = min(sizes), max(sizes)
     return {f"growth from view {first} to {last}": sizes[last] - sizes[first], "in all": sizes[last]}
 
 
-def _job(case: Path, out: Path, samples: int = 1) -> OpenJob:
-    return open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE, samples=samples), Shard()))
-
-
 MEASURES: dict[str, Callable[[Path, Path, argparse.Namespace], dict[str, float]]] = {
     "speed": speed,
-    "antialiasing": anti_aliasing,
     "start": start,
     "memory": memory,
 }

@@ -66,6 +66,8 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     # the frame itself comes back, all of it that the frame saw
     assert rows[name, "photograph_3", ran[0]]["ssim_observed"] > 0.999
     assert rows[name, "photograph_3", ran[0]]["error_observed"] < 0.5
+    assert rows[name, "photograph_3", ran[0]]["angle_deg"] < 0.01
+    assert 12 <= rows[name, "photograph_1", ran[0]]["angle_deg"] <= 20
     assert all(rows[name, "photograph_2", ran[0]][score] is None for score in SCORES if score.startswith("ssim"))
     filled, grey = (rows[name, "photograph_1", method] for method in (ran[1], ran[0]))
     assert filled["observed_px"] == grey["observed_px"]

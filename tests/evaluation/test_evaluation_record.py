@@ -14,6 +14,7 @@ from oneframe.evaluation.record.evaluation_record import (
     EvaluatedMethod,
     Evaluation,
     Row,
+    by_angle,
     evaluation_bytes,
     read_evaluation,
     summarised,
@@ -30,16 +31,24 @@ OURS, PEER = "ours, projective, cycles", "paper's & 100 %"
 
 def evaluation(ours: float, peer: float) -> Evaluation:
     methods = (EvaluatedMethod(OURS, peer=False), EvaluatedMethod(PEER, peer=True))
+    cases = (EvaluatedCase("case", ("0",)),)
     values = dict.fromkeys(SCORES, 0.5) | {"surface_px": 200.0, "observed_px": 90.0, "psnr_whole": float("inf")}
     rows = tuple(
-        Row("case", f"{number}", name, values | {"ssim_surface": score, "sharpness": sharp, "ssim_aligned": np.nan})
+        Row(
+            "case",
+            f"{number}",
+            name,
+            values
+            | {"ssim_surface": score, "sharpness": sharp, "ssim_aligned": np.nan}
+            | {"angle_deg": 5.0 * number, "error_observed": 10 * score + number},
+        )
         for number in range(5)
         for name, score, sharp in ((OURS, ours, 0.9), (PEER, peer, 0.4))
     )
     distribution = (Distribution("case", OURS, 12.3, True, 0.01, 0.002, 5),)
     return Evaluation(
-        current_conditions({}), (EvaluatedCase("case", ("0",)),), methods, rows,
-        summarised(rows, (EvaluatedCase("case", ("0",)),), np.random.default_rng(0)), distribution, (),
+        current_conditions({}), cases, methods, rows, summarised(rows, cases, np.random.default_rng(0)), distribution,
+        (), angles=tuple(by_angle(rows, cases, np.random.default_rng(0))),
     )  # fmt: skip
 
 
@@ -64,7 +73,11 @@ def test_tables_have_every_method_and_no_undefined_number():
     assert "nan" not in markdown + latex
     assert "biased" in markdown
     assert "saw 45% of the surface" in markdown
-    assert markdown.count(f"| {OURS} |") == 5
+    assert markdown.count(f"| {OURS} |") == 6
+    # at 0 and 5, 10 and 15, and 20 degrees
+    assert "| observed, 0 to 10° (2) | observed, 10 to 20° (2) | observed, 20 to 35° (1) |" in markdown
+    means = [e.mean for e in found.angles if (e.case, e.method, e.score) == ("case", OURS, "error_observed")]
+    assert means == pytest.approx([6.5, 8.5, 10.0])
     assert r"paper's \& 100 \%" in latex
     assert r"$\mathbf{0.600} \pm 0.000$" in latex
     assert r"$0.0100 \pm 0.0020$" in latex

@@ -2,8 +2,9 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,9 @@ EVALUATION = "evaluation.json"
 """Its name in a folder."""
 ALL = "all"
 """The name of all cases together."""
+ANGLES_DEG = (0.0, 10.0, 20.0, 35.0, 180.0)
+"""Ends of the ranges of angles from the nearest frame in which errors are summarised."""
+BY_ANGLE = ("error_observed", "error_surface")
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,21 @@ class Summary:
 
 
 @dataclass(frozen=True)
+class AngleSummary:
+    """The mean of one score over a case's photographs from one angle to another, see :data:`ANGLES_DEG`."""
+
+    case: str
+    method: str
+    score: str
+    from_deg: float
+    to_deg: float
+    mean: float
+    low: float
+    high: float
+    n: int
+
+
+@dataclass(frozen=True)
 class Distribution:
     """FID and KID between the photographs and a method's views of a case."""
 
@@ -130,6 +149,7 @@ class Evaluation:
     missing: str = ""
     pictures: tuple[Pictures, ...] = ()
     charts: tuple[str, ...] = field(default=())
+    angles: tuple[AngleSummary, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -161,6 +181,19 @@ def summarised(rows: Sequence[Row], cases: Sequence[EvaluatedCase], rng: np.rand
             values = np.array([[by_image[*image, method][score] for image in own] for method in methods])
             entries += _summaries(case, methods, score, values, resampling)
     return tuple(entries)
+
+
+def by_angle(rows: Sequence[Row], cases: Sequence[EvaluatedCase], rng: np.random.Generator) -> Iterator[AngleSummary]:
+    """Errors of each case, and of :data:`ALL`, method and range of angles that holds photographs."""
+    for case in [*dict.fromkeys(row.case for row in rows), ALL]:
+        for start, end in pairwise(ANGLES_DEG):
+            within = [row for row in rows if case in (ALL, row.case) and start <= row.scores["angle_deg"] < end]
+            for method in dict.fromkeys(row.method for row in within):
+                own = [row for row in within if row.method == method]
+                resampling = Resampling(clusters([(row.case, row.image) for row in own], cases), rng)
+                for score in BY_ANGLE:
+                    found = resampling.interval(np.array([row.scores[score] for row in own]))
+                    yield AngleSummary(case, method, score, start, end, *vars(found).values())
 
 
 def clusters(images: Sequence[tuple[str, str]], cases: Sequence[EvaluatedCase]) -> list[tuple[str, str, str]]:
@@ -228,7 +261,7 @@ def read_evaluation(path: Path) -> Evaluation:
             cases=tuple(EvaluatedCase(e["name"], tuple(e["frames"]), e.get("surface", "")) for e in table["cases"]),
             methods=tuple(EvaluatedMethod(**entry) for entry in table["methods"]),
             rows=tuple(
-                Row(e["case"], e["image"], e["method"], {score: _number(e[score]) for score in SCORES})
+                Row(e["case"], e["image"], e["method"], {score: _number(e.get(score)) for score in SCORES})
                 for e in table["rows"]
             ),
             summary=tuple(Summary(**_numbers(entry)) for entry in table["summary"]),
@@ -237,6 +270,7 @@ def read_evaluation(path: Path) -> Evaluation:
             missing=table.get("missing", ""),
             pictures=tuple(Pictures(**entry) for entry in table["pictures"]),
             charts=tuple(table["charts"]),
+            angles=tuple(AngleSummary(**_numbers(entry)) for entry in table.get("angles", ())),
             seconds=dict(table.get("seconds", {})),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from ..scores.view_scores import SCORES
-from .evaluation_record import ALL, Evaluation, Summary
+from .evaluation_record import ALL, AngleSummary, Evaluation, Summary
 
 FRAME_COLUMNS = ("case", "image", "method", *SCORES)
 MARKDOWN_HEAD, LATEX_HEAD = "# Evaluation", "% Evaluation by OneFrame"
@@ -96,7 +96,7 @@ def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
         for method in evaluation.ran:
             worst = [evaluation.mean(case, method.name, score).worst for score in LATEX_SCORES]
             lines.append(_line(method.name, *map(_number, worst, _decimals(LATEX_SCORES))))
-        lines.append("")
+        lines += ["", *_angle_lines(evaluation, case)]
         lines += _distribution_lines(evaluation, case)
     return ("\n".join(lines).rstrip() + "\n").encode()
 
@@ -146,6 +146,23 @@ def _distribution_lines(evaluation: Evaluation, case: str) -> list[str]:
     return ["**Distributions**", "", headings, "|---|---|---|---|", *(_line(*each) for each in cells), ""]
 
 
+def _angle_lines(evaluation: Evaluation, case: str) -> list[str]:
+    entries = {(e.method, e.score, e.from_deg): e for e in evaluation.angles if e.case == case}
+    if not entries:
+        return []
+    columns = {(e.score, e.from_deg): e for e in sorted(entries.values(), key=lambda e: (e.score, e.from_deg))}
+    headings = [
+        f"{score.partition('_')[2]}, {each.from_deg:g} to {each.to_deg:g}° ({each.n})"
+        for (score, _), each in columns.items()
+    ]
+    lines = ["**Error (/255) by the angle from the nearest frame** (photographs)", "", _line("", *headings)]
+    lines.append("|---" * (len(columns) + 1) + "|")
+    for method in evaluation.ran:
+        found = [entries.get((method.name, *column)) for column in columns]
+        lines.append(_line(method.name, *("" if each is None else _interval(each, 1) for each in found)))
+    return [*lines, ""]
+
+
 def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
@@ -159,7 +176,7 @@ def _limits(evaluation: Evaluation, case: str, scores: Mapping[str, tuple[str, i
     return ["" if each is None else _number(each.mean, d) for each, d in zip(found, _decimals(scores), strict=True)]
 
 
-def _interval(found: Summary, decimals: int) -> str:
+def _interval(found: Summary | AngleSummary, decimals: int) -> str:
     if math.isnan(found.low):
         return _number(found.mean, decimals)
     return f"{found.mean:.{decimals}f} [{found.low:.{decimals}f}, {found.high:.{decimals}f}]"

@@ -64,6 +64,7 @@ def corrected(synthetic: np.ndarray, gain: np.ndarray) -> np.ndarray:
 
 
 SCORES = {
+    "angle_deg": "angle around the surface from the nearest frame, degrees",
     "surface_px": "pixels that show the surface",
     "observed_px": "pixels that show surface that the frame saw",
     "gain_red": "factor from the view to the photograph, red",
@@ -116,7 +117,8 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
 
     Returns
     -------
-    A value for each of :data:`SCORES`; NaN where it has none, since the part of the image is missing or uniform.
+    A value for each of :data:`SCORES`; NaN where it has none, since the part of the image is missing or uniform, and
+    for the angle, which images do not tell.
     """
     values = dict.fromkeys(SCORES, float("nan"))
     values["surface_px"], values["observed_px"] = map(float, (np.count_nonzero(surface), np.count_nonzero(observed)))

@@ -19,6 +19,12 @@ SCORES = (
     ("photograph_ssim", "against photographs, where the frame saw the surface", "1 - SSIM"),
     ("photograph_ssim_surface", "against photographs, whole surface", "1 - SSIM"),
 )
+IN_LIGHT = (
+    ("photograph_error", "against photographs, where the frame saw the surface", "mean colour error (of 255)"),
+    ("photograph_ssim", "against photographs, where the frame saw the surface", "1 - SSIM"),
+)
+"""The scores of lights: a converged reference would be in the frame's own light."""
+LIT_SMALL = "Lower left is better. Processor time of a view without its files, median and range of alternating rounds."
 SMALL = (
     "Lower left is better. Ours: complete views on disk (colour, depth, masks, ground truth), median and range of "
     "alternating rounds; PyVista: RGB in memory. Numbers: the Pareto front (filled) and PyVista, by time."
@@ -39,7 +45,8 @@ def speed_accuracy_chart(points: Sequence[SpeedPoint], conditions: str, data: Pa
     data
         The table's file.
     """
-    scores = [each for each in SCORES if np.isfinite([getattr(point, each[0]) for point in points]).any()]
+    known = SCORES if np.isfinite([point.error for point in points]).any() else IN_LIGHT
+    scores = [each for each in known if np.isfinite([getattr(point, each[0]) for point in points]).any()]
     rows = []
     for scene in distinct([point.scene for point in points]):
         own = [point for point in points if point.scene == scene]
@@ -56,12 +63,13 @@ def speed_accuracy_chart(points: Sequence[SpeedPoint], conditions: str, data: Pa
     ]
     floors = distinct([point.name for point in points if point.kind == FLOOR])
     key += [handle(name, MUTED, linestyle=DASHED, linewidth=1.2) for name in floors]
-    return draw_chart(data, "Speed against accuracy", rows, (SMALL, conditions), size=(6.0, 4.4), key=key)
+    small = SMALL if known is SCORES else LIT_SMALL, conditions
+    return draw_chart(data, "Speed against accuracy", rows, small, size=(6.0, 4.4), key=key)
 
 
 def _panel(points: Sequence[SpeedPoint], field: str, title: str, label: str) -> Panel:
     values = [(point, getattr(point, field)) for point in points]
-    judged = [(point, value if field == "error" else 1 - value) for point, value in values if np.isfinite(value)]
+    judged = [(point, 1 - value if "ssim" in field else value) for point, value in values if np.isfinite(value)]
     # two digits: smaller differences are chance
     front = pareto_front([point.ms for point, _ in judged], [float(f"{error:.1e}") for _, error in judged])
     layers: list[Layer] = [
@@ -82,7 +90,7 @@ def _panel(points: Sequence[SpeedPoint], field: str, title: str, label: str) -> 
         }
         layers.append(line([point.ms_least, point.ms_most], [error, error], colour, linewidth=1.4, alpha=0.5))
         layers.append(line([point.ms], [error], colour, marker=marker, **look))
-        if first or point.kind == OTHER:
+        if first or point.kind == OTHER or field == "photograph_error":
             named.append(f"{len(named) + 1}  {_short_name(point)}")
             layers.append(_number((point.ms, error), len(named), colour))
     layers.append(text((0.6, 0.98), "\n".join(named), va="top", fontsize=8))

@@ -9,15 +9,19 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from oneframe.blender.render.cycles import CyclesScene
-from oneframe.colour.reference_view import colours_of, vertex_colours_of
+from oneframe.blender.render.engines import opened_engine
+from oneframe.colour.lens_shading import lens_shading_of
+from oneframe.colour.reference_view import colours_of, traced_view_of, vertex_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
@@ -174,6 +178,47 @@ def measure_scene(
                 advance()
     quantiles = {name: (1e3 * np.quantile(each, [0.5, 0, 1])).tolist() for name, each in seconds.items()}
     return [SpeedPoint(scene.name, *row, *quantiles[name], **scores[name]) for name, row in rows.items()]  # type: ignore[arg-type]
+
+
+def measure_lights(scene: RenderScene, rounds: int, advance: Callable[[], None]) -> list[SpeedPoint]:
+    """Processor time of a view in each light, without files, and how far it is off the scene's photographs.
+
+    Lights are measured in turn. The one at the lens is as the case says, or in the lens' middle.
+    """
+    case = scene.loaded.case
+    middle = replace(case, light=replace(case.lens_light, lamp_cam_mm=(0.0, 0.0, 0.0)))
+    ways = {"no light": (case, None), "lens' middle": (middle, False), "lens": (case, False), "shadows": (case, True)}
+    photographs = range(scene.planned, len(scene.poses))
+    with ExitStack() as opened:
+        renders, surfaces = {}, []
+        for name, (lit, shadows) in ways.items():
+            loaded = replace(scene.loaded, case=lit)
+            light = None if shadows is None else lens_shading_of(loaded, shadows=shadows)
+            reference = traced_view_of(loaded, light)
+            surfaces.append((name, ColouredSurface(reference.mesh, reference.views, light=light)))
+        for engine, (name, surface) in product(("raster", "cycles"), surfaces):
+            renders[engine, name] = opened.enter_context(opened_engine(engine, surface, scene.camera, threads=1))
+        seen = [renders["raster", "no light"](scene.cam_from_model(index)) for index in photographs]
+        seconds: dict[tuple[str, str], list[float]] = {key: [] for key in renders}
+        views: dict[tuple[str, str], list[np.ndarray]] = {key: [] for key in renders}
+        for (key, render), index in product(renders.items(), photographs):
+            views[key].append(render(scene.cam_from_model(index)).rgb)
+        for _, (key, render), index in product(range(rounds), renders.items(), photographs):
+            began = time.process_time()
+            render(scene.cam_from_model(index))
+            seconds[key].append(time.process_time() - began)
+            advance()
+    masks = tuple(view.observed for view in seen), tuple(view.mask for view in seen)
+    truth = Reference(scene.photographs, *masks, tuple(photographs), 0)
+    return [
+        SpeedPoint(
+            scene.name, OURS, f"{ENGINE_NAMES[engine]}, {name}", ENGINE_NAMES[engine], 1, "projective", name,
+            len(scene.loaded.surface.mesh.faces), 1,
+            *(1e3 * np.quantile(seconds[engine, name], [0.5, 0, 1])).tolist(),
+            **_judged(truth, views[engine, name]),
+        )
+        for engine, name in renders
+    ]  # fmt: skip
 
 
 def render_command(case: Path, out: Path, *flags: str) -> list[str]:

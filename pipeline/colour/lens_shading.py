@@ -12,14 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..light.lens_light import LensLight, power_of, shading, working_distance_mm
 from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
+from ..projection.visible_surface import central_point
+from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
-from ..transforms import transform_points
 from .vertex_colours import NEUTRAL
 
 SHIFT, POWER = 0.055, 1 / 2.4
@@ -35,6 +37,13 @@ LEAST_SHADING = (0.1, 0.2)
 An edge pixel of a frame mixes surfaces of which the law knows one: less would make it a speck. Up to 0.16, views of the
 sample are as near to its photographs as with none.
 """
+
+FARTHEST_BEFORE = 0.25
+"""Part of the way to the surface that a lamp may be before the lens."""
+NEAR = 0.5
+"""Part of the frame's working distance below which a view's lamp comes to its lens."""
+SMALL_PX = 240
+"""Longer side of the picture that tells where the surface is in a frame."""
 
 SAME_PLACE = 1e-5
 """Part of the lamp's distance up to which what its ray meets is the point itself."""
@@ -58,17 +67,37 @@ class LensShading:
         What every point gets at least: less would be noise in the frame without its light.
     shadows
         Whether the lamp casts shadows.
+    middle_model
+        The point, model frame, whose distance is the working distance: what the frame shows at its middle.
+    frame_mm
+        The frame's own working distance; 0 lets the lamp keep its place however near the lens is.
     """
 
     light: LensLight
     least: float
     shadows: bool = False
+    middle_model: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    frame_mm: float = 0.0
+
+    def at(self, cam_from_model: np.ndarray) -> tuple[LensLight, float]:
+        """The lamp of the lens at a pose (4x4, mm), and the pose's working distance, mm.
+
+        Nearer than :data:`NEAR` of the frame's distance the lamp comes to the lens as the lens comes to the surface:
+        beside or before the lens as ever, it would get into the walls.
+        """
+        distance_mm = working_distance_mm(cam_from_model, self.middle_model)
+        part = distance_mm / max(NEAR * self.frame_mm, distance_mm)
+        if part == 1:
+            return self.light, distance_mm
+        x, y, z = (part * each for each in self.light.lamp_cam_mm)
+        return replace(self.light, lamp_cam_mm=(x, y, z)), distance_mm
 
     def factors(
         self, points: np.ndarray, normals: np.ndarray, cam_from_model: np.ndarray, lit: np.ndarray | None = None
     ) -> np.ndarray:
         """``(N,)`` what multiplies shifted codes plus :data:`SHIFT`; parameters as of :func:`.shading`."""
-        linear = shading(self.light, points, normals, cam_from_model, working_distance_mm(cam_from_model), lit)
+        light, distance_mm = self.at(cam_from_model)
+        linear = shading(light, points, normals, cam_from_model, distance_mm, lit)
         return power_of(np.maximum(linear, linear.dtype.type(self.least)), POWER)
 
 
@@ -141,10 +170,10 @@ def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None) -> np.ndarra
 
 
 def lit_by_lamp(
-    rays: MeshRays, light: LensLight, faces: np.ndarray, points: np.ndarray, pose: np.ndarray
+    rays: MeshRays, lens: LensShading, faces: np.ndarray, points: np.ndarray, pose: np.ndarray
 ) -> np.ndarray:
     """``(N,)`` float32, 1 where the lamp at the lens of a pose reaches points ``(N, 3)`` of faces, else 0."""
-    lamp = light.place_model(pose).astype(np.float32)
+    lamp = lens.at(pose)[0].place_model(pose).astype(np.float32)
     towards = points - lamp
     met = rays.first_hits(np.broadcast_to(lamp, points.shape).copy(), towards)
     return ((met.face == faces) | (met.distance > 1 - SAME_PLACE)).astype(np.float32)
@@ -158,24 +187,30 @@ def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading
     InputError
         The case has no such light, or it is not before the surface.
     """
-    light, mesh, name = loaded.case.lens_light, loaded.surface.mesh, loaded.case.path.name
-    nearest = min(_nearest_mm(mesh, frame) for frame in loaded.frames)
+    light, name = loaded.case.lens_light, loaded.case.path.name
+    depths = [_small_depth_mm(loaded.surface.mesh, frame) for frame in loaded.frames]
+    nearest = min(float(depth[depth > 0].min(initial=np.inf)) for depth in depths)
     # views come nearer to the surface than the frames: the lamp must not get into it
-    if light.lamp_cam_mm[2] > nearest / 2:
+    if light.lamp_cam_mm[2] > nearest * FARTHEST_BEFORE:
         raise InputError(
-            f"{name}: [light] lamp_cam_mm: expected a lamp at the lens, at most half of the way to the surface before "
-            f"it, found one {light.lamp_cam_mm[2]:.4g} mm before the lens, the surface begins at {nearest:.4g} mm; "
-            "give its place in the camera's axes, mm"
+            f"{name}: [light] lamp_cam_mm: expected a lamp at the lens, at most a quarter of the way to the surface "
+            f"before it, found one {light.lamp_cam_mm[2]:.4g} mm before the lens, the surface begins at {nearest:.4g} "
+            "mm; give its place in the camera's axes, mm"
         )
     noise = max(map(_noise, (each.image for each in loaded.frames)))
     least = float(np.clip((noise / LARGEST_NOISE) ** (1 / POWER), *LEAST_SHADING))
-    return LensShading(light, least, shadows)
+    x, y, z = central_point(depths[0], _small(loaded.frame.camera), loaded.frame.cam_from_model).tolist()
+    return LensShading(light, least, shadows, (x, y, z), working_distance_mm(loaded.frame.cam_from_model, (x, y, z)))
 
 
-def _nearest_mm(mesh: TriangleMesh, frame: PosedFrame) -> float:
-    """Depth at which the surface begins in a frame; infinite if no vertex is in it."""
-    points_cam = transform_points(frame.cam_from_model, mesh.vertices)
-    return float(points_cam[frame.camera.contains(frame.camera.project(points_cam)), 2].min(initial=np.inf))
+def _small(camera: PinholeCamera) -> PinholeCamera:
+    factor = min(SMALL_PX / max(camera.size_wh), 1.0)
+    return camera.resized(*(max(round(side * factor), 1) for side in camera.size_wh))
+
+
+def _small_depth_mm(mesh: TriangleMesh, frame: PosedFrame) -> np.ndarray:
+    """``(H, W)`` depth of the surface in a small picture of a frame, 0 where there is none."""
+    return rasterise_depth(mesh, _small(frame.camera), frame.cam_from_model).depth_mm
 
 
 def _noise(image: np.ndarray) -> float:

@@ -324,8 +324,9 @@ class RayTracer:
             normals = self._normals.at(hits.face, points.T, hits.front)
             lit = None
             if self._light.shadows:
-                lamp = self._light.light
-                lit = lit_by_lamp(self._rays, lamp, hits.face, np.ascontiguousarray(points.T), eye.cam_from_model)
+                lit = lit_by_lamp(
+                    self._rays, self._light, hits.face, np.ascontiguousarray(points.T), eye.cam_from_model
+                )
             shown_codes(rgb, self._light.factors(points.T, normals, eye.cam_from_model, lit))
         rgb[~hit] = 0
         return rgb

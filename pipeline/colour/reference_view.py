@@ -16,10 +16,10 @@ from ..errors import InputError
 from ..light.exposure import matched_exposures
 from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
-from ..projection.visible_surface import most_central
+from ..projection.visible_surface import central_point
 from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, inverse_rigid, transform_points
+from ..transforms import camera_centre, transform_points
 from .fill import filled_colours
 from .lens_shading import LensShading, lens_doubts, without_light
 from .ray_tracer import RayTracer
@@ -90,12 +90,9 @@ def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
     InputError
         No pixel of a frame shows the surface.
     """
-    mesh, depths_mm = loaded.surface.mesh, []
+    mesh = loaded.surface.mesh
     rasters = [rasterise_depth(mesh, frame.camera, frame.cam_from_model) for frame in loaded.frames]
-    for raster in rasters:
-        inverse = raster.inverse_depth
-        depth_mm = np.zeros(inverse.shape, np.float32)
-        depths_mm.append(np.divide(1.0, inverse, out=depth_mm, where=raster.face >= 0, casting="same_kind"))
+    depths_mm = [raster.depth_mm.astype(np.float32) for raster in rasters]
     raster, shown = rasters[0], rasters[0].face >= 0
     front = np.zeros(shown.shape, dtype=bool)
     front[shown] = mesh.front_facing(camera_centre(loaded.frame.cam_from_model), raster.face[shown])
@@ -145,7 +142,7 @@ def view_of_depths(
     loaded: LoadedCase, depths_mm: Sequence[np.ndarray], front: np.ndarray, raster: DepthRaster | None = None
 ) -> ReferenceView:
     """The views of a surface with these depths (0 without surface); the first shows its front side where ``front``."""
-    camera, cam_from_model, mesh, messages = loaded.frame.camera, loaded.frame.cam_from_model, loaded.surface.mesh, []
+    mesh, messages = loaded.surface.mesh, []
     name = loaded.case.path.name
     views = []
     for frame, depth_mm in zip(loaded.frames, depths_mm, strict=True):
@@ -161,11 +158,7 @@ def view_of_depths(
     if part < 0.5:
         mesh = mesh.flipped()
         messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
-    v, u = np.nonzero(shown & loaded.frame.valid)
-    central = most_central(np.stack([u, v], axis=1))
-    pixel = np.array([[u[central], v[central]]], float)
-    pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
-    pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
+    pivot_model = central_point(depth_mm * loaded.frame.valid, loaded.frame.camera, loaded.frame.cam_from_model)
     return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(messages), raster)
 
 

@@ -5,10 +5,14 @@ point its albedo is the same in all of them, and drops out together with the exp
 is left is the change of the shading as the lens moves: a light that stands still makes none. One frame alone must take
 all albedos for one, and may take the light of a room for a lamp's.
 
-Least squares with Cauchy's weights, reweighted iteratively and damped (Marquardt 1963): highlights, instruments and
-light between the walls are in no frame's model. How far the lamp is before or behind the lens changes little that the
-distance's exponent does not, so it is taken to be beside the lens, and what this may be wrong by is part of the
-uncertainty.
+Two things move with the lens as the shading does, and would be taken for a lamp elsewhere; several frames tell them:
+the gloss of wet surfaces, of which one share is found, and the lamp's profile across the field, a smooth term about the
+axis. Both are nuisances: the law is without them.
+
+Least squares with Cauchy's weights, reweighted iteratively and damped (Marquardt 1963): instruments and light between
+the walls are in no frame's model. How far the lamp is before or behind the lens and how its light falls off with the
+distance change little, and little but what light between the walls does too: the lamp is taken to be small and beside
+the lens, and what this may be wrong by is part of the uncertainty.
 """
 
 from collections.abc import Sequence
@@ -21,18 +25,20 @@ from ..surface.mesh import TriangleMesh
 from .lens_light import PHYSICAL, LensLight
 from .shaded_points import Image, ShadedPoints, shaded_points
 
-X, Y, AMBIENT, FALLOFF, Z = range(5)
-"""The parameters: place of the lamp in the camera's axes, mm, ambient part and exponent."""
-START = np.array([0.0, 0.0, 0.1, PHYSICAL, 0.0])
-LEAST = np.array([-100.0, -100.0, 0.0, 0.0, 0.0])
-MOST = np.array([100.0, 100.0, 1.0, 4.0, 0.0])
+X, Y, AMBIENT, GLOSS, Z, FALLOFF = range(6)
+"""The parameters: place of the lamp in the camera's axes, mm, ambient part, gloss beside it, and exponent."""
+START = np.array([0.0, 0.0, 0.1, 0.05, 0.0, PHYSICAL])
+LEAST = np.array([-100.0, -100.0, 0.0, 0.0, -np.inf, 0.0])
+MOST = np.array([100.0, 100.0, 1.0, 1.0, np.inf, np.inf])
 """Bounds of the parameters: a lamp on one of them is none at the lens."""
-STEPS = np.array([0.1, 0.1, 1e-4, 1e-2, 0.1])
+STEPS = np.array([0.1, 0.1, 1e-4, 1e-4, 0.1, 1e-2])
 """Of central differences."""
-ENOUGH = np.array([1e-2, 1e-2, 1e-5, 1e-3, 1.0])
+ENOUGH = np.array([1e-2, 1e-2, 1e-5, 1e-4, 1.0, 1.0])
 """Changes of the parameters that end the fit."""
-DEPTH_DEVIATION_MM = 20.0
-"""Standard deviation of the lamp's place before or behind the lens, which is not looked for."""
+GRANTED = {Z: 20.0, FALLOFF: 0.3}
+"""Standard deviations of what is not looked for."""
+PROFILE = 2
+"""Terms of the profile: powers of the squared distance from the axis."""
 ROUNDS, ITERATIONS, GREATEST_DAMPING = 2, 30, 1e6
 """Rounds before which the lamp's shadows are cast anew, and the most steps of each."""
 CAUCHY, LEAST_SCATTER = 2.5, 1e-9
@@ -149,21 +155,24 @@ def _compared(sightings: ShadedPoints) -> ShadedPoints:
 
 
 def _light(values: np.ndarray) -> LensLight:
-    x, y, ambient, falloff, z = values.tolist()
+    x, y, ambient, _, z, falloff = values.tolist()
     return LensLight((x, y, z), ambient, falloff)
 
 
 class _Problem:
-    """Weighted least squares over sightings; what albedos and exposures explain is taken out of all columns."""
+    """Weighted least squares over sightings; albedos, exposures and profile are taken out of all columns."""
 
     def __init__(self, seen: ShadedPoints) -> None:
         several = len(seen.poses) > 1
         self._seen = seen
-        # how the light falls off shows in no single frame, where albedos vary by more
-        self._free = [X, Y, AMBIENT, FALLOFF] if several else [X, Y, AMBIENT]
+        # gloss and profile show in no single frame, where albedos vary by more
+        self._free = [X, Y, AMBIENT, GLOSS] if several else [X, Y, AMBIENT]
+        self._gloss = float(several)
         albedo = seen.point if several else np.zeros_like(seen.point)
         self._albedo = np.unique(albedo, return_inverse=True)[1].ravel()
-        self._exposures = (seen.frame[:, None] == np.arange(1, len(seen.poses))).astype(np.float64)
+        exposures = (seen.frame[:, None] == np.arange(1, len(seen.poses))).astype(np.float64)
+        profile = seen.off_axis[:, None] ** np.arange(1, 1 + PROFILE * several)
+        self._linear = np.concatenate([exposures, profile], axis=1)
         self._weights = np.ones(len(seen.point))
 
     def solved(self, values: np.ndarray) -> np.ndarray:
@@ -196,7 +205,7 @@ class _Problem:
         deviation = self._deviation(values, residuals)
         return FoundLamp(
             light=_light(values),
-            deviation_mm=(float(deviation[X]), float(deviation[Y]), DEPTH_DEVIATION_MM),
+            deviation_mm=(float(deviation[X]), float(deviation[Y]), GRANTED[Z]),
             ambient_deviation=float(deviation[AMBIENT]),
             frames=len(self._seen.poses),
             points=len(np.unique(self._seen.point)),
@@ -206,8 +215,7 @@ class _Problem:
 
     def _deviation(self, values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
         """Standard deviations, robust to errors that depend on one another within cells (White 1980)."""
-        slopes, points = self._slopes(values, [*self._free, Z]), self._seen.points
-        slopes, by_depth = slopes[:, :-1], slopes[:, -1]
+        slopes, points = self._slopes(values, self._free), self._seen.points
         weighted = slopes * self._weights[:, None]
         inverse = np.linalg.pinv(weighted.T @ slopes)
         places = np.floor((points - points.min(axis=0)) * (CELLS / max(float(np.ptp(points, axis=0).max()), 1e-9)))
@@ -215,10 +223,10 @@ class _Problem:
         scores = np.stack([np.bincount(cell, column * residuals) for column in weighted.T], axis=1)
         count = len(scores)
         covariance = inverse @ (scores.T @ scores) @ inverse * (MISFIT**2 * count / max(count - 1, 1))
-        # and by the depth that is taken for granted
-        shift = inverse @ (weighted.T @ by_depth) * DEPTH_DEVIATION_MM
+        granted = self._slopes(values, list(GRANTED)) * list(GRANTED.values())
+        shift = inverse @ (weighted.T @ granted)
         deviation = np.zeros(len(values))
-        deviation[self._free] = np.sqrt(np.diag(covariance) + shift**2)
+        deviation[self._free] = np.sqrt(np.diag(covariance) + (shift**2).sum(axis=1))
         return deviation
 
     def _reweight(self, values: np.ndarray) -> None:
@@ -230,7 +238,11 @@ class _Problem:
         return float((self._weights * residuals**2).sum())
 
     def _log_shading(self, values: np.ndarray) -> np.ndarray:
-        return np.log(np.maximum(self._seen.shading(_light(values)), 1e-3))
+        light = _light(values)
+        told = self._seen.shading(light)
+        if self._gloss:
+            told += values[GLOSS] * self._seen.gloss(light)
+        return np.log(np.maximum(told, 1e-3))
 
     def _residuals(self, values: np.ndarray) -> np.ndarray:
         return self._without_rest(self._seen.log_light - self._log_shading(values))
@@ -240,17 +252,16 @@ class _Problem:
         columns = []
         for at in parameters:
             up, down = values.copy(), values.copy()
-            up[at] += STEPS[at]
-            down[at] = max(down[at] - STEPS[at], LEAST[at]) if at in (AMBIENT, FALLOFF) else down[at] - STEPS[at]
-            up[at] = min(up[at], MOST[at]) if at in (AMBIENT, FALLOFF) else up[at]
+            up[at], down[at] = up[at] + STEPS[at], down[at] - STEPS[at]
+            up, down = np.clip(up, LEAST, MOST), np.clip(down, LEAST, MOST)
             columns.append((self._log_shading(up) - self._log_shading(down)) / (up[at] - down[at]))
         return self._without_rest(np.stack(columns, axis=1))
 
     def _without_rest(self, values: np.ndarray) -> np.ndarray:
-        """``(N,)`` or ``(N, P)`` less what albedos and exposures explain of them."""
-        values, exposures = self._without_albedo(values), self._without_albedo(self._exposures)
-        weighted = exposures * self._weights[:, None]
-        return values - exposures @ (np.linalg.pinv(weighted.T @ exposures) @ (weighted.T @ values))
+        """``(N,)`` or ``(N, P)`` less what albedos, exposures and profile explain of them."""
+        values, linear = self._without_albedo(values), self._without_albedo(self._linear)
+        weighted = linear * self._weights[:, None]
+        return values - linear @ (np.linalg.pinv(weighted.T @ linear) @ (weighted.T @ values))
 
     def _without_albedo(self, values: np.ndarray) -> np.ndarray:
         total = np.bincount(self._albedo, self._weights)

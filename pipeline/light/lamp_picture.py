@@ -4,6 +4,7 @@ import numpy as np
 
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import codes_from_linear, linear_from_codes
+from ..projection.visible_surface import central_point
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from .lens_light import LensLight, shading, working_distance_mm
@@ -21,7 +22,8 @@ def lamp_picture(mesh: TriangleMesh, frame: Image, light: LensLight) -> np.ndarr
     raster = rasterise_depth(mesh, frame.camera, pose)
     shown = (raster.face >= 0) & frame.valid
     points, normals = surface_at(mesh, raster, frame, np.argwhere(shown)[:, ::-1])
-    shade = shading(light, points, normals, pose, working_distance_mm(pose))
+    distance_mm = working_distance_mm(pose, central_point(raster.depth_mm, frame.camera, pose))
+    shade = shading(light, points, normals, pose, distance_mm)
     shade = np.maximum(shade / max(float(np.median(shade)), LEAST_SHADING), LEAST_SHADING)
     albedo = linear_from_codes(frame.image[shown]) / shade[:, None]
     tiles = [frame.image]

@@ -10,7 +10,7 @@ the distance, as a microscope's do. What lamp and exposure are worth together is
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 
@@ -132,9 +132,10 @@ def _checked_origin(key: str, value: object, where: str) -> object:
     return value
 
 
-def working_distance_mm(cam_from_model: np.ndarray) -> float:
-    """The distance D of a pose, mm: from the lens to the middle of the surface, the model's origin; at least 1."""
-    return max(float(np.linalg.norm(cam_from_model[:3, 3])), 1.0)
+def working_distance_mm(cam_from_model: np.ndarray, middle_model: Sequence[float] | np.ndarray) -> float:
+    """The distance D of a pose, mm: from the lens to a point (model frame) that stands for the surface; at least 1."""
+    middle_cam = cam_from_model[:3, :3] @ np.asarray(middle_model) + cam_from_model[:3, 3]
+    return max(float(np.linalg.norm(middle_cam)), 1.0)
 
 
 def shading(
@@ -142,7 +143,7 @@ def shading(
     points: np.ndarray,
     normals: np.ndarray,
     cam_from_model: np.ndarray,
-    distance_mm: float,
+    distance_mm: float | np.ndarray,
     lit: np.ndarray | None = None,
 ) -> np.ndarray:
     """What points of a surface get of the light of a lens: the law of this module.
@@ -156,7 +157,7 @@ def shading(
     cam_from_model
         4x4, mm: the pose of the lens.
     distance_mm
-        The pose's :func:`working_distance_mm`, or a constant where all views are exposed alike.
+        The pose's :func:`working_distance_mm`, or a constant where all views are exposed alike; or ``(N,)``.
     lit
         ``(N,)`` V, 0..1; everywhere 1 if left out.
 

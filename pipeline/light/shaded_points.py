@@ -1,7 +1,8 @@
 """Points of a surface whose shading frames show: what a lamp is found from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import linear_from_codes, sample_bilinear
 from ..projection.overlay_scene import smooth_normals
+from ..projection.visible_surface import central_point
 from ..projection.z_buffer import DepthRaster, inverse_depth_of, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, transform_points
 from .lens_light import LensLight, shading, working_distance_mm
 
-MOST_POINTS = 8000
+MOST_POINTS = 4000
 """Points of all frames together."""
 DARK, BRIGHT = 0.01, 0.97
 """Linear light below which noise counts, and the code value of a channel above which it may be cut off."""
@@ -26,6 +28,8 @@ TOLERANCE_PX = 2.0
 """Depth in pixels by which a point may lie off the surface that a frame shows at its place."""
 SHADOW_MAP, SHADOW_BIAS_PX = 1024, 6.0
 """Side of the map of what a lamp sees, and how far behind it a point still counts as lit, in its pixels."""
+ROUGHNESS = 0.3
+"""Of the gloss: bone, tissue and wet films between them, whose normals are finer than the surface's."""
 RED = 0
 """The channel that is used: tissue and bone send back most of it, so highlights, which are white, weigh least."""
 
@@ -57,6 +61,8 @@ class ShadedPoints:
         ``(N,)`` logarithm of the frame's linear light there.
     poses
         ``cam_from_model`` of each frame.
+    middle_model
+        ``(3,)`` mm: the point whose distance is the working distance, what the first frame shows at its middle.
     """
 
     point: np.ndarray
@@ -65,6 +71,7 @@ class ShadedPoints:
     normals: np.ndarray
     log_light: np.ndarray
     poses: tuple[np.ndarray, ...]
+    middle_model: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def where(self, chosen: np.ndarray) -> "ShadedPoints":
         """Some of the sightings."""
@@ -75,14 +82,45 @@ class ShadedPoints:
         """Those of points that more than one frame shows."""
         return self.where(np.bincount(self.point, minlength=1)[self.point] > 1)
 
-    def shading(self, light: LensLight) -> np.ndarray:
-        """``(N,)`` what each gets of the light of its frame's lens, no shadows cast."""
-        result = np.empty(len(self.frame))
+    @cached_property
+    def _cam(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points and normals ``(N, 3)`` in the axes of their frame's camera, mm, and its working distance ``(N,)``."""
+        points, normals, distances = np.empty_like(self.points), np.empty_like(self.points), np.empty(len(self.frame))
         for number, pose in enumerate(self.poses):
             own = self.frame == number
-            args = self.points[own], self.normals[own], pose, working_distance_mm(pose)
-            result[own] = shading(light, *args)
-        return result
+            points[own] = transform_points(pose, self.points[own])
+            normals[own] = self.normals[own] @ pose[:3, :3].T
+            distances[own] = working_distance_mm(pose, self.middle_model)
+        return points, normals, distances
+
+    def shading(self, light: LensLight) -> np.ndarray:
+        """``(N,)`` what each gets of the light of its frame's lens, no shadows cast."""
+        points, normals, distances = self._cam
+        return shading(light, points, normals, np.eye(4), distances)
+
+    def gloss(self, light: LensLight) -> np.ndarray:
+        """``(N,)`` what a wet surface mirrors of the lamp: 1 where it faces the middle between lamp and lens.
+
+        The lobe of Trowbridge & Reitz (1975), of :data:`ROUGHNESS`: broader than highlights are seen to be.
+        """
+        points, normals, distances = self._cam
+        towards_lamp = np.array(light.lamp_cam_mm) - points
+        r, away = (np.linalg.norm(each, axis=1) for each in (towards_lamp, points))
+        half = towards_lamp / r[:, None] - points / away[:, None]
+        cosine = np.einsum("nk,nk->n", half, normals) / np.linalg.norm(half, axis=1)
+        facing = -np.einsum("nk,nk->n", points, normals) / away
+        squared = ROUGHNESS**2
+        lobe = (squared / (1 + (squared - 1) * cosine**2)) ** 2 * (distances / r) ** light.falloff
+        met = np.einsum("nk,nk->n", towards_lamp, normals) > 0
+        return np.where(met, lobe / np.maximum(facing, LEAST_FACING), 0.0)
+
+    @cached_property
+    def off_axis(self) -> np.ndarray:
+        """``(N,)`` 0..1: how far from the lens' axis a sighting is, squared, relative to the farthest one."""
+        points = self._cam[0]
+        squared = (points[:, :2] ** 2).sum(axis=1) / points[:, 2] ** 2
+        relative: np.ndarray = squared / max(float(squared.max(initial=0.0)), 1e-12)
+        return relative
 
     def lit(self, light: LensLight, mesh: TriangleMesh) -> np.ndarray:
         """``(N,)`` bool: nothing stands between the point and the lamp."""
@@ -128,6 +166,7 @@ def shaded_points(mesh: TriangleMesh, frames: Sequence[Image]) -> ShadedPoints:
         normals=normals[point],
         log_light=np.concatenate([each[1] for each in seen]),
         poses=tuple(frame.cam_from_model for frame in frames),
+        middle_model=central_point(views[0].raster.depth_mm, frames[0].camera, frames[0].cam_from_model),
     )
 
 
@@ -136,7 +175,7 @@ def _view(mesh: TriangleMesh, frame: Image) -> _View:
     light = linear_from_codes(frame.image[..., RED])
     unusable = ~frame.valid | (frame.image.max(axis=2) > BRIGHT) | (light < DARK) | (raster.face < 0)
     light = _spread(np.where(unusable, 0, light), np.add) / np.maximum(_spread(~unusable * 1.0, np.add), 1e-9)
-    depth = np.divide(1.0, raster.inverse_depth, out=np.full_like(light, np.inf), where=raster.face >= 0)
+    depth = np.where(raster.face >= 0, raster.depth_mm, np.inf)
     with np.errstate(invalid="ignore"):
         steepest = STEEPEST_PX * (2 * AROUND_PX + 1) * depth / min(frame.camera.fx, frame.camera.fy)
         steps = ~(_spread(depth, np.maximum, AROUND_PX) - _spread(depth, np.minimum, AROUND_PX) <= steepest)

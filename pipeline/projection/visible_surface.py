@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..transforms import camera_centre, inverse_rigid
+from ..transforms import camera_centre, inverse_rigid, transform_points
 
 FirstHit = Callable[[Sequence[float], Sequence[float]], tuple[Iterable[float], Iterable[float]] | None]
 """Origin and direction of a ray (model frame) -> point and unit normal of the surface there; ``None`` if it misses."""
@@ -65,6 +65,18 @@ def cast_grid(first_hit: FirstHit, camera: PinholeCamera, cam_from_model: np.nda
     found = [hit for hit in hits if hit is not None]
     points, normals = (np.array([hit[part] for hit in found], float).reshape(-1, 3) for part in (0, 1))
     return VisibleSurface(points, normals, pixels[[hit is not None for hit in hits]], len(pixels))
+
+
+def central_point(depth_mm: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(3,)`` mm, model frame: the point at the middle of what ``(H, W)`` depths show; the origin if all are 0."""
+    v, u = np.nonzero(depth_mm)
+    if not len(v):
+        return np.zeros(3)
+    central = most_central(np.stack([u, v], axis=1))
+    pixel = np.array([[u[central], v[central]]], float)
+    point_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
+    point: np.ndarray = transform_points(inverse_rigid(cam_from_model), point_cam)[0]
+    return point
 
 
 def most_central(pixels: np.ndarray) -> int:

@@ -40,6 +40,12 @@ class DepthRaster(NamedTuple):
     inverse_depth: np.ndarray
     face: np.ndarray
 
+    @property
+    def depth_mm(self) -> np.ndarray:
+        """``(H, W)`` float64 along the optical axis; 0 where there is no surface."""
+        inverse = self.inverse_depth
+        return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+
 
 def rasterise_depth(
     mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, faces: np.ndarray | None = None

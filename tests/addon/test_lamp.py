@@ -18,6 +18,7 @@ from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
 from oneframe.images.png import encode_png
 from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.projection.overlay_scene import smooth_normals
+from oneframe.projection.visible_surface import central_point
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
@@ -78,7 +79,7 @@ def test_the_lamp_of_the_file_stays_to_the_last_digit(opened, case_path):  # noq
         ({"falloff": -1.0}, "falloff: expected a number from 0 to 4"),
         ({"lamp_cam_mm": (600.0, 0.0, 0.0)}, "expected a lamp at the lens, at most 500 mm"),
         ({"lamp_cam_mm": (0.0, 0.0, float("nan"))}, "expected three finite numbers"),
-        ({"lamp_cam_mm": (0.0, 0.0, 345.0)}, "at most half of the way to the surface"),
+        ({"lamp_cam_mm": (0.0, 0.0, 345.0)}, "at most a quarter of the way to the surface"),
     ],
 )
 def test_a_lamp_out_of_range_is_refused(opened, change, message):  # noqa: F811
@@ -125,7 +126,9 @@ def lit(mesh, pose):
     points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
     normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
     light = LensLight((*LAMP["lamp_cam_mm"][:2], 0.0), LAMP["ambient"])
-    factors = shading(light, points, normals, pose, working_distance_mm(pose))
+    factors = shading(
+        light, points, normals, pose, working_distance_mm(pose, central_point(raster.depth_mm, CAMERA, pose))
+    )
     image = photograph(mesh, pose)
     image[shown] = codes_from_linear(linear_from_codes(image[shown]) * factors[:, None])
     return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)

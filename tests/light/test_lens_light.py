@@ -30,7 +30,7 @@ def test_the_law_is_lamberts_in_the_cameras_axes():
 
 def test_a_lens_in_the_middle_of_the_surface_has_light():
     at = rigid(rotation_from_vector(np.array([0.2, -0.4, 0.7])))
-    lit = shading(LIGHT, POINTS, NORMALS, at, working_distance_mm(at))
+    lit = shading(LIGHT, POINTS, NORMALS, at, working_distance_mm(at, np.zeros(3)))
     assert np.isfinite(lit).all()
     assert (lit >= LIGHT.ambient).all()
 
@@ -48,7 +48,9 @@ def test_at_the_working_distance_a_surface_that_faces_the_lamp_gets_one_more_tha
     light = LensLight((0.0, 0.0, 0.0), ambient, falloff)
     pose = rigid(translation=np.array([0.0, 0.0, 300.0]))
     both = np.zeros((2, 3)), np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(shading(light, *both, pose, working_distance_mm(pose)), [1 + ambient, ambient])
+    np.testing.assert_allclose(
+        shading(light, *both, pose, working_distance_mm(pose, np.zeros(3))), [1 + ambient, ambient]
+    )
     np.testing.assert_allclose(shading(light, *both, pose, 300.0, lit=np.zeros(2)), ambient)
 
 

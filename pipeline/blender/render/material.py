@@ -20,7 +20,6 @@ from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import COVERED_LEAST, OBSERVED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
-from ...light.lens_light import LensLight, working_distance_mm
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
 from ..bridge.data_blocks import set_corner_vectors, set_vertex_colors
@@ -147,14 +146,18 @@ def _in_light(
     return nodes.scaled(shifted, shaded), diffuse.outputs["BSDF"]
 
 
-def move_lamp(mesh_object: bpy.types.Object, light: LensLight, cam_from_model: np.ndarray) -> np.ndarray:
-    """Put the light that :func:`assign_colour` has given a surface at the lens of a pose (4x4, mm): its place, mm."""
+def move_lamp(mesh_object: bpy.types.Object, lens: LensShading, cam_from_model: np.ndarray) -> tuple[np.ndarray, float]:
+    """Put the light that :func:`assign_colour` has given a surface at the lens of a pose (4x4, mm).
+
+    Returns its place, model frame, and the pose's working distance, mm.
+    """
+    light, distance_mm = lens.at(cam_from_model)
     lamp = light.place_model(cam_from_model)
     # the direction of the lamp in working distances
-    scale = 1 / working_distance_mm(cam_from_model)
+    scale = 1 / distance_mm
     _, factor, offset = mesh_object.data.materials[0].node_tree.nodes[LAMP_NODE].inputs[:3]
     factor.default_value, offset.default_value = (-scale,) * 3, scale * lamp
-    return lamp
+    return lamp, distance_mm
 
 
 @dataclass(frozen=True)

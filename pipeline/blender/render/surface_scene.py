@@ -14,7 +14,6 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...colour.lens_shading import SHIFT, shown_codes
 from ...colour.shading import ColouredSurface
-from ...light.lens_light import working_distance_mm
 from ...projection.rendered_view import RenderedView
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
@@ -133,10 +132,10 @@ class SurfaceScene(ABC):
         # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
         set_clip(self.camera_object, (max(0.99 * (depth - radius), 1e-4 * far), far))
         if self.surface.light is not None:
-            place = move_lamp(self.surface_object, self.surface.light.light, cam_from_model)
+            place, distance_mm = move_lamp(self.surface_object, self.surface.light, cam_from_model)
             if self.surface.light.shadows:
                 self._lamp.location = place.tolist()
-                self._lamp.data.energy = LAMP_WATT_PER_MM2 * working_distance_mm(cam_from_model) ** 2
+                self._lamp.data.energy = LAMP_WATT_PER_MM2 * distance_mm**2
 
 
 def _new_lamp(scene: bpy.types.Scene) -> bpy.types.Object:

@@ -18,7 +18,7 @@ from oneframe.errors import InputError
 from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
 from oneframe.light.lens_light import LensLight
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.blender.render.test_ray_tracer import FEW, assert_those_of_cycles
 
 pytestmark = pytest.mark.render
@@ -101,8 +101,9 @@ def test_a_lit_frame_shows_another_pose_as_it_is_lit_there(
 ):
     """From a surface of known albedo, both views are made, and one of them from the other."""
     albedo = 0.25 + 0.5 * sharp_image(CAMERA)
-    painted = reference_view_of(lit_case(bumpy_mesh, albedo, frontal_pose, CAMERA), "raster")
-    truth = ColouredSurface(painted.mesh, painted.views, light=LENS)
+    loaded = lit_case(bumpy_mesh, albedo, frontal_pose, CAMERA)
+    painted = reference_view_of(loaded, "raster")
+    truth = ColouredSurface(painted.mesh, painted.views, light=lens_shading_of(loaded))
     with opened_engine("raster", truth, CAMERA) as render:
         frame, expected = render(frontal_pose), render(oblique_pose)
     seen = albedo_of(lit_case(bumpy_mesh, frame.rgb, frontal_pose, CAMERA))
@@ -178,15 +179,43 @@ def test_a_case_without_a_lamp_before_its_surface_is_refused(bumpy_mesh, frontal
     with pytest.raises(InputError, match=r"case.toml: expected the lamp at the lens.*--light none"):
         albedo_of(lit_case(*given, light=None))
     depth = float(transform_points(frontal_pose, bumpy_mesh.vertices)[:, 2].min())
-    with pytest.raises(InputError, match="expected a lamp at the lens, at most half of the way to the surface"):
-        lens_shading_of(lit_case(*given, light=LensLight((0.0, 0.0, 0.6 * depth), 0.0)))
-    before = lit_case(*given, light=LensLight((0.0, 0.0, 0.4 * depth), 0.0))
+    with pytest.raises(InputError, match="expected a lamp at the lens, at most a quarter of the way to the surface"):
+        lens_shading_of(lit_case(*given, light=LensLight((0.0, 0.0, 0.3 * depth), 0.0)))
+    before = lit_case(*given, light=LensLight((0.0, 0.0, 0.2 * depth), 0.0))
     assert lens_shading_of(before).light == before.case.light
     nearer = replace(before.frame, cam_from_model=rigid(translation=np.array([0, 0, -depth / 2])) @ frontal_pose)
-    with pytest.raises(InputError, match="at most half of the way"):
+    with pytest.raises(InputError, match="at most a quarter of the way"):
         lens_shading_of(replace(before, frames=(before.frame, nearer)))
     around = rigid(translation=np.array([0, 0, -2 * depth])) @ frontal_pose
     lens_shading_of(lit_case(*given[:2], around, CAMERA))  # the lens is within the surface, the lamp beside it
+
+
+def test_the_working_distance_is_that_of_what_the_frame_shows(bumpy_mesh, frontal_pose, oblique_pose, lit_case):
+    """What else there is of a skull, and where its middle is, change nothing."""
+    image, far = np.full((*CAMERA.shape_hw, 3), 0.5, np.float32), np.array([800.0, 0.0, 0.0])
+    moved = rigid(translation=far)
+    skull = TriangleMesh(
+        np.concatenate([bumpy_mesh.vertices + far, bumpy_mesh.vertices + 3 * far]),
+        np.concatenate([bumpy_mesh.faces, bumpy_mesh.faces + len(bumpy_mesh.vertices)]),
+    )
+    alone = lens_shading_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA))
+    part = lens_shading_of(lit_case(skull, image, frontal_pose @ inverse_rigid(moved), CAMERA))
+    for pose in (frontal_pose, oblique_pose):
+        light, distance_mm = part.at(pose @ inverse_rigid(moved))
+        assert light == alone.light
+        assert distance_mm == pytest.approx(alone.at(pose)[1])
+
+
+@pytest.mark.parametrize("part", [0.5, 0.2, 0.06])
+def test_however_near_the_lens_is_its_lamp_lights_what_it_sees(part, bumpy_mesh, frontal_pose, lit_case):
+    image = np.full((*CAMERA.shape_hw, 3), 0.5, np.float32)
+    light = LensLight((-60.0, 40.0, 0.2 * transform_points(frontal_pose, bumpy_mesh.vertices)[:, 2].min()), 0.02)
+    seen = albedo_of(lit_case(bumpy_mesh, image, frontal_pose, CAMERA, light=light))
+    middle_cam = transform_points(frontal_pose, np.array([seen.light.middle_model]))[0]
+    near = rigid(translation=-(1 - part) * middle_cam) @ frontal_pose
+    with opened_engine("raster", ColouredSurface(bumpy_mesh, light=seen.light), CAMERA) as render:
+        there, here = (linear_from_codes(render(pose).rgb[20:28, 26:34]).mean() for pose in (frontal_pose, near))
+    assert here == pytest.approx(there, rel=0.35)
 
 
 def test_the_light_belongs_to_a_datasets_identity_if_it_is_asked_for(bumpy_mesh, frontal_pose, sharp_image, lit_case):

@@ -56,7 +56,7 @@ def photograph(mesh, pose, waves, phases, rng):
     points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
     albedo = 0.3 * np.exp(np.cos(points @ waves.T + phases).sum(axis=1) / 12)
     normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
-    linear = albedo * shading(LAMP, points, normals, pose, working_distance_mm(pose))
+    linear = albedo * shading(LAMP, points, normals, pose, working_distance_mm(pose, np.zeros(3)))
     image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
     codes = codes_from_linear(np.clip(linear, 0, 1)) + rng.normal(0, 0.008, len(linear))
     image[shown] = np.clip(np.rint(255 * codes), 0, 255)[:, None] / 255

@@ -167,6 +167,11 @@ class PinholeCamera:
             cy=(self.cy + 0.5) * sy - 0.5,
         )
 
+    def within(self, longer_side_px: int) -> "PinholeCamera":
+        """The camera of the image made so small that its longer side has at most so many pixels."""
+        factor = min(longer_side_px / max(self.size_wh), 1.0)
+        return self.resized(max(round(self.width * factor), 1), max(round(self.height * factor), 1))
+
     def for_images(self, size_wh: tuple[int, int], name: str) -> "PinholeCamera":
         """The camera for images of the same picture in another size; ``name`` is theirs, for the message.
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
@@ -199,18 +198,13 @@ def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading
         )
     noise = max(map(_noise, (each.image for each in loaded.frames)))
     least = float(np.clip((noise / LARGEST_NOISE) ** (1 / POWER), *LEAST_SHADING))
-    x, y, z = central_point(depths[0], _small(loaded.frame.camera), loaded.frame.cam_from_model).tolist()
+    x, y, z = central_point(depths[0], loaded.frame.camera.within(SMALL_PX), loaded.frame.cam_from_model).tolist()
     return LensShading(light, least, shadows, (x, y, z), working_distance_mm(loaded.frame.cam_from_model, (x, y, z)))
-
-
-def _small(camera: PinholeCamera) -> PinholeCamera:
-    factor = min(SMALL_PX / max(camera.size_wh), 1.0)
-    return camera.resized(*(max(round(side * factor), 1) for side in camera.size_wh))
 
 
 def _small_depth_mm(mesh: TriangleMesh, frame: PosedFrame) -> np.ndarray:
     """``(H, W)`` depth of the surface in a small picture of a frame, 0 where there is none."""
-    return rasterise_depth(mesh, _small(frame.camera), frame.cam_from_model).depth_mm
+    return rasterise_depth(mesh, frame.camera.within(SMALL_PX), frame.cam_from_model).depth_mm
 
 
 def _noise(image: np.ndarray) -> float:

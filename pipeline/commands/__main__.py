@@ -15,7 +15,9 @@ COMMANDS = (
     "surface", "sample", "frames", "case", "align", "agree", "overlay", "register", "light", "correct", "render",
     "check", "pack", "evaluate", "report", "colour",
 )  # fmt: skip
-"""The modules of this package that are commands, in the order of the data flow."""
+"""In the order of the data flow; each is a module of its name."""
+REGISTERED = ("light", "correct")
+"""Those in the folder of what registered frames tell."""
 
 EPILOG = """examples:
   %(prog)s sample --out sample_case
@@ -53,7 +55,7 @@ def dispatch(argv: Sequence[str]) -> int:
         # reads what is no plain PNG
         from .. import blender  # noqa: F401
 
-        return run_command(f"oneframe {argv[0]}", _command(argv[0]), argv[1:])
+        return run_command(f"oneframe {argv[0]}", command_module(argv[0]), argv[1:])
     if argv and not argv[0].startswith("-"):
         raise InputError(f"command line: unknown command {argv[0]!r}; {nearest_name(argv[0], COMMANDS)}")
     # prints help or the version and exits, or raises
@@ -72,13 +74,14 @@ def _program_parser() -> ArgumentParser:
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
     for name in COMMANDS:
-        about = _command(name).ABOUT
+        about = command_module(name).ABOUT
         commands.add_parser(name, help=about[0].lower() + about[1:].rstrip("."))
     return parser
 
 
-def _command(name: str) -> Any:
-    return import_module(f".{name}", __package__)
+def command_module(name: str) -> Any:
+    """The module of a command, with ``ABOUT``, ``EPILOG``, ``add_arguments`` and ``run``."""
+    return import_module(f".registered.{name}" if name in REGISTERED else f".{name}", __package__)
 
 
 if __name__ == "__main__":

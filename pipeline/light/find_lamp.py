@@ -167,7 +167,6 @@ class _Problem:
         self._seen = seen
         # gloss and profile show in no single frame, where albedos vary by more
         self._free = [X, Y, AMBIENT, GLOSS] if several else [X, Y, AMBIENT]
-        self._gloss = float(several)
         albedo = seen.point if several else np.zeros_like(seen.point)
         self._albedo = np.unique(albedo, return_inverse=True)[1].ravel()
         exposures = (seen.frame[:, None] == np.arange(1, len(seen.poses))).astype(np.float64)
@@ -240,7 +239,7 @@ class _Problem:
     def _log_shading(self, values: np.ndarray) -> np.ndarray:
         light = _light(values)
         told = self._seen.shading(light)
-        if self._gloss:
+        if GLOSS in self._free:
             told += values[GLOSS] * self._seen.gloss(light)
         return np.log(np.maximum(told, 1e-3))
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.distortion import distorted_pixels
-from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame, UnreadFrame
 from ..case.loaded_case import LoadedCase
 from ..colour.reference_view import ReferenceView, colouring_view_of
@@ -274,7 +273,7 @@ def doubt_of_case(loaded: LoadedCase) -> str:
     """A sentence if the case's own pose is too unsure for any frame to be accepted; empty otherwise."""
     surface, pose = loaded.surface, loaded.frame.cam_from_model
     own = PoseUncertainty.stated(loaded.case.alignment, surface.mesh.vertices, pose, surface.mesh_from_model)
-    return "" if own is None else doubt_of_source(own, _small(loaded.frame.camera))
+    return "" if own is None else doubt_of_source(own, loaded.frame.camera.within(LONGER_SIDE_PX))
 
 
 def _own_uncertainty(loaded: LoadedCase, view: ReferenceView) -> PoseUncertainty | None:
@@ -296,14 +295,9 @@ def image_paths(folder: Path) -> list[Path]:
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES)
 
 
-def small_frame(frame: PosedFrame) -> PosedFrame:
-    """A frame at the size at which frames are registered."""
-    camera = _small(frame.camera)
+def small_frame(frame: PosedFrame, longer_side_px: int = LONGER_SIDE_PX) -> PosedFrame:
+    """A frame at the size at which frames are registered, or at another one."""
+    camera = frame.camera.within(longer_side_px)
     image = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)
     valid = cv2.resize(frame.valid.astype(np.float32), camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
     return replace(frame, image=image, valid=valid, camera=camera)
-
-
-def _small(camera: PinholeCamera) -> PinholeCamera:
-    factor = min(LONGER_SIDE_PX / max(camera.size_wh), 1.0)
-    return camera.resized(round(camera.width * factor), round(camera.height * factor))

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
-import cv2
 import numpy as np
 
 from ..case.frame import PosedFrame
 from ..colour.lens_shading import LensShading
 from ..errors import InputError
+from ..registration.register_frames import small_frame
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 from .control_points import ControlPoints, neighbour_means
@@ -125,7 +125,7 @@ def correct_surface(
         Too few frames, or too near to one another; no texture; frames that show something else; residuals that no
         displacement explains; or a surface that is too coarse.
     """
-    run = _Run(mesh, [SurfaceFrame(_small(frame)) for frame in frames], light)
+    run = _Run(mesh, [SurfaceFrame(small_frame(frame, LONGER_SIDE_PX)) for frame in frames], light)
     for number in range(ROUNDS):
         result = run.round(rng, SAMPLES if number == ROUNDS - 1 else 1)
         progress((number + 1) / (ROUNDS + 1))
@@ -138,16 +138,6 @@ def correct_surface(
     found = run.confirmed(result)
     progress(1.0)
     return found
-
-
-def _small(frame: PosedFrame) -> PosedFrame:
-    factor = min(LONGER_SIDE_PX / max(frame.camera.size_wh), 1.0)
-    camera = frame.camera.resized(round(frame.camera.width * factor), round(frame.camera.height * factor))
-    image, valid = (
-        cv2.resize(each.astype(np.float32), camera.size_wh, interpolation=cv2.INTER_AREA)
-        for each in (frame.image, frame.valid)
-    )
-    return replace(frame, image=image, valid=valid > 0.99, camera=camera)
 
 
 class _Run:

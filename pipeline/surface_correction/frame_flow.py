@@ -45,11 +45,15 @@ class SurfaceFrame:
         return _grey(self.codes)
 
     @cached_property
+    def detail(self) -> np.ndarray:
+        """``(H, W)`` float32: the codes without what changes slowly."""
+        return without_light(self.grey, self.valid).astype(np.float32)
+
+    @cached_property
     def textured(self) -> np.ndarray:
         """``(H, W)`` bool: the flow says something in both directions."""
-        detail = without_light(self.grey, self.valid).astype(np.float32)
         # its gradients are over two pixels
-        return (cv2.cornerMinEigenVal(detail, WINDOW_PX, ksize=3) > (2 * LEAST_TEXTURE) ** 2) & self.valid
+        return (cv2.cornerMinEigenVal(self.detail, WINDOW_PX, ksize=3) > (2 * LEAST_TEXTURE) ** 2) & self.valid
 
 
 def _grey(codes: np.ndarray) -> np.ndarray:

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..light.local_mean import without_light
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
-from .frame_flow import TOLERANCE_PX, SurfaceFrame, SurfaceView
+from .frame_flow import TOLERANCE_PX, SurfaceView
 
 STEP_PX, STEPS = 1.6, 6
 """Between the depths, in pixels on the surface, and how many there are on each side."""
@@ -50,7 +49,7 @@ def is_confirmed(normals: np.ndarray, mesh: TriangleMesh, sweeps: Sequence[Sweep
 
 def swept_depths(view: SurfaceView, others: Sequence[SurfaceView], step_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """``(H, W)`` by how many mm of depth the surface is nearer than where frames agree, and bool: whether they do."""
-    own, details = _detail(view.frame), [_detail(each.frame) for each in others]
+    own, details = view.frame.detail, [each.frame.detail for each in others]
     mean, deviation = _moments(own)
     shape = (3, *own.shape)
     starts = [transform_points(each.pose, view.points.reshape(-1, 3)).T.reshape(shape) for each in others]
@@ -74,10 +73,6 @@ def swept_depths(view: SurfaceView, others: Sequence[SurfaceView], step_mm: floa
     beside = np.clip((farther - nearer) / np.maximum(4 * bend, 1e-6), -1, 1)
     off_mm = cv2.medianBlur(((best - STEPS + beside) * step_mm).astype(np.float32), 5)
     return off_mm, view.shown & (most > LEAST_LIKE) & (bend > LEAST_BEND)
-
-
-def _detail(frame: SurfaceFrame) -> np.ndarray:
-    return without_light(frame.grey, frame.valid).astype(np.float32)
 
 
 def _moments(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -21,11 +21,12 @@ from oneframe.case.loaded_case import load_case
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.files.temporary import temporary_folder
 from oneframe.registration.pose_list import read_photographs
+from oneframe.registration.register_frames import small_frame
 from oneframe.registration.verdict import ACCEPTED
 from oneframe.sample.temporal_bone import sample_surface
 
 from . import evaluation
-from .alignment.registration_trials import RegistrationTrial, Scene, share, small
+from .alignment.registration_trials import RegistrationTrial, Scene, share
 from .charts.registration_charts import registration_charts
 from .figures import read_rows, write_rows
 from .published import CaseFiles
@@ -117,8 +118,8 @@ def scene_of(pair: CaseFiles, folder: Path) -> Scene:
     loaded = load_case(read_case(pair[0]))
     listed, _ = read_photographs(pair[1], loaded.case)
     name, mesh_from_model = pair[0].relative_to(folder).parts[0], loaded.surface.mesh_from_model
-    frames = (small(load_posed_frame(each, mesh_from_model, name=name)) for each in listed)
-    return Scene(name, name not in (SAMPLE, BONES), replace(loaded, frames=(small(loaded.frame),)), tuple(frames))
+    frames = (small_frame(load_posed_frame(each, mesh_from_model, name=name)) for each in listed)
+    return Scene(name, name not in (SAMPLE, BONES), replace(loaded, frames=(small_frame(loaded.frame),)), tuple(frames))
 
 
 def summary(rows: Sequence[RegistrationTrial]) -> list[str]:

@@ -33,8 +33,9 @@ from oneframe.errors import RunError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.progress import Progress
 from oneframe.reader import View
+from oneframe.registration.register_frames import small_frame
 
-from .alignment.registration_trials import RegistrationTrial, Scene, small
+from .alignment.registration_trials import RegistrationTrial, Scene
 from .charts.pose_charts import training_chart
 from .charts.registration_charts import bad_photographs_chart
 from .figures import conditions_note, read_rows, write_rows
@@ -105,7 +106,9 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             write_rows(arguments.out, finished, conditions)
             report(summary(trials))
             if spoil:
-                own = Scene(scene.name, scene.real, replace(loaded, frames=(small(loaded.frame),)), tuple(photographs))
+                own = Scene(
+                    scene.name, scene.real, replace(loaded, frames=(small_frame(loaded.frame),)), tuple(photographs)
+                )
                 spoilt += bad_photographs(own, known_views(loaded), pose_by, training.seed, quick=arguments.quick)
                 write_rows(_bad(arguments.out), spoilt, conditions, "right")
 

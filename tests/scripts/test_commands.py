@@ -6,12 +6,11 @@ import re
 import shlex
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from oneframe.commands.__main__ import COMMANDS, EPILOG, dispatch
+from oneframe.commands.__main__ import COMMANDS, EPILOG, command_module, dispatch
 from oneframe.errors import InputError
 from oneframe.process.arguments import command_parser
 from oneframe.process.command_line import blender_command
@@ -20,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def parser_of(name: str) -> argparse.ArgumentParser:
-    module = import_module(f"oneframe.commands.{name}")
+    module = command_module(name)
     return command_parser(f"oneframe {name}", module)
 
 
@@ -39,7 +38,7 @@ def assert_one_line(ended: subprocess.CompletedProcess, code: int, message: str)
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_example_of_the_help_is_a_command_line(name):
-    module = import_module(f"oneframe.commands.{name}")
+    module = command_module(name)
     assert len(examples(module.EPILOG)) >= 2
     for arguments in examples(module.EPILOG):
         parser_of(name).parse(arguments)

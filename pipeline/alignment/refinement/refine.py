@@ -162,7 +162,7 @@ def _levels(
     # a small object in a large image is nothing in the coarse one
     for side in (COARSE_PX, max(camera.size_wh)):
         factor = min(side / max(camera.size_wh), 1.0)
-        small = camera.resized(max(round(camera.width * factor), 1), max(round(camera.height * factor), 1))
+        small = camera.within(side)
         coarse, _ = cluster_vertices(surface.mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
         raster = rasterise_depth(coarse, small, start)
         seen = raster.face >= 0

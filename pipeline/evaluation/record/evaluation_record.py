@@ -193,7 +193,7 @@ def by_angle(rows: Sequence[Row], cases: Sequence[EvaluatedCase], rng: np.random
                 resampling = Resampling(clusters([(row.case, row.image) for row in own], cases), rng)
                 for score in BY_ANGLE:
                     found = resampling.interval(np.array([row.scores[score] for row in own]))
-                    yield AngleSummary(case, method, score, start, end, *vars(found).values())
+                    yield AngleSummary(case, method, score, start, end, found.mean, found.low, found.high, found.n)
 
 
 def clusters(images: Sequence[tuple[str, str]], cases: Sequence[EvaluatedCase]) -> list[tuple[str, str, str]]:

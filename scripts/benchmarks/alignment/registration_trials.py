@@ -19,7 +19,7 @@ from oneframe.case.loaded_case import LoadedCase
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.registration.register import RegisteredFrame, judged_together
-from oneframe.registration.register_frames import LONGER_SIDE_PX, CaseRegistrar, FurtherFrame
+from oneframe.registration.register_frames import CaseRegistrar, FurtherFrame
 from oneframe.registration.verdict import ACCEPTED, REFUSED, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE, Verdict
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, rotation_angle_deg, transform_points
@@ -200,11 +200,6 @@ def share(
     drawn = sums[np.random.default_rng(0).integers(len(sums), size=(DRAWS, len(sums)))].sum(axis=1)
     low, high = np.quantile(drawn[:, 0] / drawn[:, 1], (0.025, 0.975))
     return float(sums[:, 0].sum()) / float(sums[:, 1].sum()), float(low), float(high)
-
-
-def small(frame: PosedFrame) -> PosedFrame:
-    """The frame at the size of registration."""
-    return resized(frame, min(LONGER_SIDE_PX / max(frame.camera.size_wh), 1.0))
 
 
 def resized(frame: PosedFrame, factor: float) -> PosedFrame:

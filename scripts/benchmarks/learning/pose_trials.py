@@ -16,11 +16,12 @@ from oneframe.colour.reference_view import colouring_view_of
 from oneframe.registration.flow_refinement import refined_by_flow
 from oneframe.registration.known_views import KnownViews, grey_codes
 from oneframe.registration.pose_list import read_photographs
+from oneframe.registration.register_frames import small_frame
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector
 
 from ..alignment.refinement_scenes import visible_points
-from ..alignment.registration_trials import pose_errors, small
+from ..alignment.registration_trials import pose_errors
 
 FARTHEST_DEG = 60
 """Between the directions from which frame and photograph look; farther ones show too little that the frame saw."""
@@ -87,13 +88,13 @@ def photographs_of(loaded: LoadedCase, listed: Path) -> list[PosedFrame]:
         return ray / np.linalg.norm(ray)
 
     unread = read_photographs(listed, loaded.case)[0]
-    frames = [small(load_posed_frame(each, loaded.surface.mesh_from_model, name=listed.name)) for each in unread]
+    frames = [small_frame(load_posed_frame(each, loaded.surface.mesh_from_model, name=listed.name)) for each in unread]
     return [frame for frame in frames if direction(frame) @ direction(own) > np.cos(np.radians(FARTHEST_DEG))]
 
 
 def known_views(loaded: LoadedCase) -> KnownViews:
     """What the case's frame shows, for the refinement."""
-    view = colouring_view_of(replace(loaded, frames=(small(loaded.frame),)))
+    view = colouring_view_of(replace(loaded, frames=(small_frame(loaded.frame),)))
     return KnownViews(view.mesh, view.view)
 
 

@@ -4,14 +4,14 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from oneframe.blender.sample.photograph import AMBIENT_STRENGTH, LAMP_OFFSET_MM, take_photographs
+from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import FILM, FILM_POSES, HELD_OUT, write_sample_case, write_sample_film
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
@@ -21,13 +21,13 @@ from oneframe.files.outputs import made_folder
 from oneframe.files.tables import parsed_json
 from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
-from oneframe.light.lens_light import LensLight
 from oneframe.progress import Progress
 from oneframe.reader import Dataset, View, open_dataset
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 from oneframe.transforms import inverse_rigid
 from oneframe.video.film_reader import WIDEST, Film
 
+from ..evaluation import lit_case
 from ..published import bloster_cases
 
 NEUTRAL = "neutral"
@@ -140,8 +140,7 @@ def sample_scene(folder: Path) -> TrainingScene:
         write_bytes_atomically(listed, json.dumps(_clean_frames(case)).encode())
     lit = case / "lit.toml"
     if not lit.is_file():
-        lamp = LensLight(tuple(LAMP_OFFSET_MM.tolist()), AMBIENT_STRENGTH)
-        write_case(lit, replace(read_case(case / "case.toml"), light=lamp))
+        write_case(lit, lit_case(case / "case.toml"))
     scale = f"--scale={VIEW_WIDTH / MICROSCOPE.width!r}"
     photographer = partial(take_photographs, surface)
     return TrainingScene(

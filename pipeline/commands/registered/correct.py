@@ -4,9 +4,9 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from .. import __version__
-from ..errors import InputError
-from ..process.own_process import own_output
+from ... import __version__
+from ...errors import InputError
+from ...process.own_process import own_output
 
 ABOUT = "Correct the surface by registered frames of it, for research: it must not guide a surgeon."
 EPILOG = """examples:
@@ -35,20 +35,20 @@ def run(arguments: argparse.Namespace) -> None:
     """Correct the surface, write it with its case and map, and report what was found."""
     import numpy as np
 
-    from ..blender.render.lettering import text_mask
-    from ..case.case_file import read_case
-    from ..case.case_update import check_replaced
-    from ..case.case_writer import write_case
-    from ..case.loaded_case import load_case
-    from ..colour.lens_shading import lens_shading_of
-    from ..files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
-    from ..images.png import encode_png
-    from ..progress import ShareProgress
-    from ..registration.accepted_frames import accepted_frames, small_frames
-    from ..surface.mesh_reader import stated_space
-    from ..surface.mesh_writer import encoded_ply
-    from ..surface_correction.correct_surface import MOST_FRAMES, correct_surface
-    from ..surface_correction.deviation_map import CASE, MAP, NAMES, SURFACE, deviation_map
+    from ...blender.render.lettering import text_mask
+    from ...case.case_file import read_case
+    from ...case.case_update import check_replaced
+    from ...case.case_writer import write_case
+    from ...case.loaded_case import load_case
+    from ...colour.lens_shading import lens_shading_of
+    from ...files.outputs import check_outputs, check_own_folder, made_folder, write_output, writing
+    from ...images.png import encode_png
+    from ...progress import ShareProgress
+    from ...registration.accepted_frames import accepted_frames, small_frames
+    from ...surface.mesh_reader import stated_space
+    from ...surface.mesh_writer import encoded_ply
+    from ...surface_correction.correct_surface import MOST_FRAMES, correct_surface
+    from ...surface_correction.deviation_map import CASE, MAP, NAMES, SURFACE, deviation_map
 
     case, output, out = read_case(arguments.case), own_output(), arguments.out
     corrected = replace(case, mesh=out / SURFACE)

@@ -16,7 +16,7 @@ from oneframe.registration.pose_list import encoded_list, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.surface.mesh_writer import write_ply
-from oneframe.surface_correction.correct_case import CASE, MAP, PAGE, SURFACE
+from oneframe.surface_correction import CASE, MAP, PAGE, SURFACE
 from tests.surface_correction.test_surface_correction import CAMERA, LAMP, photographs, surface
 
 

@@ -60,6 +60,7 @@ class ControlPoints:
         def gauss(apart: np.ndarray) -> np.ndarray:
             weight = np.exp(-0.5 * (apart / (WIDTH * spacing_mm)) ** 2)
             weight[apart[:, 0] > FARTHEST * spacing_mm] = 0
+            weight[weight < 0.05] = 0
             return weight
 
         points = places, directions
@@ -108,4 +109,6 @@ def _means(
     weight = weigh(apart) * np.maximum(alike, LEAST_ALIKE) ** 2
     weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
     row = np.repeat(np.arange(len(at)), weight.shape[1])
-    return sparse.csr_matrix((weight.ravel(), (row, nearest.ravel())), (len(at), len(places)))
+    found = sparse.csr_matrix((weight.ravel(), (row, nearest.ravel())), (len(at), len(places)))
+    found.eliminate_zeros()
+    return found

@@ -23,7 +23,7 @@ SPACING_PX = 6.0
 """Between the points that move, in pixels on the surface."""
 FADING_PX = 12.0
 """Over which a displacement ends beside what is confirmed."""
-ROUNDS, REFERENCES = 3, 4
+ROUNDS, REFERENCES = 3, 3
 SHARP = 0.8
 """Textured part of a frame, relative to the middle one's, below which the others are not compared with it."""
 SOURCE_PRIOR, FRAME_PRIOR = (0.05, 0.0005), (2.0, 0.02)

@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> None:
     from ...registration.accepted_frames import accepted_frames, small_frames
     from ...surface.mesh_reader import stated_space
     from ...surface.mesh_writer import encoded_ply
-    from ...surface_correction.correct_surface import MOST_FRAMES, correct_surface
+    from ...surface_correction.correct_surface import LONGER_SIDE_PX, MOST_FRAMES, correct_surface
     from ...surface_correction.deviation_map import CASE, MAP, NAMES, SURFACE, deviation_map
 
     case, output, out = read_case(arguments.case), own_output(), arguments.out
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
             "note: the case has no lamp at the lens: what its light does as it moves is taken for a wrong surface; "
             "find it with oneframe light first\n"
         )
-    frames = small_frames(loaded, accepted, MOST_FRAMES)
+    frames = small_frames(loaded, accepted, MOST_FRAMES, LONGER_SIDE_PX)
     with ShareProgress("of the correction", stream=output) as shown:
         try:
             found = correct_surface(loaded.surface.mesh, frames, light, np.random.default_rng(0), shown.reach)

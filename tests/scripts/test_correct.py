@@ -11,12 +11,12 @@ from oneframe.case.case_writer import write_case
 from oneframe.case.loaded_case import load_case
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
+from oneframe.registration.correct_case import CASE, MAP, PAGE, SURFACE
 from oneframe.registration.pose_list import POSES as LIST
 from oneframe.registration.pose_list import encoded_list, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.surface.mesh_writer import write_ply
-from oneframe.surface_correction.correct_case import CASE, MAP, PAGE, SURFACE
 from tests.surface_correction.test_surface_correction import CAMERA, LAMP, photographs, surface
 
 

@@ -2,7 +2,6 @@
 
 import math
 import string
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from ..files.numbers import format_two_digits
 from ..registration.colour_sources import ColourChoice
 from ..registration.report import COLOURS, FrameEvidence, RegistrationEvidence
 from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
-from .page import asset, escaped, html_page, page_footer, page_header, poses_section, spaced
+from .page import asset, findings, html_page, page_footer, page_header, poses_section, spaced
 from .surface_sides import surface_sides
 from .thumbnails import base64_text
 from .view_geometry import SourceFrame, pose_data
@@ -56,7 +55,7 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         header=page_header(kind="registration", name=name, facts=facts),
         within=f"{WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
         poses=poses_section("frame"),
-        limits=_findings(_limits(evidence)),
+        limits=findings(_limits(evidence)),
         colour=_colour(evidence.colour),
         footer=page_footer(),
     )
@@ -99,7 +98,7 @@ def _colour(choice: ColourChoice | None) -> str:
         return ""
     title = '<h2 id="colour-title">Frames that colour the surface</h2>'
     lines = [*choice.lines(), "A frame colours what the case's own and those before it did not see."]
-    return f'<section id="colour" class="card" aria-labelledby="colour-title">{title}{_findings(lines)}</section>'
+    return f'<section id="colour" class="card" aria-labelledby="colour-title">{title}{findings(lines)}</section>'
 
 
 def _limits(evidence: RegistrationEvidence) -> list[str]:
@@ -119,7 +118,3 @@ def _limits(evidence: RegistrationEvidence) -> list[str]:
         "The standard deviations are too small under motion blur.",
         "A refused frame may well show the surface: it was not found, no more.",
     ]
-
-
-def _findings(lines: Sequence[str]) -> str:
-    return '<ul class="findings">' + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"

@@ -9,7 +9,6 @@ import numpy as np
 from ..case.frame import PosedFrame
 from ..colour.lens_shading import LensShading
 from ..errors import InputError
-from ..registration.register_frames import small_frame
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 from .control_points import ControlPoints, neighbour_means
@@ -111,7 +110,8 @@ def correct_surface(
     mesh
         Model frame, mm.
     frames
-        The case's own first, whose pose is taken for right, then those that are registered.
+        The case's own first, whose pose is taken for right, then those that are registered, at
+        :data:`LONGER_SIDE_PX`.
     light
         The lamp at the lens, if it is known: without it, what the moving lamp does is taken for a wrong surface.
     rng
@@ -125,7 +125,7 @@ def correct_surface(
         Too few frames, or too near to one another; no texture; frames that show something else; residuals that no
         displacement explains; or a surface that is too coarse.
     """
-    run = _Run(mesh, [SurfaceFrame(small_frame(frame, LONGER_SIDE_PX)) for frame in frames], light)
+    run = _Run(mesh, [SurfaceFrame(frame) for frame in frames], light)
     for number in range(ROUNDS):
         result = run.round(rng, SAMPLES if number == ROUNDS - 1 else 1)
         progress((number + 1) / (ROUNDS + 1))

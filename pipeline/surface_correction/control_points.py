@@ -15,6 +15,8 @@ NEIGHBOURS = 8
 THINNED, WIDTH, FARTHEST = 0.75, 0.7, 3.0
 """Relative to the spacing: least distance of two points, standard deviation of the weight that a vertex gives a point,
 and distance from the nearest point beyond which a vertex stays."""
+LEAST_WEIGHT = 0.05
+"""Of a point right at the vertex: below it they are only more to multiply."""
 LEAST_ALIKE = 0.02
 """Of the cosine between normals, whose square weighs neighbours: those across an edge count little."""
 
@@ -60,7 +62,7 @@ class ControlPoints:
         def gauss(apart: np.ndarray) -> np.ndarray:
             weight = np.exp(-0.5 * (apart / (WIDTH * spacing_mm)) ** 2)
             weight[apart[:, 0] > FARTHEST * spacing_mm] = 0
-            weight[weight < 0.05] = 0
+            weight[weight < LEAST_WEIGHT] = 0
             return weight
 
         points = places, directions

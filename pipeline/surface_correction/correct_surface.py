@@ -38,7 +38,7 @@ MOST_LEFT_PX, LEAST_WEIGHT = 0.5, 0.6
 """Median of what no displacement explains, and mean weight: .1 px and .85 where it does."""
 LEAST_FLOW = 50
 """Pixels without which a pair of frames says nothing."""
-LEAST_COUNT = 2.0
+LEAST_COUNT = 6.0
 """Pixels that tell of a vertex, by their weights, without which nothing is known of it."""
 SPREAD = 2.0
 """Factor of the standard deviations: neighbouring pixels err together. Also where what is left exceeds the median, as

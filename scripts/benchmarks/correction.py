@@ -30,6 +30,7 @@ from oneframe.registration.register_frames import CaseRegistrar, small_frame
 from oneframe.sample.film import disturbance, film_poses
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 from oneframe.surface.deviation import deviation
+from oneframe.surface_correction.correct_surface import LONGER_SIDE_PX
 
 from .alignment.bone_photographs import misdrilled_bones
 from .charts.correction_chart import correction_chart
@@ -37,7 +38,6 @@ from .evaluation import lit_case
 from .figures import read_rows, write_figures, write_rows
 from .published import CaseFiles, bloster_cases
 from .sweeps.surface_correction import (
-    JUDGED_PX,
     TRUE,
     WRONG,
     CorrectionTrial,
@@ -49,7 +49,7 @@ from .sweeps.surface_correction import (
 TABLE, SUMMARY = "correction.csv", "correction.json"
 QUICK = {"seeds": [0], "surfaces": [WRONG[0]], "width": 160}
 STEP, LEFT_OUT = 4, 12
-"""Every fourth frame of the film is registered; every twelfth, between them, is left out if it is clear."""
+"""Every fourth frame of the film is registered; every twelfth, between them, is compared with views if it is clear."""
 FOLDS = 4
 """Ways to leave photographs out."""
 COLUMNS = {
@@ -152,7 +152,7 @@ def film_scene(folder: Path, width: int) -> FilmedScene:
 def frames_of(film: FilmedScene, seed: int) -> FilmedScene:
     """The film with the frames that a seed takes, and those that it leaves out."""
     between = range((seed + STEP // 2) % STEP, len(film.frames), LEFT_OUT)
-    out = tuple(small_frame(film.frames[number], JUDGED_PX) for number in between if not disturbance(number))
+    out = tuple(small_frame(film.frames[number], LONGER_SIDE_PX) for number in between if not disturbance(number))
     return replace(film, frames=film.frames[seed % STEP :: STEP], left_out=out)
 
 
@@ -166,7 +166,7 @@ def photographed_scene(pair: CaseFiles) -> FilmedScene:
 
 def left_out(scene: FilmedScene, fold: int, folds: int) -> FilmedScene:
     """The scene without every so manieth of its photographs, to compare views with."""
-    out = tuple(small_frame(frame, JUDGED_PX) for frame in scene.frames[fold::folds])
+    out = tuple(small_frame(frame, LONGER_SIDE_PX) for frame in scene.frames[fold::folds])
     return replace(
         scene, frames=tuple(each for at, each in enumerate(scene.frames) if at % folds != fold), left_out=out
     )

@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,12 @@ from oneframe.registration.register_frames import CaseRegistrar, FurtherFrame, R
 from oneframe.surface.deviation import SurfaceTree
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface_correction.control_points import neighbour_means
-from oneframe.surface_correction.correct_surface import MOST_FRAMES, SurfaceCorrection, correct_surface
+from oneframe.surface_correction.correct_surface import (
+    LONGER_SIDE_PX,
+    MOST_FRAMES,
+    SurfaceCorrection,
+    correct_surface,
+)
 
 from ..alignment.registration_trials import pose_errors
 from .registration import rough
@@ -48,8 +54,6 @@ ROUNDS = 25, 45
 """Of averaging with the neighbours: smoothed too much."""
 CHANGED_MM, WRONG_MM = 0.2, 0.3
 """Displaced by more counts as changed; farther from the true surface than this must not pass as confirmed."""
-JUDGED_PX = 480
-"""Views and photographs that were left out are compared at this size."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,16 @@ class FilmedScene:
     frames: tuple[PosedFrame, ...]
     left_out: tuple[PosedFrame, ...]
     tracked: bool
+
+    @cached_property
+    def tree(self) -> SurfaceTree:
+        """Of the true surface."""
+        return SurfaceTree(self.loaded.surface.mesh)
+
+    @cached_property
+    def true_views(self) -> list[RenderedView]:
+        """The true surface from where frames were left out."""
+        return rendered(self.loaded, self.left_out)
 
 
 @dataclass(frozen=True)
@@ -143,17 +157,13 @@ def correction_trial(
     """
     loaded = with_surface(scene.loaded, mesh)
     posed = registered(scene, loaded)
-    numbers = sorted(posed)
-    frames = [replace(scene.frames[at], cam_from_model=posed[at]) for at in numbers]
-    trial = CorrectionTrial(scene.name, surface, seed, len(frames))
+    trial = CorrectionTrial(scene.name, surface, seed, len(posed))
+    chosen = [sorted(posed)[at] for at in evenly(len(posed), MOST_FRAMES)]
+    frames = [loaded.frame, *(replace(scene.frames[at], cam_from_model=posed[at]) for at in chosen)]
+    frames = [small_frame(frame, LONGER_SIDE_PX) for frame in frames]
     began = time.process_time()
     try:
-        found = correct_surface(
-            mesh,
-            [small_frame(loaded.frame), *(frames[at] for at in evenly(len(frames), MOST_FRAMES))],
-            _light_of(loaded),
-            np.random.default_rng(seed),
-        )
+        found = correct_surface(mesh, frames, _light_of(loaded), np.random.default_rng(seed))
     except InputError as error:
         return replace(trial, refused=str(error))
     values: dict[str, Any] = {"seconds": time.process_time() - began, "known": float(np.isfinite(found.std_mm).mean())}
@@ -225,8 +235,9 @@ def _share(part: np.ndarray, of: np.ndarray) -> float:
 
 
 def _errors(scene: FilmedScene, mesh: TriangleMesh, found: SurfaceCorrection, changed: np.ndarray) -> dict[str, float]:
-    tree, known, confirmed = SurfaceTree(scene.loaded.surface.mesh), np.isfinite(found.std_mm), found.confirmed
-    before, after = (tree.distances(each.vertices) for each in (mesh, found.mesh))
+    known, confirmed = np.isfinite(found.std_mm), found.confirmed
+    before, after = np.zeros((2, len(known)))
+    before[known], after[known] = (scene.tree.distances(each.vertices[known]) for each in (mesh, found.mesh))
     values = {
         "confirmed_changed": _share(confirmed, known & changed),
         "wrong_confirmed": _share(after > WRONG_MM, confirmed),
@@ -262,7 +273,7 @@ def _views(
     scene: FilmedScene, loaded: LoadedCase, found: SurfaceCorrection, changed: np.ndarray, *, exact: bool
 ) -> dict[str, float]:
     corrected = with_surface(loaded, found.mesh)
-    sides = [_rendered(each, scene.left_out) for each in (loaded, corrected, scene.loaded)]
+    sides = [*(rendered(each, scene.left_out) for each in (loaded, corrected)), scene.true_views]
     whole, sure = list[list[float]](), list[list[float]]()
     for number, frame in enumerate(scene.left_out):
         face = rasterise_depth(found.mesh, frame.camera, frame.cam_from_model).face
@@ -283,7 +294,8 @@ def _views(
     return values
 
 
-def _rendered(loaded: LoadedCase, frames: Sequence[PosedFrame]) -> list[RenderedView]:
+def rendered(loaded: LoadedCase, frames: Sequence[PosedFrame]) -> list[RenderedView]:
+    """Views from where frames are, coloured from the case's own in the light that it has there."""
     light = _light_of(loaded)
     reference = traced_view_of(loaded, light)
     tracer = RayTracer(ColouredSurface(reference.mesh, reference.views, light=light), frames[0].camera)

@@ -29,7 +29,7 @@ class ONEFRAME_OT_correct_surface(NeedsFound, InBackground):
     def work(self, context: bpy.types.Context) -> Work:
         # SciPy, which it needs, takes long to import
         from ..pipeline.registration.accepted_frames import accepted_frames
-        from ..pipeline.surface_correction.correct_case import CaseCorrection
+        from ..pipeline.registration.correct_case import CaseCorrection
 
         scene = context.scene
         film, registered, folder = session.scored(scene).path, found.of(scene), corrected_folder(scene)

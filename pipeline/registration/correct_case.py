@@ -19,12 +19,12 @@ from ..files.content import write_files_atomically
 from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ..images.legend import Write
 from ..images.png import encode_png
-from ..registration.accepted_frames import AcceptedFrames, small_frames
 from ..surface.mesh_reader import stated_space
 from ..surface.mesh_writer import encoded_ply
-from . import CASE, MAP, NOT_FOR_SURGERY, PAGE, SURFACE
-from .correct_surface import MOST_FRAMES, SurfaceCorrection, correct_surface
-from .deviation_map import deviation_map
+from ..surface_correction import CASE, MAP, NOT_FOR_SURGERY, PAGE, SURFACE
+from ..surface_correction.correct_surface import LONGER_SIDE_PX, MOST_FRAMES, SurfaceCorrection, correct_surface
+from ..surface_correction.deviation_map import deviation_map
+from .accepted_frames import AcceptedFrames, small_frames
 
 NAMES = "|".join(map(re.escape, (SURFACE, MAP, PAGE, CASE, history_path(Path(CASE)).name)))
 """Regular expression of the files that the folder may hold."""
@@ -74,7 +74,7 @@ class CaseCorrection:
             The images cannot be read, or as :func:`.correct_surface`.
         """
         light = None if self.loaded.case.light is None else lens_shading_of(self.loaded)
-        frames = small_frames(self.loaded, self.accepted, MOST_FRAMES)
+        frames = small_frames(self.loaded, self.accepted, MOST_FRAMES, LONGER_SIDE_PX)
         try:
             return correct_surface(self.loaded.surface.mesh, frames, light, np.random.default_rng(0), progress)
         except InputError as error:

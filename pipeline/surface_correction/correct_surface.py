@@ -22,7 +22,7 @@ SPACING_PX = 6.0
 """Between the points that move, in pixels on the surface."""
 FADING_PX = 12.0
 """Over which a displacement ends beside what is confirmed."""
-ROUNDS, REFERENCES = 3, 4
+ROUNDS, REFERENCES = 3, 3
 SHARP = 0.8
 """Textured part of a frame, relative to the middle one's, below which the others are not compared with it."""
 SOURCE_PRIOR, FRAME_PRIOR = (0.05, 0.0005), (2.0, 0.02)
@@ -38,7 +38,7 @@ MOST_LEFT_PX, LEAST_WEIGHT = 0.5, 0.6
 """Median of what no displacement explains, and mean weight: .1 px and .85 where it does."""
 LEAST_FLOW = 50
 """Pixels without which a pair of frames says nothing."""
-LEAST_COUNT = 2.0
+LEAST_COUNT = 6.0
 """Pixels that tell of a vertex, by their weights, without which nothing is known of it."""
 SPREAD = 2.0
 """Factor of the standard deviations: neighbouring pixels err together. Also where what is left exceeds the median, as

@@ -257,13 +257,12 @@ def _errors(scene: FilmedScene, mesh: TriangleMesh, found: SurfaceCorrection, ch
 
 
 def _poses(scene: FilmedScene, before: dict[int, np.ndarray], after: dict[int, np.ndarray]) -> dict[str, float]:
-    mesh, both = scene.loaded.surface.mesh, sorted(before.keys() & after.keys())
-    values = {}
-    for end, poses in (("_before", before), ("", after)):
+    values: dict[str, float] = {}
+    both = sorted(before.keys() & after.keys())
+    for end, poses in (("_before", before), ("", after)) if both else ():
+        frames = [(poses[at], scene.frames[at]) for at in both]
         errors = [
-            pose_errors(poses[at], frame.cam_from_model, mesh, frame.camera)
-            for at, frame in enumerate(scene.frames)
-            if at in both
+            pose_errors(pose, each.cam_from_model, scene.loaded.surface.mesh, each.camera) for pose, each in frames
         ]
         values[f"deg{end}"], _, values[f"px{end}"] = np.median(errors, axis=0).tolist()
     return values

@@ -58,6 +58,7 @@ COLUMNS = {
     "elsewhere": ("elsewhere", "elsewhere_95"),
     "of the changed confirmed": ("confirmed_changed",),
     "of the wrong confirmed": ("passed",),
+    "said by registration": ("said",),
     "within two deviations": ("within",),
     "SSIM: wrong, corrected, true": ("ssim_before", "ssim", "ssim_true"),
     "of what is confirmed: corrected, true": ("ssim_confirmed", "ssim_confirmed_true"),

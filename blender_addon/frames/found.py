@@ -26,11 +26,12 @@ from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_ato
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, Candidates
-from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
+from ..pipeline.registration.pose_list import CHANGED, encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames
 from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
+from ..pipeline.surface_correction.surface_check import SurfaceCheck
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame
@@ -68,6 +69,8 @@ class FoundFrames:
         Frames of this session that may colour the surface, see :meth:`colouring`.
     change
         What the film no longer shows as the case's frame does.
+    check
+        What the frames of this session tell of the surface.
     """
 
     source: Source
@@ -75,6 +78,7 @@ class FoundFrames:
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     candidates: Candidates = field(default_factory=Candidates)
     change: FilmChange | None = None
+    check: SurfaceCheck | None = None
 
     def register(self, registrar: CaseRegistrar, film: FilmSession, progress: Callable[[float], None]) -> None:
         """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
@@ -108,6 +112,7 @@ class FoundFrames:
         finally:
             self.frames |= run.judged()
             self.write()
+        self.check = registrar.checked_surface(self.colouring())
 
     def colouring(self) -> list[Candidate]:
         """The frames that are accepted, and show the surface as the case's frame does."""
@@ -123,8 +128,10 @@ class FoundFrames:
         """
         if self.file is None or not self.frames:
             return
-        source, frames = self.source, sorted(self.frames.items())
-        entries = [pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit) for number, each in frames]
+        source, since, entries = self.source, None if self.change is None else self.change.since, []
+        for number, each in sorted(self.frames.items()):
+            entry = pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit)
+            entries.append(entry if since is None or number < since else entry | {CHANGED: True})
         with writing(self.file):
             write_bytes_atomically(self.file, encoded_list(entries))
 

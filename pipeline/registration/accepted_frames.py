@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from .colour_sources import evenly
-from .pose_list import POSES, found_of
+from .pose_list import CHANGED, POSES, found_of
 from .register import RegisteredFrame
 from .register_frames import LONGER_SIDE_PX, CaseRegistrar, frame_files, image_paths, small_frame
 from .verdict import ACCEPTED
@@ -24,10 +24,21 @@ MOST = 12
 
 @dataclass(frozen=True)
 class AcceptedFrames:
-    """The poses in a folder of ``oneframe register``: ``cam_from_model`` (4x4, mm) by a frame's number; its images."""
+    """The poses in a folder of ``oneframe register``.
+
+    Attributes
+    ----------
+    poses
+        ``cam_from_model`` ``(4, 4)``, mm, by a frame's number.
+    images
+        The folder or the film.
+    changed
+        How many more are accepted, of later in the film, where it no longer shows what the case's frame shows.
+    """
 
     poses: dict[int, np.ndarray]
     images: Path
+    changed: int = 0
 
     @property
     def files(self) -> dict[str, Path]:
@@ -44,21 +55,28 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
         There is no such list, none of its frames is accepted, or their images are not there.
     """
     path = folder / POSES if folder.is_dir() else folder
-    entries: Any = parsed_json(read_content(path, "the poses of registered frames", most=LARGEST_FILE), str(path))
+    content = read_content(path, "the poses of registered frames", most=LARGEST_FILE)
     try:
+        entries: Any = parsed_json(content, str(path))
         found = found_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
         named = {int(entry["frame"]): Path(entry["image"]) for entry in entries if entry.get("image")}
-    except (AttributeError, KeyError, TypeError, ValueError):
-        raise InputError(f"{path}: expected the poses that oneframe register writes, found something else") from None
-    poses = accepted_poses(found)
+        changed = {int(entry["frame"]) for entry in entries if entry.get(CHANGED)}
+    except (InputError, AttributeError, KeyError, TypeError, ValueError):
+        raise InputError(
+            f"{path}: expected the poses that oneframe register writes, found something else; name the folder that it "
+            "wrote, and the video of these frames with --video"
+        ) from None
+    accepted = accepted_poses(found)
+    poses = {number: pose for number, pose in accepted.items() if number not in changed}
     if not poses:
         raise InputError(f"{path}: expected accepted frames, found none among {len(found)}")
     if video is None and not poses.keys() <= named.keys():
         raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
     if video is not None and named:
         raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
+    left_out = len(accepted) - len(poses)
     if video is not None:
-        return AcceptedFrames(poses, video)
+        return AcceptedFrames(poses, video, left_out)
     images = path.parent / named[min(named)].parent
     # an image that was added or removed since changes the numbers of others
     numbers = {each.name: number for number, each in enumerate(image_paths(images) if images.is_dir() else ())}
@@ -67,7 +85,7 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
             f"{images}: expected the images that were registered, {missing[0]} is not there; bring it back, or "
             "register the others again"
         )
-    return AcceptedFrames({numbers[named[number].name]: pose for number, pose in poses.items()}, images)
+    return AcceptedFrames({numbers[named[number].name]: pose for number, pose in poses.items()}, images, left_out)
 
 
 def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray]:

@@ -7,12 +7,14 @@ import numpy as np
 
 from ..colour.vertex_colours import colour_vertices
 from ..files.numbers import format_two_digits
+from ..images.pixel_values import to_uint8
 from ..registration.colour_sources import ColourChoice
 from ..registration.report import COLOURS, FrameEvidence, RegistrationEvidence
 from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
+from ..surface_correction.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
 from .page import asset, findings, html_page, page_footer, page_header, poses_section, spaced
 from .surface_sides import surface_sides
-from .thumbnails import base64_text
+from .thumbnails import base64_text, shrunk, webp
 from .view_geometry import SourceFrame, pose_data
 
 SCRIPTS = ("elements.js", "table.js", "poses.js", "registration.js")
@@ -33,6 +35,7 @@ QUANTITIES = (
     },
 )  # fmt: skip
 """What frames are described and coloured by."""
+PICTURE_PX, QUALITY = 900, 80
 
 
 def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
@@ -56,6 +59,7 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         within=f"{WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
         poses=poses_section("frame"),
         limits=findings(_limits(evidence)),
+        surface=_surface(evidence),
         colour=_colour(evidence.colour),
         footer=page_footer(),
     )
@@ -93,6 +97,33 @@ def _frame_data(frame: FrameEvidence) -> dict[str, object]:
     return data
 
 
+def _doubt_of_surface(check: SurfaceCheck | None) -> str:
+    if check is None:
+        return (
+            f"The surface is taken for right: to check it takes {LEAST_FRAMES} accepted frames over "
+            f"{LEAST_ANGLE_DEG:g}°."
+        )
+    if check.words:
+        return "The surface is probably wrong, see above: so are depths and colours there."
+    told = np.isfinite(check.off_mm).mean()
+    return f"The surface is where {check.frames} frames see it, as far as they tell: of {told:.0%} of the case's frame."
+
+
+def _surface(evidence: RegistrationEvidence) -> str:
+    check = evidence.surface
+    if check is None or not check.words:
+        return ""
+    picture = np.ascontiguousarray(to_uint8(check.picture(evidence.source.image))[..., ::-1])
+    data = base64_text(webp(shrunk(picture, PICTURE_PX), QUALITY))
+    lines = findings([f"{check.words[:1].upper()}{check.words[1:]}.", "oneframe correct may correct it, for research."])
+    return (
+        '<section id="surface" class="card" aria-labelledby="surface-title"><h2 id="surface-title">The surface</h2>'
+        f'<div class="stage"><img src="data:image/webp;base64,{data}" alt="The frame, and where the surface is wrong">'
+        '</div><p class="legend small">Red: it is nearer to the lens than the surface, blue: farther.</p>'
+        f"{lines}</section>"
+    )
+
+
 def _colour(choice: ColourChoice | None) -> str:
     if choice is None:
         return ""
@@ -111,8 +142,9 @@ def _limits(evidence: RegistrationEvidence) -> list[str]:
         "Look at its overlay first.",
         *([f"The case's pose itself is in doubt: {record['doubt']}"] if "doubt" in record else []),
         *([] if evidence.change is None else [evidence.change.words()]),
-        "The surface is taken for right. Where it is drilled meanwhile, a film says so only of places that it showed "
-        "before from the same side; single frames say nothing.",
+        _doubt_of_surface(evidence.surface),
+        "Where it is drilled meanwhile, a film says so only of places that it showed before from the same side; single "
+        "frames say nothing.",
         "One K is taken for all frames: a zoom by less than their scatter looks like another distance.",
         "The probability was calibrated on few scenes. It says little of surfaces unlike these.",
         "The standard deviations are too small under motion blur.",

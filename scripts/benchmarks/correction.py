@@ -50,14 +50,15 @@ TABLE, SUMMARY = "correction.csv", "correction.json"
 QUICK = {"seeds": [0], "surfaces": [WRONG[0]], "width": 160}
 STEP, LEFT_OUT = 4, 12
 """Every fourth frame of the film is registered; every twelfth, between them, is compared with views if it is clear."""
-FOLDS = 4
-"""Ways to leave photographs out."""
+BONE_PHOTOGRAPHS, BLOSTER_PHOTOGRAPHS = slice(2, None, 5), (slice(1, None, 6), slice(3, None, 6), slice(5, None, 6))
+"""Photographs of a bone that are compared with views, and ways to choose bloster's."""
 COLUMNS = {
     "changed, before": ("before", "before_95"),
     "after": ("changed", "changed_95"),
     "elsewhere": ("elsewhere", "elsewhere_95"),
     "of the changed confirmed": ("confirmed_changed",),
     "of the wrong confirmed": ("passed",),
+    "said by registration": ("said",),
     "within two deviations": ("within",),
     "SSIM: wrong, corrected, true": ("ssim_before", "ssim", "ssim_true"),
     "of what is confirmed: corrected, true": ("ssim_confirmed", "ssim_confirmed_true"),
@@ -115,17 +116,14 @@ def trials_of(arguments: argparse.Namespace, folder: Path) -> Iterator[Correctio
                     yield correction_trial(scene, surface, seed, mesh, off_mm)
     if arguments.bones:
         for pair, planned in misdrilled_bones(arguments.bones, folder / "bones"):
-            scene, mesh_from_model = photographed_scene(pair), load_case(read_case(pair[0])).surface.mesh_from_model
-            mesh = planned.moved(-mesh_from_model[:3, 3])
+            scene = photographed_scene(pair, BONE_PHOTOGRAPHS)
+            mesh = planned.moved(-scene.loaded.surface.mesh_from_model[:3, 3])
             off_mm = deviation(mesh.vertices, scene.loaded.surface.mesh)
             yield correction_trial(scene, "drilled by another plan", 0, mesh, off_mm)
-    if arguments.bloster:
-        for pair in bloster_cases(arguments.bloster, folder / "bloster"):
-            scene = photographed_scene(pair)
-            for fold in range(FOLDS):
-                yield correction_trial(
-                    left_out(scene, fold, FOLDS), "as published", fold, scene.loaded.surface.mesh, None
-                )
+    for pair in bloster_cases(arguments.bloster, folder / "bloster") if arguments.bloster else ():
+        for fold in BLOSTER_PHOTOGRAPHS:
+            scene = photographed_scene(pair, fold)
+            yield correction_trial(scene, "as published", fold.start, scene.loaded.surface.mesh, None)
 
 
 def film_scene(folder: Path, width: int) -> FilmedScene:
@@ -156,20 +154,14 @@ def frames_of(film: FilmedScene, seed: int) -> FilmedScene:
     return replace(film, frames=film.frames[seed % STEP :: STEP], left_out=out)
 
 
-def photographed_scene(pair: CaseFiles) -> FilmedScene:
-    """A case and all its photographs."""
+def photographed_scene(pair: CaseFiles, compared: slice) -> FilmedScene:
+    """A case and its photographs, of which some are compared with views."""
     loaded = load_case(read_case(pair[0]))
     listed, _ = read_photographs(pair[1], loaded.case)
-    frames = (load_posed_frame(each, loaded.surface.mesh_from_model, name=pair[0].stem) for each in listed)
-    return FilmedScene(pair[0].stem, loaded, tuple(map(small_frame, frames)), (), tracked=False)
-
-
-def left_out(scene: FilmedScene, fold: int, folds: int) -> FilmedScene:
-    """The scene without every so manieth of its photographs, to compare views with."""
-    out = tuple(small_frame(frame, LONGER_SIDE_PX) for frame in scene.frames[fold::folds])
-    return replace(
-        scene, frames=tuple(each for at, each in enumerate(scene.frames) if at % folds != fold), left_out=out
-    )
+    frames = [small_frame(load_posed_frame(each, loaded.surface.mesh_from_model, name=pair[0].stem)) for each in listed]
+    out = tuple(small_frame(frame, LONGER_SIDE_PX) for frame in frames[compared])
+    del frames[compared]
+    return FilmedScene(pair[0].stem, loaded, tuple(frames), out, tracked=False)
 
 
 def summary(rows: Sequence[CorrectionTrial]) -> dict[tuple[str, str], dict[str, MeanInterval]]:

@@ -14,8 +14,8 @@ from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.registration.accepted_frames import accepted_frames
+from oneframe.registration.pose_list import CHANGED, encoded_list, pose_entry
 from oneframe.registration.pose_list import POSES as LIST
-from oneframe.registration.pose_list import encoded_list, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.register_frames import image_paths
 from oneframe.registration.verdict import ACCEPTED, Verdict
@@ -82,9 +82,12 @@ def test_poses_go_with_the_names_of_their_images(tmp_path):
         accepted_frames(folder, None, loaded)
 
 
-def test_too_few_frames_are_refused_and_nothing_is_written(tmp_path, correct):
-    case = written(tmp_path, 5)
-    run = correct(case.path, tmp_path / "registered", "--out", tmp_path / "corrected")
+def test_too_few_frames_before_a_change_are_refused_and_nothing_written(tmp_path, correct):
+    case, poses = written(tmp_path, 10), tmp_path / "registered" / LIST
+    entries = json.loads(poses.read_bytes())
+    poses.write_bytes(encoded_list(entries[:5] + [entry | {CHANGED: True} for entry in entries[5:]]))
+    run = correct(case.path, poses.parent, "--out", tmp_path / "corrected")
     assert run.returncode == 2
+    assert "5 later frames, in which the surface has changed, are left out" in run.stdout
     assert "at least 10 accepted frames" in run.stderr
     assert not (tmp_path / "corrected").exists()

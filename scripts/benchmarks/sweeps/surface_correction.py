@@ -22,8 +22,14 @@ from oneframe.projection.rendered_view import RenderedView
 from oneframe.projection.visible_surface import central_point
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.accepted_frames import accepted_poses
-from oneframe.registration.colour_sources import evenly
-from oneframe.registration.register_frames import CaseRegistrar, FurtherFrame, RegistrationRun, small_frame
+from oneframe.registration.colour_sources import Candidates, evenly
+from oneframe.registration.register_frames import (
+    CaseRegistrar,
+    FurtherFrame,
+    RegistrationRun,
+    colouring_frames,
+    small_frame,
+)
 from oneframe.surface.deviation import SurfaceTree
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface_correction.control_points import neighbour_means
@@ -33,6 +39,7 @@ from oneframe.surface_correction.correct_surface import (
     SurfaceCorrection,
     correct_surface,
 )
+from oneframe.surface_correction.surface_check import SurfaceCheck
 
 from ..alignment.registration_trials import pose_errors
 from .registration import rough
@@ -97,6 +104,8 @@ class CorrectionTrial:
         The data, what was wrong, and the seed.
     accepted, refused
         Frames accepted on the wrong surface; why it was not corrected, or empty.
+    said
+        Share of the places that registration itself says to be wrong.
     before, before_95, changed, changed_95, elsewhere, elsewhere_95
         Distance from the true surface, mm, median and 95 % of the confirmed vertices, where changed and elsewhere.
     known, confirmed, confirmed_changed
@@ -122,6 +131,7 @@ class CorrectionTrial:
     seed: int
     accepted: int
     refused: str = ""
+    said: float = math.nan
     before: float = math.nan
     before_95: float = math.nan
     changed: float = math.nan
@@ -156,8 +166,9 @@ def correction_trial(
     ``(V,)`` mm is by how much its vertices were displaced; ``None`` if the true surface is not known.
     """
     loaded = with_surface(scene.loaded, mesh)
-    posed = registered(scene, loaded)
-    trial = CorrectionTrial(scene.name, surface, seed, len(posed))
+    posed, check = registered(scene, loaded)
+    said = math.nan if check is None else check.share
+    trial = CorrectionTrial(scene.name, surface, seed, len(posed), said=said)
     chosen = [sorted(posed)[at] for at in evenly(len(posed), MOST_FRAMES)]
     frames = [loaded.frame, *(replace(scene.frames[at], cam_from_model=posed[at]) for at in chosen)]
     frames = [small_frame(frame, LONGER_SIDE_PX) for frame in frames]
@@ -172,7 +183,7 @@ def correction_trial(
     if off_mm is not None:
         changed = off_mm > CHANGED_MM
         values |= _errors(scene, mesh, found, changed)
-        values |= _poses(scene, posed, registered(scene, with_surface(loaded, found.mesh)))
+        values |= _poses(scene, posed, registered(scene, with_surface(loaded, found.mesh))[0])
     values |= _views(scene, loaded, found, changed, exact=off_mm is not None)
     return replace(trial, **values)
 
@@ -182,13 +193,15 @@ def with_surface(loaded: LoadedCase, mesh: TriangleMesh) -> LoadedCase:
     return replace(loaded, surface=replace(loaded.surface, mesh=mesh))
 
 
-def registered(scene: FilmedScene, loaded: LoadedCase) -> dict[int, np.ndarray]:
-    """``cam_from_model`` of the frames that are accepted, by their places."""
-    run = RegistrationRun(CaseRegistrar(loaded), None, is_film=scene.tracked)
+def registered(scene: FilmedScene, loaded: LoadedCase) -> tuple[dict[int, np.ndarray], SurfaceCheck | None]:
+    """``cam_from_model`` of the frames that are accepted, by their places, and what they tell of the surface."""
+    registrar, candidates = CaseRegistrar(loaded), Candidates()
+    run = RegistrationRun(registrar, candidates, is_film=scene.tracked)
     for number, frame in enumerate(scene.frames):
         name = "" if scene.tracked else frame.path.name
         run.register(FurtherFrame(name, number, to_uint8(frame.image), frame.valid))
-    return accepted_poses(run.judged())
+    judged = run.judged()
+    return accepted_poses(judged), registrar.checked_surface(colouring_frames(candidates, judged, run.change()))
 
 
 def wrong_surface(surface: str, loaded: LoadedCase, rng: np.random.Generator) -> TriangleMesh:
@@ -257,13 +270,12 @@ def _errors(scene: FilmedScene, mesh: TriangleMesh, found: SurfaceCorrection, ch
 
 
 def _poses(scene: FilmedScene, before: dict[int, np.ndarray], after: dict[int, np.ndarray]) -> dict[str, float]:
-    mesh, both = scene.loaded.surface.mesh, sorted(before.keys() & after.keys())
-    values = {}
-    for end, poses in (("_before", before), ("", after)):
+    values: dict[str, float] = {}
+    both = sorted(before.keys() & after.keys())
+    for end, poses in (("_before", before), ("", after)) if both else ():
+        frames = [(poses[at], scene.frames[at]) for at in both]
         errors = [
-            pose_errors(poses[at], frame.cam_from_model, mesh, frame.camera)
-            for at, frame in enumerate(scene.frames)
-            if at in both
+            pose_errors(pose, each.cam_from_model, scene.loaded.surface.mesh, each.camera) for pose, each in frames
         ]
         values[f"deg{end}"], _, values[f"px{end}"] = np.median(errors, axis=0).tolist()
     return values

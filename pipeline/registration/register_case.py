@@ -22,11 +22,11 @@ from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..video.film_reader import Film
 from .colour_sources import Candidates, chosen_sources
-from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
+from .pose_list import CHANGED, DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
 from .register import RegisteredFrame
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, RegistrationRun, colouring_frames, frame_files
 from .report import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from .verdict import ACCEPTED
+from .verdict import ACCEPTED, FilmChange
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
 HISTORY = history_path(Path(CASE)).name
@@ -84,7 +84,7 @@ def register_case(
     """
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(frames))
     registrar, is_film, candidates = CaseRegistrar(loaded), not frames.is_dir(), Candidates()
-    run = RegistrationRun(registrar, candidates if colour_frames else None, is_film=is_film)
+    run = RegistrationRun(registrar, candidates, is_film=is_film)
     evidence, drawn, usable = list[FrameEvidence](), _drawn_points(loaded), False
     with registrar.frames(frames, every) as opened:
         pictures = _Pictures(loaded, registrar, opened.count)
@@ -101,9 +101,11 @@ def register_case(
         raise InputError(f"{one.name or frames.name}: {one.verdict.reason}; nor can any other frame be used")
     judged, change = run.judged(), run.change()
     evidence = [each.judged(judged[each.number]) for each in evidence]
-    _write_lists(loaded, frames, out, evidence, judged)
-    write_output(out / SHEET, pictures.sheet(evidence))
+    _write_lists(loaded, frames, out, evidence, judged, change)
     colouring = colouring_frames(candidates, judged, change)
+    check = registrar.checked_surface(colouring)
+    marked = [] if check is None or not check.words else [check.picture(registrar.source.image)]
+    write_output(out / SHEET, pictures.sheet(evidence, marked))
     choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
     known = RegistrationEvidence(
@@ -116,6 +118,7 @@ def register_case(
         change=change,
         colour=choice,
         cut_off=opened.cut_off,
+        surface=check,
     )
     return Registration(
         known, registrar.full_frames(frames, out, chosen, loaded.surface.mesh_from_model, denoise=denoise)
@@ -146,15 +149,17 @@ def _write_lists(
     out: Path,
     evidence: Sequence[FrameEvidence],
     judged: Mapping[int, RegisteredFrame],
+    change: FilmChange | None,
 ) -> None:
     """Write the lists of poses, after removing what shows other ones."""
     entries = []
     for each in evidence:
         # as in a list of photographs: from the folder of the list
         image = relative_name(frames / each.name, out) if each.name else ""
-        entries.append(
-            pose_entry(image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
+        entry = pose_entry(
+            image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit
         )
+        entries.append(entry if change is None or each.number < change.since else entry | {CHANGED: True})
     if frames.is_dir() and loaded.case.distortion is not None:
         entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
     for name in (ESTIMATES, SHEET, FILM, PAGE):
@@ -188,9 +193,9 @@ class _Pictures:
         small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
         return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
 
-    def sheet(self, evidence: Sequence[FrameEvidence]) -> bytes:
-        """The sheet as PNG, with the state of each frame as its border."""
+    def sheet(self, evidence: Sequence[FrameEvidence], further: Sequence[np.ndarray]) -> bytes:
+        """The sheet as PNG, with the state of each frame as its border, and further ``(H, W, 3)`` tiles, 0..1."""
         for place, tile in self._tiles.items():
             put_border(tile, COLOURS[evidence[place].verdict.state])
         shown = [tile.astype(np.float32) / 255 for tile in self._tiles.values()]
-        return encode_png(to_uint8(contact_sheet(shown, columns=COLUMNS, tile_width=TILE_PX)))
+        return encode_png(to_uint8(contact_sheet([*shown, *further], columns=COLUMNS, tile_width=TILE_PX)))

@@ -271,9 +271,9 @@ def wheels(requirements: Sequence[str], name: str, python: str) -> list[Path]:
                 os.replace(path, folder / path.name)
     found = []
     for each in requirements:
-        if (path := _newest(folder, patterns := _patterns(each, python))) is None:
+        if (newest := _newest(folder, patterns := _patterns(each, python))) is None:
             raise RunError(f"wheel of {each} for {name}: pip downloaded another file than {' or '.join(patterns)}")
-        found.append(path)
+        found.append(newest)
     return found
 
 

@@ -96,7 +96,7 @@ class SurfaceCorrection:
             share = moved.mean() / self.confirmed.mean()
             text += f", and {share:.0%} of it was {low:+.2f} to {high:+.2f} mm off"
             if share > MOST_MOVED:
-                text += ": of so much rather the case's pose or K is wrong, look at its overlay first"
+                text += ": so much that the case's pose or K may be wrong, look at its overlay first"
         return f"{text}; below {self.floor_mm:.2f} mm a deviation means nothing"
 
 

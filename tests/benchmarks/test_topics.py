@@ -24,7 +24,7 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),
     "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], ["chart.png"]),
     "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
-    "refinement": ("refinement.csv", ["{case}"], ["refinement.png"]),
+    "refinement": ("refinement.csv", ["{case}", "--wrong", "0"], ["refinement.png"]),
     "surface": ("surface.json", [], []),
     "reader": ("reader.json", ["{dataset}"], []),
     "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.png"]),

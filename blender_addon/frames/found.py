@@ -31,6 +31,7 @@ from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames
 from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
+from ..pipeline.surface_correction.surface_check import SurfaceCheck
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame
@@ -68,6 +69,8 @@ class FoundFrames:
         Frames of this session that may colour the surface, see :meth:`colouring`.
     change
         What the film no longer shows as the case's frame does.
+    check
+        What the frames of this session tell of the surface.
     """
 
     source: Source
@@ -75,6 +78,7 @@ class FoundFrames:
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     candidates: Candidates = field(default_factory=Candidates)
     change: FilmChange | None = None
+    check: SurfaceCheck | None = None
 
     def register(self, registrar: CaseRegistrar, film: FilmSession, progress: Callable[[float], None]) -> None:
         """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
@@ -104,10 +108,11 @@ class FoundFrames:
                         self.frames |= run.judged()
                         self.write()
                         written_s = time.monotonic() + 20 * (time.monotonic() - began_s)
-            self.change = run.change()
         finally:
             self.frames |= run.judged()
             self.write()
+        self.change = run.change()
+        self.check = registrar.checked_surface(self.colouring())
 
     def colouring(self) -> list[Candidate]:
         """The frames that are accepted, and show the surface as the case's frame does."""

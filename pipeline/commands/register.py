@@ -174,6 +174,8 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
         yield "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?"
     if evidence.change is not None:
         yield f"note: {evidence.change.words()}"
+    if evidence.surface is not None and evidence.surface.words:
+        yield f"note: {evidence.surface.words}: see {out / SHEET}; oneframe correct may correct it"
     yield from reasons[:MOST_REASONS]
     if len(reasons) > MOST_REASONS:
         yield f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}"

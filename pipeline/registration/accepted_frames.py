@@ -15,7 +15,7 @@ from ..files.tables import parsed_json
 from .colour_sources import evenly
 from .pose_list import POSES, found_of
 from .register import RegisteredFrame
-from .register_frames import CaseRegistrar, frame_files, small_frame
+from .register_frames import LONGER_SIDE_PX, CaseRegistrar, frame_files, small_frame
 from .verdict import ACCEPTED
 
 MOST = 12
@@ -69,17 +69,19 @@ def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray
     }
 
 
-def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None, most: int = MOST) -> list[PosedFrame]:
-    """The case's frames and at most so many of the accepted ones, evenly chosen, at the size of registration.
+def small_frames(
+    loaded: LoadedCase, accepted: AcceptedFrames | None, most: int = MOST, longer_side_px: int = LONGER_SIDE_PX
+) -> list[PosedFrame]:
+    """The case's frames and at most so many of the accepted ones, evenly chosen, at a size up to registration's.
 
     Raises
     ------
     InputError
         The images cannot be read, or are not the case's.
     """
-    frames = [small_frame(frame) for frame in loaded.frames]
+    frames = list(loaded.frames)
     if accepted is None:
-        return frames
+        return [small_frame(frame, longer_side_px) for frame in frames]
     numbers = sorted(accepted.poses)
     chosen = {numbers[at] for at in evenly(len(numbers), most)}
     registrar = CaseRegistrar(loaded)
@@ -91,4 +93,4 @@ def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None, most: int 
             for frame in opened.frames
             if frame.number in chosen and not frame.problem
         ]
-    return frames
+    return [small_frame(frame, longer_side_px) for frame in frames]

@@ -1,6 +1,6 @@
 """Correct the pose of a case by further frames of its surface."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +11,11 @@ from ..case.alignment_record import FURTHER_FRAMES
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.numbers import format_two_digits
+from ..surface_correction.surface_check import SurfaceCheck
 from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
+from .colour_sources import Candidate
 from .flow_refinement import FlowFit
-from .register_frames import CaseRegistrar
+from .register_frames import CaseRegistrar, FurtherFrame
 from .source_correction import SourceCorrection, SourceFit, Track
 from .verdict import ACCEPTED, SPREAD
 
@@ -28,6 +30,9 @@ LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
 FOCAL_SPREAD = 1.5
 """As :data:`.SPREAD`, of the focal length: three were off by 0.9, 1.2 and 2.5 times what is stated without."""
+MOST_WRONG = 0.5
+"""Of the places that frames put elsewhere at the case's pose, the part that may be there at the corrected one too: 0.02
+where that pose was off, 0.7 and more where the surface is wrong."""
 LARGEST_FOCAL = 0.025
 """Relative standard deviation of the focal length above which they leave it open."""
 
@@ -75,7 +80,8 @@ def correct_source(
     Raises
     ------
     InputError
-        The frames cannot be used, too few of them are accepted, or they leave the pose or the focal length open.
+        The frames cannot be used, too few of them are accepted, they leave the pose or the focal length open, or they
+        put the surface elsewhere at the corrected pose too.
     """
     if focal and loaded.case.distortion is not None:
         raise InputError(
@@ -102,6 +108,8 @@ def correct_source(
             progress((number + (done + 1) / len(frames)) / MOST_ROUNDS)
         if len(fits) < LEAST_FRAMES:
             break
+        if not poses:
+            given = _checked(registrar, frames, {done: each.cam_from_model for done, each in fits.items()})
         before = loaded
         correction = SourceCorrection(registrar.mesh, registrar.camera, pivot, focal=focal)
         fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
@@ -125,6 +133,12 @@ def correct_source(
             f"align the frame again; the pose is not corrected"
         )
     camera, pose = loaded.case.camera, fit.cam_from_model
+    now = _checked(CaseRegistrar(loaded), frames, poses)
+    if given is not None and now is not None and now.words and now.share > MOST_WRONG * given.share:
+        raise InputError(
+            f"{name}: expected a pose of the case's frame at which the frames agree with the surface, found none: "
+            f"{now.words}; correct the surface first (oneframe correct); the pose is not corrected"
+        )
     uncertainty, relative = _uncertainty(fit, pivot, points)
     if uncertainty.largest_rotation_deg > LARGEST_DEG:
         raise InputError(
@@ -151,6 +165,13 @@ def correct_source(
     if focal:
         text += f", and the focal length is {camera.fx:.0f} px ± {relative:.1%} (it was {first.case.camera.fx:.0f} px)"
     return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
+
+
+def _checked(
+    registrar: CaseRegistrar, frames: Sequence[FurtherFrame], poses: Mapping[int, np.ndarray]
+) -> SurfaceCheck | None:
+    found = (Candidate(at, frames[at].image, frames[at].valid, pose) for at, pose in poses.items())
+    return registrar.checked_surface(list(found))
 
 
 def _uncertainty(fit: SourceFit, pivot_model: np.ndarray, points_model: np.ndarray) -> tuple[PoseUncertainty, float]:

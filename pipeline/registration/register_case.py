@@ -84,7 +84,7 @@ def register_case(
     """
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(frames))
     registrar, is_film, candidates = CaseRegistrar(loaded), not frames.is_dir(), Candidates()
-    run = RegistrationRun(registrar, candidates if colour_frames else None, is_film=is_film)
+    run = RegistrationRun(registrar, candidates, is_film=is_film)
     evidence, drawn, usable = list[FrameEvidence](), _drawn_points(loaded), False
     with registrar.frames(frames, every) as opened:
         pictures = _Pictures(loaded, registrar, opened.count)
@@ -102,8 +102,10 @@ def register_case(
     judged, change = run.judged(), run.change()
     evidence = [each.judged(judged[each.number]) for each in evidence]
     _write_lists(loaded, frames, out, evidence, judged)
-    write_output(out / SHEET, pictures.sheet(evidence))
     colouring = colouring_frames(candidates, judged, change)
+    check = registrar.checked_surface(colouring)
+    marked = [] if check is None or not check.words else [check.picture(registrar.source.image)]
+    write_output(out / SHEET, pictures.sheet(evidence, marked))
     choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
     known = RegistrationEvidence(
@@ -116,6 +118,7 @@ def register_case(
         change=change,
         colour=choice,
         cut_off=opened.cut_off,
+        surface=check,
     )
     return Registration(
         known, registrar.full_frames(frames, out, chosen, loaded.surface.mesh_from_model, denoise=denoise)
@@ -188,9 +191,9 @@ class _Pictures:
         small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
         return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
 
-    def sheet(self, evidence: Sequence[FrameEvidence]) -> bytes:
-        """The sheet as PNG, with the state of each frame as its border."""
+    def sheet(self, evidence: Sequence[FrameEvidence], further: Sequence[np.ndarray]) -> bytes:
+        """The sheet as PNG, with the state of each frame as its border, and further ``(H, W, 3)`` tiles, 0..1."""
         for place, tile in self._tiles.items():
             put_border(tile, COLOURS[evidence[place].verdict.state])
         shown = [tile.astype(np.float32) / 255 for tile in self._tiles.values()]
-        return encode_png(to_uint8(contact_sheet(shown, columns=COLUMNS, tile_width=TILE_PX)))
+        return encode_png(to_uint8(contact_sheet([*shown, *further], columns=COLUMNS, tile_width=TILE_PX)))

@@ -19,11 +19,13 @@ from ..files.outputs import write_output
 from ..images.image_reader import read_image
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
+from ..surface_correction import surface_check
+from ..surface_correction.surface_check import SurfaceCheck
 from ..transforms import inverse_rigid
 from ..video.denoise import denoised
 from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
-from .colour_sources import Candidate, Candidates
+from .colour_sources import Candidate, Candidates, evenly
 from .known_views import grey_codes
 from .register import RegisteredFrame, Registrar, judged_together, zoom_of
 from .source_correction import doubt_of_source, with_case
@@ -127,6 +129,16 @@ class CaseRegistrar:
         pose = found.cam_from_model if found.verdict.state == ACCEPTED else None
         self._before = () if pose is None else (*self._before[-1:], pose)
         return found
+
+    def checked_surface(self, candidates: Sequence[Candidate]) -> SurfaceCheck | None:
+        """What accepted frames tell of the surface; ``None`` if they are too few, or too near to one another."""
+        chosen = [candidates[at] for at in evenly(len(candidates), surface_check.MOST_FRAMES)]
+        others = [
+            PosedFrame(each.image.astype(np.float32) / 255, each.valid, self.camera, each.cam_from_model)
+            for each in chosen
+        ]
+        source, *others = (small_frame(each, surface_check.LONGER_SIDE_PX) for each in (self.source, *others))
+        return surface_check.check_surface(self.mesh, self.pivot_model, source, others)
 
     @contextmanager
     def frames(self, folder_or_video: Path, every: int = 1) -> Iterator[OpenedFrames]:
@@ -236,8 +248,8 @@ class RegistrationRun:
         Number of a frame -> what was found in it, without the fit.
     """
 
-    def __init__(self, registrar: CaseRegistrar, candidates: Candidates | None, *, is_film: bool) -> None:
-        """Begin without frames; ``candidates`` collect those that may colour the surface, if any are wanted."""
+    def __init__(self, registrar: CaseRegistrar, candidates: Candidates, *, is_film: bool) -> None:
+        """Begin without frames; ``candidates`` collect those that may check and colour the surface."""
         self._registrar, self._candidates, self._is_film = registrar, candidates, is_film
         self._agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
         self.alone = dict[int, RegisteredFrame]()
@@ -245,8 +257,7 @@ class RegistrationRun:
     def register(self, frame: FurtherFrame) -> RegisteredFrame:
         """Register the next frame, see :meth:`CaseRegistrar.register`."""
         found = self._registrar.register(frame)
-        if self._candidates is not None:
-            self._candidates.add(frame.number, frame.image, frame.valid, found)
+        self._candidates.add(frame.number, frame.image, frame.valid, found)
         if self._is_film and found.fit is not None and found.verdict.state == ACCEPTED:
             self._agreement.add(frame.number, found.fit)
         self.alone[frame.number] = replace(found, fit=None)

@@ -9,6 +9,7 @@ from ..camera.pinhole import PinholeCamera
 from ..case.alignment_record import REGISTERED
 from ..colour.source_view import SourceView
 from ..surface.mesh import TriangleMesh
+from ..surface_correction.surface_check import SurfaceCheck
 from .colour_sources import ColourChoice
 from .register import RegisteredFrame
 from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, FilmChange, Verdict
@@ -96,6 +97,8 @@ class RegistrationEvidence:
         The frames that colour the surface, if any were to be chosen.
     cut_off
         A sentence if the film is cut off, else empty.
+    surface
+        What the frames tell of the surface; ``None`` if they are too few or too near to one another.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -107,6 +110,7 @@ class RegistrationEvidence:
     change: FilmChange | None = None
     colour: ColourChoice | None = None
     cut_off: str = ""
+    surface: SurfaceCheck | None = None
 
     @property
     def counts(self) -> dict[str, int]:

@@ -101,6 +101,11 @@ def property_table(rows: Sequence[tuple[str, str]], *, caption: str) -> str:
     return f'<div class="scroll"><table class="properties"><caption>{escaped(caption)}</caption>{body}</table></div>'
 
 
+def findings(lines: Sequence[str]) -> str:
+    """A list of sentences that warn."""
+    return '<ul class="findings">' + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"
+
+
 def page_footer() -> str:
     """Where the page comes from."""
     made = f"Made by OneFrame {escaped(__version__)}."

@@ -2,18 +2,19 @@
 
 import math
 import string
-from collections.abc import Sequence
 
 import numpy as np
 
 from ..colour.vertex_colours import colour_vertices
 from ..files.numbers import format_two_digits
+from ..images.pixel_values import to_uint8
 from ..registration.colour_sources import ColourChoice
 from ..registration.report import COLOURS, FrameEvidence, RegistrationEvidence
 from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
-from .page import asset, escaped, html_page, page_footer, page_header, poses_section, spaced
+from ..surface_correction.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
+from .page import asset, findings, html_page, page_footer, page_header, poses_section, spaced
 from .surface_sides import surface_sides
-from .thumbnails import base64_text
+from .thumbnails import base64_text, shrunk, webp
 from .view_geometry import SourceFrame, pose_data
 
 SCRIPTS = ("elements.js", "table.js", "poses.js", "registration.js")
@@ -34,6 +35,7 @@ QUANTITIES = (
     },
 )  # fmt: skip
 """What frames are described and coloured by."""
+PICTURE_PX, QUALITY = 900, 80
 
 
 def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
@@ -56,7 +58,8 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         header=page_header(kind="registration", name=name, facts=facts),
         within=f"{WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
         poses=poses_section("frame"),
-        limits=_findings(_limits(evidence)),
+        limits=findings(_limits(evidence)),
+        surface=_surface(evidence),
         colour=_colour(evidence.colour),
         footer=page_footer(),
     )
@@ -94,12 +97,39 @@ def _frame_data(frame: FrameEvidence) -> dict[str, object]:
     return data
 
 
+def _doubt_of_surface(check: SurfaceCheck | None) -> str:
+    if check is None:
+        return (
+            f"The surface is taken for right: to check it takes {LEAST_FRAMES} accepted frames over "
+            f"{LEAST_ANGLE_DEG:g}°."
+        )
+    if check.words:
+        return "The surface is probably wrong, see above: so are depths and colours there."
+    told = np.isfinite(check.off_mm).mean()
+    return f"The surface is where {check.frames} frames see it, as far as they tell: of {told:.0%} of the case's frame."
+
+
+def _surface(evidence: RegistrationEvidence) -> str:
+    check = evidence.surface
+    if check is None or not check.words:
+        return ""
+    picture = np.ascontiguousarray(to_uint8(check.picture(evidence.source.image))[..., ::-1])
+    data = base64_text(webp(shrunk(picture, PICTURE_PX), QUALITY))
+    lines = findings([f"{check.words[:1].upper()}{check.words[1:]}.", "oneframe correct may correct it, for research."])
+    return (
+        '<section id="surface" class="card" aria-labelledby="surface-title"><h2 id="surface-title">The surface</h2>'
+        f'<div class="stage"><img src="data:image/webp;base64,{data}" alt="The frame, and where the surface is wrong">'
+        '</div><p class="legend small">Red: it is nearer to the lens than the surface, blue: farther.</p>'
+        f"{lines}</section>"
+    )
+
+
 def _colour(choice: ColourChoice | None) -> str:
     if choice is None:
         return ""
     title = '<h2 id="colour-title">Frames that colour the surface</h2>'
     lines = [*choice.lines(), "A frame colours what the case's own and those before it did not see."]
-    return f'<section id="colour" class="card" aria-labelledby="colour-title">{title}{_findings(lines)}</section>'
+    return f'<section id="colour" class="card" aria-labelledby="colour-title">{title}{findings(lines)}</section>'
 
 
 def _limits(evidence: RegistrationEvidence) -> list[str]:
@@ -112,14 +142,11 @@ def _limits(evidence: RegistrationEvidence) -> list[str]:
         "Look at its overlay first.",
         *([f"The case's pose itself is in doubt: {record['doubt']}"] if "doubt" in record else []),
         *([] if evidence.change is None else [evidence.change.words()]),
-        "The surface is taken for right. Where it is drilled meanwhile, a film says so only of places that it showed "
-        "before from the same side; single frames say nothing.",
+        _doubt_of_surface(evidence.surface),
+        "Where it is drilled meanwhile, a film says so only of places that it showed before from the same side; single "
+        "frames say nothing.",
         "One K is taken for all frames: a zoom by less than their scatter looks like another distance.",
         "The probability was calibrated on few scenes. It says little of surfaces unlike these.",
         "The standard deviations are too small under motion blur.",
         "A refused frame may well show the surface: it was not found, no more.",
     ]
-
-
-def _findings(lines: Sequence[str]) -> str:
-    return '<ul class="findings">' + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"

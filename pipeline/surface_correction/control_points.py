@@ -15,6 +15,8 @@ NEIGHBOURS = 8
 THINNED, WIDTH, FARTHEST = 0.75, 0.7, 3.0
 """Relative to the spacing: least distance of two points, standard deviation of the weight that a vertex gives a point,
 and distance from the nearest point beyond which a vertex stays."""
+LEAST_WEIGHT = 0.05
+"""Of a point right at the vertex: below it they are only more to multiply."""
 LEAST_ALIKE = 0.02
 """Of the cosine between normals, whose square weighs neighbours: those across an edge count little."""
 
@@ -60,6 +62,7 @@ class ControlPoints:
         def gauss(apart: np.ndarray) -> np.ndarray:
             weight = np.exp(-0.5 * (apart / (WIDTH * spacing_mm)) ** 2)
             weight[apart[:, 0] > FARTHEST * spacing_mm] = 0
+            weight[weight < LEAST_WEIGHT] = 0
             return weight
 
         points = places, directions
@@ -108,4 +111,6 @@ def _means(
     weight = weigh(apart) * np.maximum(alike, LEAST_ALIKE) ** 2
     weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
     row = np.repeat(np.arange(len(at)), weight.shape[1])
-    return sparse.csr_matrix((weight.ravel(), (row, nearest.ravel())), (len(at), len(places)))
+    found = sparse.csr_matrix((weight.ravel(), (row, nearest.ravel())), (len(at), len(places)))
+    found.eliminate_zeros()
+    return found

@@ -9,7 +9,6 @@ import numpy as np
 from ..case.frame import PosedFrame
 from ..colour.lens_shading import LensShading
 from ..errors import InputError
-from ..registration.register_frames import small_frame
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 from .control_points import ControlPoints, neighbour_means
@@ -23,7 +22,7 @@ SPACING_PX = 6.0
 """Between the points that move, in pixels on the surface."""
 FADING_PX = 12.0
 """Over which a displacement ends beside what is confirmed."""
-ROUNDS, REFERENCES = 3, 4
+ROUNDS, REFERENCES = 3, 3
 SHARP = 0.8
 """Textured part of a frame, relative to the middle one's, below which the others are not compared with it."""
 SOURCE_PRIOR, FRAME_PRIOR = (0.05, 0.0005), (2.0, 0.02)
@@ -39,7 +38,7 @@ MOST_LEFT_PX, LEAST_WEIGHT = 0.5, 0.6
 """Median of what no displacement explains, and mean weight: .1 px and .85 where it does."""
 LEAST_FLOW = 50
 """Pixels without which a pair of frames says nothing."""
-LEAST_COUNT = 2.0
+LEAST_COUNT = 6.0
 """Pixels that tell of a vertex, by their weights, without which nothing is known of it."""
 SPREAD = 2.0
 """Factor of the standard deviations: neighbouring pixels err together. Also where what is left exceeds the median, as
@@ -111,7 +110,8 @@ def correct_surface(
     mesh
         Model frame, mm.
     frames
-        The case's own first, whose pose is taken for right, then those that are registered.
+        The case's own first, whose pose is taken for right, then those that are registered, at
+        :data:`LONGER_SIDE_PX`.
     light
         The lamp at the lens, if it is known: without it, what the moving lamp does is taken for a wrong surface.
     rng
@@ -125,7 +125,7 @@ def correct_surface(
         Too few frames, or too near to one another; no texture; frames that show something else; residuals that no
         displacement explains; or a surface that is too coarse.
     """
-    run = _Run(mesh, [SurfaceFrame(small_frame(frame, LONGER_SIDE_PX)) for frame in frames], light)
+    run = _Run(mesh, [SurfaceFrame(frame) for frame in frames], light)
     for number in range(ROUNDS):
         result = run.round(rng, SAMPLES if number == ROUNDS - 1 else 1)
         progress((number + 1) / (ROUNDS + 1))

@@ -1,12 +1,8 @@
-"""Where a surface was wrong, as a picture to judge it by; and the names of the files of a correction."""
-
-import re
-from pathlib import Path
+"""Where a surface was wrong, as colours and as a picture to judge it by."""
 
 import cv2
 import numpy as np
 
-from ..case.case_history import history_path
 from ..case.loaded_case import LoadedCase
 from ..images.contact_sheet import contact_sheet
 from ..images.legend import Write, put_border
@@ -14,30 +10,39 @@ from ..images.pixel_values import to_uint8
 from ..projection.z_buffer import rasterise_depth
 from .correct_surface import SurfaceCorrection
 
-SURFACE, MAP, CASE = "surface_corrected.ply", "deviation.png", "case.toml"
-NAMES = "|".join(map(re.escape, (SURFACE, MAP, CASE, history_path(Path(CASE)).name)))
-"""Regular expression of the files that the folder may hold."""
 TILE_PX = 800
 NOTHING, NEARER, FARTHER, UNCONFIRMED = (0.93, 0.93, 0.93), (0.85, 0.1, 0.1), (0.1, 0.25, 0.9), (0.45, 0.45, 0.45)
 AMBIENT = 0.4
 """Share of the light that does not depend on the slope."""
 
 
+def most_of(found: SurfaceCorrection) -> float:
+    """The deviation, mm, that has the full colour."""
+    return max(float(np.abs(found.deviation_mm[found.confirmed]).max(initial=0)), 2 * found.floor_mm)
+
+
+def deviation_colours(found: SurfaceCorrection) -> np.ndarray:
+    """``(V, 3)`` 0..1: the colours of the vertices."""
+    share = np.clip(found.deviation_mm / most_of(found), -1, 1)[:, None]
+    colours = np.array(NOTHING) + np.abs(share) * (np.where(share > 0, NEARER, FARTHER) - np.array(NOTHING))
+    colours[~found.confirmed] = UNCONFIRMED
+    return colours
+
+
 def deviation_map(loaded: LoadedCase, found: SurfaceCorrection, write: Write) -> np.ndarray:
     """``(H, W, 3)`` uint8: the case's frame, and its surface in the colours of the deviation, side by side."""
     frame, mesh = loaded.frame, found.mesh
     camera = frame.camera.resized(TILE_PX, round(TILE_PX * frame.camera.height / frame.camera.width))
-    most_mm = max(float(np.abs(found.deviation_mm[found.confirmed]).max(initial=0)), 2 * found.floor_mm)
-    share = np.clip(found.deviation_mm / most_mm, -1, 1)[:, None]
-    colours = np.array(NOTHING) + np.abs(share) * (np.where(share > 0, NEARER, FARTHER) - np.array(NOTHING))
-    colours[~found.confirmed] = UNCONFIRMED
+    colours = deviation_colours(found)
     face = rasterise_depth(mesh, camera, frame.cam_from_model).face
     shown = face[face >= 0]
     shade = AMBIENT + (1 - AMBIENT) * np.abs(mesh.face_normals[shown] @ frame.cam_from_model[2, :3])
     tile = np.zeros((*camera.shape_hw, 3))
     tile[face >= 0] = colours[mesh.faces[shown]].mean(axis=1) * shade[:, None]
     picture = to_uint8(tile)
-    words = f"red: nearer to the lens, up to {most_mm:.1f} mm; blue: farther; grey: not confirmed. Not for surgery"
+    words = (
+        f"red: nearer to the lens, up to {most_of(found):.1f} mm; blue: farther; grey: not confirmed. Not for surgery"
+    )
     put_border(picture, (255, 255, 255), words, write)
     own = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)
     return to_uint8(contact_sheet([own, picture.astype(np.float32) / 255], columns=2, tile_width=TILE_PX))

@@ -24,7 +24,7 @@ FLOW_PX, ROBUST_PX, PIXELS_TOGETHER = 0.25, 0.7, 2.0
 """Least standard deviation of flow, residual from which weights fall, and how many pixels of the grid err together."""
 SMOOTH_PX, FAR_PX = 0.5, 4.0
 """Standard deviations of a point against its neighbours, and from its place (Cauchy), in pixels on the surface."""
-STEPS = 3
+STEPS = 2
 MOST_SQUARE = 4.0
 """px²: one far residual does not tell of a place."""
 
@@ -97,9 +97,10 @@ def observed(
     )
     slide -= rays[:, :, None] * (np.einsum("ni,nik->nk", normals, slide) / along[:, None])[:, None]
     by_height = np.einsum("nij,nj->ni", by_point, rays * (alike / along)[:, None])
-    weights = sum(sparse.diags(part) @ points.weights[corner] for part, corner in zip(parts.T, corners.T, strict=True))
+    begins, shape = 3 * np.arange(len(at) + 1), (len(at), len(points.normals))
+    weights = sparse.csr_matrix((parts.ravel(), corners.ravel(), begins), shape) @ points.weights
     by_poses = np.concatenate([by_point @ slide, by_other], axis=2)
-    return Observed(np.tile(pair, (len(at), 1)), flow_px, by_height, weights.tocsr(), by_poses)
+    return Observed(np.tile(pair, (len(at), 1)), flow_px, by_height, weights, by_poses)
 
 
 @dataclass(frozen=True)

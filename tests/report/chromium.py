@@ -159,6 +159,19 @@ class Chromium:
         self._mouse("mousePressed", x, y, buttons=1)
         self._mouse("mouseReleased", x, y, buttons=0)
 
+    def drag(self, selector: str, across: float, down: float) -> None:
+        """Drag from the middle of an element."""
+        x, y = self.place_of(selector)
+        self._mouse("mousePressed", x, y, buttons=1)
+        for share in (0.5, 1.0):
+            self._mouse("mouseMoved", x + share * across, y + share * down, buttons=1)
+        self._mouse("mouseReleased", x + across, y + down, buttons=0)
+
+    def wheel(self, selector: str, down: float) -> None:
+        """Turn the wheel over the middle of an element."""
+        x, y = self.place_of(selector)
+        self.send("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)
+
     def _mouse(self, kind: str, x: float, y: float, buttons: int) -> None:
         self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)
 

@@ -10,6 +10,7 @@ from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.report import FrameEvidence, RegistrationEvidence
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from oneframe.report.registration_page import registration_page
+from oneframe.surface_correction.surface_check import SurfaceCheck
 from oneframe.transforms import rigid, rotation_from_vector
 from tests.alignment.test_refinement import hills
 
@@ -32,7 +33,11 @@ def page(tmp_path_factory):
             FrameEvidence("", 10 * number, Verdict(state, probability, reason), found, 0.1, 0.2, 0.3, picture)
         )
     source = SourceView(grey, everywhere, CAMERA, pose, inverse_depth=inverse)
-    evidence = RegistrationEvidence(tuple(frames), mesh, source, np.zeros(3), {"error_px": 1.5}, is_film=True)
+    off_mm = np.linspace(-1, 1, 300).reshape(15, 20)
+    check = SurfaceCheck(off_mm, np.abs(off_mm) > 0.9, 14)
+    evidence = RegistrationEvidence(
+        tuple(frames), mesh, source, np.zeros(3), {"error_px": 1.5}, is_film=True, surface=check
+    )
     path = tmp_path_factory.mktemp("page") / "registration.html"
     path.write_bytes(registration_page(evidence, name="one & two"))
     return path
@@ -43,6 +48,8 @@ def test_time_line_frame_and_table_follow_each_other(browser, page):
     assert browser.evaluate("document.querySelector('h1').textContent") == "one & two"
     # stretches, the longest first, then the least sure
     numbers = "[...document.querySelectorAll('#worst-table tbody tr')].map(it => it.children[1].textContent)"
+    assert "10% lies -1.0 to +1.0 mm" in browser.evaluate("document.querySelector('#surface li').textContent")
+    assert browser.evaluate("document.querySelector('#surface img').naturalWidth") == CAMERA.width
     assert browser.evaluate(numbers) == ["40–60", "10", "30", "0", "70", "20"]
     shown = "[document.querySelector('#number').textContent, document.querySelector('#reason').textContent]"
     assert browser.evaluate(shown) == ["40", "<b>4</b> of 9 places"]

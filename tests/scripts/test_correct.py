@@ -11,12 +11,12 @@ from oneframe.case.case_writer import write_case
 from oneframe.case.loaded_case import load_case
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
+from oneframe.registration.correct_case import CASE, MAP, PAGE, SURFACE
 from oneframe.registration.pose_list import POSES as LIST
 from oneframe.registration.pose_list import encoded_list, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.surface.mesh_writer import write_ply
-from oneframe.surface_correction.deviation_map import CASE, MAP, SURFACE
 from tests.surface_correction.test_surface_correction import CAMERA, LAMP, photographs, surface
 
 
@@ -53,13 +53,14 @@ def test_the_corrected_case_stands_beside_the_old_one(tmp_path, correct):
     run = correct(case.path, tmp_path / "registered", "--out", out)
     assert run.returncode == 0, run.stderr
     assert "must not guide a surgeon" in run.stdout
-    assert sorted(path.name for path in out.iterdir()) == sorted((SURFACE, MAP, CASE))
+    assert sorted(path.name for path in out.iterdir()) == sorted((SURFACE, MAP, PAGE, CASE))
     assert [path.read_bytes() for path in (case.path, case.mesh)] == before
     assert b"property float deviation\nproperty float std_mm\nproperty float confirmed" in (out / SURFACE).read_bytes()
     loaded = load_case(read_case(out / CASE))
     # a true surface, in the units of the case
     shift = loaded.surface.mesh.vertices + loaded.surface.mesh_from_model[:3, 3] - surface().vertices
     assert np.median(np.linalg.norm(shift, axis=1)) < 0.06
+    assert "must not guide a surgeon" in (out / PAGE).read_text()
     assert "surface.ply" in (out / CASE).read_text()
 
 

@@ -73,10 +73,10 @@ function scaleColour(share) {
     return SCALE[low].map((value, part) => Math.round(value + (place - low) * (SCALE[low + 1][part] - value)));
 }
 
-/** A bar of the scale with the values at its ends. */
-function scaleBar(least, most) {
-    const stops = SCALE.map((rgb, place) => svg('stop', {
-        offset: place / (SCALE.length - 1), 'stop-color': `rgb(${rgb})`,
+/** A bar of the scale, or of other colours, with the values at its ends. */
+function scaleBar(least, most, scale = SCALE) {
+    const stops = scale.map((rgb, place) => svg('stop', {
+        offset: place / (scale.length - 1), 'stop-color': `rgb(${rgb})`,
     }));
     scaleBar.count = (scaleBar.count || 0) + 1;
     const id = `scale-${scaleBar.count}`;

@@ -36,7 +36,7 @@ from oneframe.transforms import camera_centre, rigid
 from oneframe.volume.bone.bone import bone_voxels
 from oneframe.volume.bone.structures import without_bone
 from oneframe.volume.bone.threshold import DEFAULT_HU
-from oneframe.volume.drill.drill_plan import DrillPlan, read_drill_plan
+from oneframe.volume.drill.drill_plan import DrillPlan, Stroke, read_drill_plan
 from oneframe.volume.make_surface import SurfaceSettings, make_surface
 from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
@@ -60,6 +60,10 @@ LAMPS = {
 """Of the drilled bones, elsewhere than the sample's lamp."""
 LAMP_STRENGTH, LAMP_RADIUS_MM = 1.2, 5.0
 """Radiance of a white surface that faces the lamp, and the lamp's size."""
+AROUND_DEG = (0.0, *6 * (8.0, 14.0, 20.0))
+"""Tilts of the photographs that correct a surface."""
+OTHER_RADIUS, OTHER_MM = 0.85, (0.8, -0.6, 0.6)
+"""What the burr of another plan is smaller by, as a factor, and by how much its strokes are elsewhere."""
 NOISE_HU = 60.0
 PLANS = Path(__file__).resolve().parents[3] / "docs" / "examples"
 SAMPLES = 4
@@ -115,6 +119,25 @@ def lit_bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[
     return written
 
 
+def misdrilled_bones(folder: Path, out: Path) -> Iterator[tuple[CaseFiles, TriangleMesh]]:
+    """Cases of the drilled bones with many photographs, and for each the surface that another plan drills.
+
+    The case has the surface and the lamp of its photographs. Parameters and errors as for :func:`bone_cases`.
+    """
+    for name, lamp in LAMPS.items():
+        volume = read_volume(folder / f"{name}_pseudoct_semisynthetic.nii.gz")
+        labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume, resampled=False))
+        plan = read_drill_plan(PLANS / f"drill_{name.lower()}.toml")
+        others = (Stroke(OTHER_RADIUS * each.radius_mm, each.points + OTHER_MM) for each in plan.strokes)
+        shown, planned = (_drilled(volume, labels, each) for each in (plan, replace(plan, strokes=tuple(others))))
+        cavity = np.concatenate([stroke.points for stroke in plan.strokes]).mean(axis=0)
+        photographs = _photographed(name, shown, cavity, out, lamp, None, AROUND_DEG)
+        path = out / f"{name}.ply"
+        write_ply(path, shown)
+        case = Case(path.with_suffix(".toml"), 1.0, photographs[0][0], CAMERA, None, path, photographs[0][1])
+        yield written_case(replace(case, light=lamp), photographs[1:]), planned
+
+
 def _drilled(volume: Volume, labels: LabelMap, plan: DrillPlan) -> TriangleMesh:
     solid = bone_voxels(volume, DEFAULT_HU)
     return make_surface(volume, DEFAULT_HU, solid, labels, SurfaceSettings(plan=plan)).bone.surface.mesh
@@ -132,7 +155,13 @@ def _coarser(volume: Volume) -> Volume:
 
 
 def _photographed(
-    name: str, mesh: TriangleMesh, centre: np.ndarray, out: Path, lamp: LensLight | None, most: int | None
+    name: str,
+    mesh: TriangleMesh,
+    centre: np.ndarray,
+    out: Path,
+    lamp: LensLight | None,
+    most: int | None,
+    tilts_deg: Sequence[float] = TILTS_DEG,
 ) -> list[tuple[Path, np.ndarray]]:
     """Photographs of a painted bone around a point, and their poses; the first is from lateral."""
     side, rng, bone = BONES[name], np.random.default_rng(0), mesh.moved(-centre)
@@ -142,11 +171,13 @@ def _photographed(
     waves = rng.normal(size=(WAVES, 3)) * (2 * np.pi / np.sqrt(3) / lengths)[:, None]
     paint = np.tanh(np.cos(bone.vertices @ waves.T + rng.uniform(0, 2 * np.pi, WAVES)).sum(axis=1) / np.sqrt(WAVES))
     albedo = np.array([0.5, 0.4, 0.3]) * (0.65 + 0.3 * paint[:, None])
-    turns = 2 * np.pi * np.arange(len(TILTS_DEG)) / len(TILTS_DEG)
+    turns = 2 * np.pi * np.arange(len(tilts_deg)) / len(tilts_deg)
     reference = ReferencePose(lateral, np.zeros(3))
     poses = [
         reference.orbit((tilt * np.cos(turn), tilt * np.sin(turn)), roll, DISTANCE_MM)
-        for tilt, roll, turn in zip(np.radians(TILTS_DEG), np.radians(ROLLS_DEG), turns, strict=True)
+        for tilt, roll, turn in zip(
+            np.radians(tilts_deg), np.radians(np.resize(ROLLS_DEG, len(tilts_deg))), turns, strict=True
+        )
     ][: None if most is None else most + 1]
     photographs = []
     out.mkdir(parents=True, exist_ok=True)

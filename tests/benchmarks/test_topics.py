@@ -23,7 +23,7 @@ from scripts.benchmarks.rendering.speed_accuracy import OURS, Configuration
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
 REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
-    # of a topic, or of its form in the light: what --out is, further arguments, and what is written besides
+    # of a topic, or its form in the light: what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),
     "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], ["chart.png"]),
     "chart --light": (
@@ -33,9 +33,9 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     "refinement": ("refinement.csv", ["{case}"], ["refinement.png"]),
     "surface": ("surface.json", [], []),
     "reader": ("reader.json", ["{dataset}"], []),
-    "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.png"]),
-    "evaluation --light": (
-        "", ["--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],
+    "evaluation": (
+        # writes the sample's case as without --light, and more
+        "", ["--light", "--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],
         ["evaluation.json", "scores.png"],
     ),
     "registration": (
@@ -54,7 +54,7 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("form", [*TOPICS, "chart --light", "evaluation --light"])
+@pytest.mark.parametrize("form", [*TOPICS, "chart --light"])
 def test_a_quick_form_writes_its_files(form, tmp_path, write_tiny_case, render_command):
     topic = form.split()[0]
     name, more, written = FORMS[form]

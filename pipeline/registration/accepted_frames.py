@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from .colour_sources import evenly
-from .pose_list import POSES, found_of
+from .pose_list import CHANGED, POSES, found_of
 from .register import RegisteredFrame
 from .register_frames import LONGER_SIDE_PX, CaseRegistrar, frame_files, small_frame
 from .verdict import ACCEPTED
@@ -24,10 +24,21 @@ MOST = 12
 
 @dataclass(frozen=True)
 class AcceptedFrames:
-    """The poses in a folder of ``oneframe register``: ``cam_from_model`` (4x4, mm) by a frame's number; its images."""
+    """The poses in a folder of ``oneframe register``.
+
+    Attributes
+    ----------
+    poses
+        ``cam_from_model`` ``(4, 4)``, mm, by a frame's number.
+    images
+        The folder or the film.
+    changed
+        How many more are accepted, of later in the film, where it no longer shows what the case's frame shows.
+    """
 
     poses: dict[int, np.ndarray]
     images: Path
+    changed: int = 0
 
     @property
     def files(self) -> dict[str, Path]:
@@ -48,16 +59,19 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
     try:
         found = found_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
         named = {str(entry["image"]) for entry in entries if entry.get("image")}
+        changed = {int(entry["frame"]) for entry in entries if entry.get(CHANGED)}
     except (AttributeError, KeyError, TypeError, ValueError):
         raise InputError(f"{path}: expected the poses that oneframe register writes, found something else") from None
-    poses = accepted_poses(found)
+    accepted = accepted_poses(found)
+    poses = {number: pose for number, pose in accepted.items() if number not in changed}
     if not poses:
         raise InputError(f"{path}: expected accepted frames, found none among {len(found)}")
     if video is None and not named:
         raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
     if video is not None and named:
         raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
-    return AcceptedFrames(poses, path.parent / Path(min(named)).parent if video is None else video)
+    images = path.parent / Path(min(named)).parent if video is None else video
+    return AcceptedFrames(poses, images, len(accepted) - len(poses))
 
 
 def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray]:

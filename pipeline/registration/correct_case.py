@@ -64,7 +64,9 @@ class CaseCorrection:
     @property
     def notes(self) -> tuple[str, ...]:
         """What to know before."""
-        return () if self.loaded.case.light is not None else (NO_LAMP,)
+        changed = self.accepted.changed
+        later = f"{changed} later frames, in which the surface has changed, are left out"
+        return (*(() if self.loaded.case.light is not None else (NO_LAMP,)), *((later,) if changed else ()))
 
     def correct(self, progress: Callable[[float], None] = lambda share: None) -> SurfaceCorrection:
         """Correct the surface, in any thread; nothing is written.

@@ -23,8 +23,8 @@ from .register import RegisteredFrame
 from .verdict import ACCEPTED, Verdict
 
 POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
-DISTORTION = "distortion"
-"""Key of an entry in a list of photographs."""
+DISTORTION, CHANGED = "distortion", "changed"
+"""Keys of an entry: in a list of photographs; of frames in which a film no longer shows what the case's frame shows."""
 
 
 def pose_entry(

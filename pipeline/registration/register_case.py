@@ -22,11 +22,11 @@ from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..video.film_reader import Film
 from .colour_sources import Candidates, chosen_sources
-from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
+from .pose_list import CHANGED, DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
 from .register import RegisteredFrame
 from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, RegistrationRun, colouring_frames, frame_files
 from .report import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from .verdict import ACCEPTED
+from .verdict import ACCEPTED, FilmChange
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
 HISTORY = history_path(Path(CASE)).name
@@ -101,7 +101,7 @@ def register_case(
         raise InputError(f"{one.name or frames.name}: {one.verdict.reason}; nor can any other frame be used")
     judged, change = run.judged(), run.change()
     evidence = [each.judged(judged[each.number]) for each in evidence]
-    _write_lists(loaded, frames, out, evidence, judged)
+    _write_lists(loaded, frames, out, evidence, judged, change)
     colouring = colouring_frames(candidates, judged, change)
     check = registrar.checked_surface(colouring)
     marked = [] if check is None or not check.words else [check.picture(registrar.source.image)]
@@ -149,15 +149,17 @@ def _write_lists(
     out: Path,
     evidence: Sequence[FrameEvidence],
     judged: Mapping[int, RegisteredFrame],
+    change: FilmChange | None,
 ) -> None:
     """Write the lists of poses, after removing what shows other ones."""
     entries = []
     for each in evidence:
         # as in a list of photographs: from the folder of the list
         image = relative_name(frames / each.name, out) if each.name else ""
-        entries.append(
-            pose_entry(image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
+        entry = pose_entry(
+            image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit
         )
+        entries.append(entry if change is None or each.number < change.since else entry | {CHANGED: True})
     if frames.is_dir() and loaded.case.distortion is not None:
         entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
     for name in (ESTIMATES, SHEET, FILM, PAGE):

@@ -1,5 +1,6 @@
 """The command as a user starts it: registered frames in; the corrected surface, its map and case out, or nothing."""
 
+import json
 from functools import partial
 
 import numpy as np
@@ -12,8 +13,8 @@ from oneframe.case.loaded_case import load_case
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.registration.correct_case import CASE, MAP, PAGE, SURFACE
+from oneframe.registration.pose_list import CHANGED, encoded_list, pose_entry
 from oneframe.registration.pose_list import POSES as LIST
-from oneframe.registration.pose_list import encoded_list, pose_entry
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.surface.mesh_writer import write_ply
@@ -64,9 +65,12 @@ def test_the_corrected_case_stands_beside_the_old_one(tmp_path, correct):
     assert "surface.ply" in (out / CASE).read_text()
 
 
-def test_too_few_frames_are_refused_and_nothing_is_written(tmp_path, correct):
-    case = written(tmp_path, 5)
-    run = correct(case.path, tmp_path / "registered", "--out", tmp_path / "corrected")
+def test_too_few_frames_before_a_change_are_refused_and_nothing_written(tmp_path, correct):
+    case, poses = written(tmp_path, 10), tmp_path / "registered" / LIST
+    entries = json.loads(poses.read_bytes())
+    poses.write_bytes(encoded_list(entries[:5] + [entry | {CHANGED: True} for entry in entries[5:]]))
+    run = correct(case.path, poses.parent, "--out", tmp_path / "corrected")
     assert run.returncode == 2
+    assert "5 later frames, in which the surface has changed, are left out" in run.stdout
     assert "at least 10 accepted frames" in run.stderr
     assert not (tmp_path / "corrected").exists()

@@ -55,4 +55,4 @@ def _panel(rows: Sequence[CorrectionTrial], title: str, y: Axis, drawn: Drawn, g
             layers.append(line(at, values, colour, marker="o", markersize=4, linestyle="none", alpha=0.6))
             layers.append(line([x for x, _ in known], [some.mean() for _, some in known], colour, name))
     named = [surface.replace(", ", ",\n") if scene == "sample" else f"{scene}\n{surface}" for scene, surface in kinds]
-    return Panel(title, categories("", named), y, layers, "best")
+    return Panel(title, categories("", named), y, layers, "best" if len(layers) > len(goals) else None)

@@ -12,6 +12,9 @@ RUN = $(VENV)/bin/python
 # BLAS would only busy-wait on the cores that test
 PYTEST = OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest --dist loadfile --no-loadscope-reorder
 
+# each of the many processes that tests start would compile the package anew
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 

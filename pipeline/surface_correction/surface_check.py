@@ -26,7 +26,7 @@ PLACE_PX, LEAST_TOLD = 8, 0.25
 WRONG_PX = 1.25
 """By how much both halves must put a place elsewhere, in pixels on the surface."""
 LEAST_WRONG = 0.01
-"""Part of the places below which nothing is said: up to 0.004 on a true surface, 0.015 and more on wrong ones."""
+"""Part of the places below which nothing is said: up to 0.007 on a true surface, 0.009 and more on wrong ones."""
 TINT = 0.6
 
 

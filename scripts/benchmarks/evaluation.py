@@ -66,7 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--methods", nargs="+", metavar="METHOD", help="as oneframe evaluate; of --light those in the light"
     )
     parser.add_argument("--inception", metavar="FILE.onnx", type=Path, help="as oneframe evaluate")
-    parser.add_argument("--photographs", metavar="N", type=int, help="of each case of a data set at most (default all)")
+    parser.add_argument(
+        "--photographs", metavar="N", type=int, help="of each case of a data set, and of --light, at most (default all)"
+    )
     parser.add_argument("--width", metavar="PX", type=int, default=MICROSCOPE.width, help="of the sample's images")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--pictures", type=int, default=2, help="as oneframe evaluate")
@@ -116,19 +118,22 @@ def lit_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     if not arguments.no_sample:
         [(path, held_out)] = case_files(argparse.Namespace(**vars(arguments) | dict.fromkeys(LOADERS)), folder)
         case = lit_case(path)
-        poses = [pose for number, pose in enumerate(film_poses()) if not disturbance(number)][::FILM_STEP]
-        wide = [microscope_pose(tilt_deg, azimuth_deg, 0, 300) for tilt_deg, azimuth_deg in WIDE]
+        most = arguments.photographs
+        poses = [pose for number, pose in enumerate(film_poses()) if not disturbance(number)][::FILM_STEP][:most]
+        wide = [microscope_pose(tilt_deg, azimuth_deg, 0, 300) for tilt_deg, azimuth_deg in WIDE[:most]]
         (folder / "sample" / "film").mkdir()
         shots = [(pose, folder / "sample" / "film" / f"{number:02d}.png") for number, pose in enumerate(poses + wide)]
         list(take_photographs(sample_surface(), case.camera, shots))
         film = [UnreadFrame(image, case.camera, None, pose) for pose, image in shots]
         further = film[: len(poses) : -(-len(poses) // FURTHER)]
-        held = read_photographs(held_out, case)[0]
+        held = read_photographs(held_out, case)[0][:most]
         listed = [(each.image, each.cam_from_mesh) for each in (*held, *film) if each not in further]
         for name, frames in (("one", ()), ("four", further)):
             named = replace(case, path=path.with_name(f"sample_{name}.toml"), frames=tuple(frames))
             pairs.append(written_case(named, listed))
-    return pairs if arguments.bones is None else pairs + lit_bone_cases(arguments.bones, folder / "lit")
+    if arguments.bones is not None:
+        pairs += lit_bone_cases(arguments.bones, folder / "lit", most=arguments.photographs)
+    return pairs
 
 
 def lit_case(path: Path) -> Case:

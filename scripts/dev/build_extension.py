@@ -198,7 +198,7 @@ def sample_case() -> Path:
 
 
 def wheels_for(name: str) -> list[Path]:
-    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, tomlkit, Embree, pyfqmr, and PyYAML.
+    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, tomlkit, Embree, pyfqmr, PyYAML, and SciPy.
 
     Parameters
     ----------
@@ -208,15 +208,16 @@ def wheels_for(name: str) -> list[Path]:
     Raises
     ------
     RunError
-        As :func:`wheel`.
+        As :func:`wheels`.
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av=", "tomlkit"))]
     of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML"))]
-    return [
-        *(wheel(requirement, name, PYTHONS[0]) for requirement in stable),
-        *(joined([wheel(requirement, name, python) for python in PYTHONS]) for requirement in of_each_python),
-    ]
+    # the newest for all of these, and for numpy 1.26 and 2.x
+    of_each_python.append("scipy==1.17.*")
+    oldest = wheels([*stable, *of_each_python], name, PYTHONS[0])
+    others = [wheels(of_each_python, name, python) for python in PYTHONS[1:]]
+    return [*oldest[: len(stable)], *map(joined, zip(oldest[len(stable) :], *others, strict=True))]
 
 
 def joined(wheels: Sequence[Path]) -> Path:
@@ -246,40 +247,44 @@ def joined(wheels: Sequence[Path]) -> Path:
     return path
 
 
-def wheel(requirement: str, name: str, python: str) -> Path:
-    """The wheel of a package for a platform, from ``build/wheels`` or through pip.
+def wheels(requirements: Sequence[str], name: str, python: str) -> list[Path]:
+    """The wheels of packages for a platform, from ``build/wheels``; pip downloads at once what is missing there.
 
     Parameters
     ----------
-    requirement
-        ``package==version``, or ``package>=version`` for the newest.
+    requirements
+        Each ``package==version``, or ``package>=version`` for the newest.
     name
         Blender's name of the platform.
     python
-        The Python for which it is, or the oldest one.
+        The Python for which they are, or the oldest one.
 
     Raises
     ------
     RunError
-        pip cannot download it.
+        pip cannot download them.
     """
-    package, _, version = requirement.partition("==")
-    package = re.split(r"[<>=~!]", package)[0].replace("-", "_")
-    folder, tag = WHEEL_CACHE / name, f"cp{python.replace('.', '')}"
-    patterns = [
-        f"{package}-{version or '*'}-{end}".lower() for end in (f"{tag}-{tag}-*.whl", "*-abi3-*.whl", "*-none-any.whl")
-    ]
-    if not (found := _newest(folder, patterns)):
-        WHEEL_CACHE.mkdir(parents=True, exist_ok=True)
+    folder = WHEEL_CACHE / name
+    if missing := [each for each in requirements if not _newest(folder, _patterns(each, python))]:
+        folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".partial-", dir=WHEEL_CACHE) as partial:
-            _download(requirement, name, python, partial)
-            folder.mkdir(exist_ok=True)
-            if (path := _newest(Path(partial), patterns)) is not None:
+            _download(missing, name, python, partial)
+            for path in Path(partial).glob("*.whl"):
                 os.replace(path, folder / path.name)
-        found = _newest(folder, patterns)
-    if found is None:
-        raise RunError(f"wheel of {requirement} for {name}: pip downloaded another file than {' or '.join(patterns)}")
+    found = []
+    for each in requirements:
+        if (newest := _newest(folder, patterns := _patterns(each, python))) is None:
+            raise RunError(f"wheel of {each} for {name}: pip downloaded another file than {' or '.join(patterns)}")
+        found.append(newest)
     return found
+
+
+def _patterns(requirement: str, python: str) -> list[str]:
+    """The names that a package's wheel may have."""
+    package, _, version = requirement.partition("==")
+    package, tag = re.split(r"[<>=~!]", package)[0].replace("-", "_"), f"cp{python.replace('.', '')}"
+    ends = f"{tag}-{tag}-*.whl", "*-abi3-*.whl", "*-none-any.whl"
+    return [f"{package}-{version or '*'}-{end}".lower() for end in ends]
 
 
 def _newest(folder: Path, patterns: Sequence[str]) -> Path | None:
@@ -289,18 +294,18 @@ def _newest(folder: Path, patterns: Sequence[str]) -> Path | None:
     return max(found, key=lambda path: path.stat().st_mtime, default=None)
 
 
-def _download(requirement: str, name: str, python: str, folder: str) -> None:
+def _download(requirements: Sequence[str], name: str, python: str, folder: str) -> None:
     tags = " ".join(f"--platform {tag}" for tag in WHEEL_TAGS[name])
     target = f"{tags} --python-version {python} --implementation cp --abi abi3 --abi cp{python.replace('.', '')}"
     options = f"--quiet --disable-pip-version-check --no-input --retries 1 --no-deps --only-binary :all: {target}"
-    command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", folder, requirement]
+    command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", folder, *requirements]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     if ended.returncode != 0:
         offline = any(words in ended.stderr for words in ("establish a new connection", "timed out", "name resolution"))
         cause = "no connection to the package index" if offline else _last_line(ended.stderr)
         raise RunError(
-            f"wheel of {requirement} for {name}: pip could not download it: {cause}; connect this computer to the "
-            f"network, or put the wheel into {WHEEL_CACHE / name}"
+            f"wheels of {', '.join(requirements)} for {name}: pip could not download them: {cause}; connect this "
+            f"computer to the network, or put the wheels into {WHEEL_CACHE / name}"
         )
 
 

@@ -6,12 +6,15 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
+from oneframe.light.lens_light import LensLight
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import rigid
 from scripts.benchmark import TOPICS
 from scripts.benchmarks.rendering.render_accuracy import converged_reference, measure_scene
 from scripts.benchmarks.rendering.render_scenes import case_scene
@@ -20,14 +23,21 @@ from scripts.benchmarks.rendering.speed_accuracy import OURS, Configuration
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
 REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
-    # what --out is, further arguments, and what is written besides
+    # of a topic, or its form in the light: what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),
     "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], ["chart.png"]),
+    "chart --light": (
+        "chart.csv", ["--without-sample", "--case", "{case}", "{photographs}"], ["chart.png"]
+    ),
     "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
-    "refinement": ("refinement.csv", ["{case}"], ["refinement.png"]),
+    "refinement": ("refinement.csv", ["{case}", "--wrong", "0"], ["refinement.png"]),
     "surface": ("surface.json", [], []),
     "reader": ("reader.json", ["{dataset}"], []),
-    "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.png"]),
+    "evaluation": (
+        # writes the sample's case as without --light, and more
+        "", ["--light", "--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],
+        ["evaluation.json", "scores.png"],
+    ),
     "registration": (
         "", ["--only", "photographs"],
         ["registration_photographs.csv", *(f"{name}.png" for name in REGISTRATION)],
@@ -44,21 +54,25 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("topic", TOPICS)
-def test_a_quick_form_writes_its_files(topic, tmp_path, write_tiny_case, render_command):
-    name, more, written = FORMS[topic]
+@pytest.mark.parametrize("form", [*TOPICS, "chart --light"])
+def test_a_quick_form_writes_its_files(form, tmp_path, write_tiny_case, render_command):
+    topic = form.split()[0]
+    name, more, written = FORMS[form]
     case, dataset, out = write_tiny_case(tmp_path / "case"), tmp_path / "dataset", tmp_path / "out"
     photographs = tmp_path / "photographs.json"
     if topic == "training":
         pytest.importorskip("torch", reason="PyTorch is not installed")
-        own = {"image": str(case.with_name("frame.png")), "cam_from_mesh": read_case(case).cam_from_mesh.tolist()}
-        photographs.write_text(json.dumps([own]))
+    # not quite at its own pose, where views have no error
+    pose = rigid(translation=np.array([0.5, 0.0, 0.0])) @ read_case(case).cam_from_mesh
+    photographs.write_text(json.dumps([{"image": str(case.with_name("frame.png")), "cam_from_mesh": pose.tolist()}]))
+    if form != topic:
+        write_case(case, replace(read_case(case), light=LensLight((-13.0, -16.0, 0.0), 0.05)))
     if topic == "reader":
         subprocess.run(render_command(case, "--out", dataset, "--count", "2"), check=True, capture_output=True)
     more = [each.format(case=case, dataset=dataset, photographs=photographs) for each in more]
 
     def run(*flags: str) -> dict[str, bytes]:
-        command = [sys.executable, SCRIPT, topic, "--quick", "--out", out / name, *more, *flags]
+        command = [sys.executable, SCRIPT, *form.split(), "--quick", "--out", out / name, *more, *flags]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
         assert ended.returncode == 0, ended.stderr
         return {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}

@@ -24,6 +24,7 @@ IN_LIGHT = (
     ("photograph_ssim", "against photographs, where the frame saw the surface", "1 - SSIM"),
 )
 """The scores of lights: a converged reference would be in the frame's own light."""
+LIT_TITLE = "Speed against accuracy: the light at the lens"
 LIT_SMALL = "Lower left is better. Processor time of a view without its files, median and range of alternating rounds."
 SMALL = (
     "Lower left is better. Ours: complete views on disk (colour, depth, masks, ground truth), median and range of "
@@ -50,7 +51,9 @@ def speed_accuracy_chart(points: Sequence[SpeedPoint], conditions: str, data: Pa
     rows = []
     for scene in distinct([point.scene for point in points]):
         own = [point for point in points if point.scene == scene]
-        rows.append([_panel(own, field, f"{scene}: {title}", label) for field, title, label in scores])
+        rows.append(
+            [_panel(own, field, f"{scene}: {title}", label, every=known is IN_LIGHT) for field, title, label in scores]
+        )
     drawn = [point for point in points if point.kind != FLOOR]
     key = [
         handle(name, COLOURS.get(name, MUTED), marker="o", linestyle="none", markersize=8)
@@ -63,11 +66,12 @@ def speed_accuracy_chart(points: Sequence[SpeedPoint], conditions: str, data: Pa
     ]
     floors = distinct([point.name for point in points if point.kind == FLOOR])
     key += [handle(name, MUTED, linestyle=DASHED, linewidth=1.2) for name in floors]
-    small = SMALL if known is SCORES else LIT_SMALL, conditions
-    return draw_chart(data, "Speed against accuracy", rows, small, size=(6.0, 4.4), key=key)
+    title, small = ("Speed against accuracy", SMALL) if known is SCORES else (LIT_TITLE, LIT_SMALL)
+    return draw_chart(data, title, rows, (small, conditions), size=(6.0, 4.4), key=key)
 
 
-def _panel(points: Sequence[SpeedPoint], field: str, title: str, label: str) -> Panel:
+def _panel(points: Sequence[SpeedPoint], field: str, title: str, label: str, *, every: bool) -> Panel:
+    """``every``: all points have a number and a name, not only the front and other programs."""
     values = [(point, getattr(point, field)) for point in points]
     judged = [(point, 1 - value if "ssim" in field else value) for point, value in values if np.isfinite(value)]
     # two digits: smaller differences are chance
@@ -90,7 +94,7 @@ def _panel(points: Sequence[SpeedPoint], field: str, title: str, label: str) -> 
         }
         layers.append(line([point.ms_least, point.ms_most], [error, error], colour, linewidth=1.4, alpha=0.5))
         layers.append(line([point.ms], [error], colour, marker=marker, **look))
-        if first or point.kind == OTHER or field == "photograph_error":
+        if first or point.kind == OTHER or every:
             named.append(f"{len(named) + 1}  {_short_name(point)}")
             layers.append(_number((point.ms, error), len(named), colour))
     layers.append(text((0.6, 0.98), "\n".join(named), va="top", fontsize=8))
@@ -105,7 +109,7 @@ def _number(place: tuple[float, float], number: int, colour: str) -> Layer:
     up = number % 2
     return lambda axes: axes.annotate(
         str(number), place, (0, 8 if up else -8), textcoords="offset points", fontsize=8.5, color=colour, ha="center",
-        va="bottom" if up else "top",
+        va="bottom" if up else "top", bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.5},
     )  # fmt: skip
 
 

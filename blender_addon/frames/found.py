@@ -26,7 +26,7 @@ from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_ato
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, Candidates
-from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
+from ..pipeline.registration.pose_list import CHANGED, encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames
 from ..pipeline.registration.report import registration_record
@@ -108,10 +108,10 @@ class FoundFrames:
                         self.frames |= run.judged()
                         self.write()
                         written_s = time.monotonic() + 20 * (time.monotonic() - began_s)
+            self.change = run.change()
         finally:
             self.frames |= run.judged()
             self.write()
-        self.change = run.change()
         self.check = registrar.checked_surface(self.colouring())
 
     def colouring(self) -> list[Candidate]:
@@ -128,8 +128,10 @@ class FoundFrames:
         """
         if self.file is None or not self.frames:
             return
-        source, frames = self.source, sorted(self.frames.items())
-        entries = [pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit) for number, each in frames]
+        source, since, entries = self.source, None if self.change is None else self.change.since, []
+        for number, each in sorted(self.frames.items()):
+            entry = pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit)
+            entries.append(entry if since is None or number < since else entry | {CHANGED: True})
         with writing(self.file):
             write_bytes_atomically(self.file, encoded_list(entries))
 

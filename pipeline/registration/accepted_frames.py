@@ -15,7 +15,7 @@ from ..files.tables import parsed_json
 from .colour_sources import evenly
 from .pose_list import CHANGED, POSES, found_of
 from .register import RegisteredFrame
-from .register_frames import LONGER_SIDE_PX, CaseRegistrar, frame_files, small_frame
+from .register_frames import LONGER_SIDE_PX, CaseRegistrar, frame_files, image_paths, small_frame
 from .verdict import ACCEPTED
 
 MOST = 12
@@ -55,23 +55,37 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
         There is no such list, none of its frames is accepted, or their images are not there.
     """
     path = folder / POSES if folder.is_dir() else folder
-    entries: Any = parsed_json(read_content(path, "the poses of registered frames", most=LARGEST_FILE), str(path))
+    content = read_content(path, "the poses of registered frames", most=LARGEST_FILE)
     try:
+        entries: Any = parsed_json(content, str(path))
         found = found_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
-        named = {str(entry["image"]) for entry in entries if entry.get("image")}
+        named = {int(entry["frame"]): Path(entry["image"]) for entry in entries if entry.get("image")}
         changed = {int(entry["frame"]) for entry in entries if entry.get(CHANGED)}
-    except (AttributeError, KeyError, TypeError, ValueError):
-        raise InputError(f"{path}: expected the poses that oneframe register writes, found something else") from None
+    except (InputError, AttributeError, KeyError, TypeError, ValueError):
+        raise InputError(
+            f"{path}: expected the poses that oneframe register writes, found something else; name the folder that it "
+            "wrote, and the video of these frames with --video"
+        ) from None
     accepted = accepted_poses(found)
     poses = {number: pose for number, pose in accepted.items() if number not in changed}
     if not poses:
         raise InputError(f"{path}: expected accepted frames, found none among {len(found)}")
-    if video is None and not named:
+    if video is None and not poses.keys() <= named.keys():
         raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
     if video is not None and named:
         raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
-    images = path.parent / Path(min(named)).parent if video is None else video
-    return AcceptedFrames(poses, images, len(accepted) - len(poses))
+    left_out = len(accepted) - len(poses)
+    if video is not None:
+        return AcceptedFrames(poses, video, left_out)
+    images = path.parent / named[min(named)].parent
+    # an image that was added or removed since changes the numbers of others
+    numbers = {each.name: number for number, each in enumerate(image_paths(images) if images.is_dir() else ())}
+    if missing := [named[number].name for number in poses if named[number].name not in numbers]:
+        raise InputError(
+            f"{images}: expected the images that were registered, {missing[0]} is not there; bring it back, or "
+            "register the others again"
+        )
+    return AcceptedFrames({numbers[named[number].name]: pose for number, pose in poses.items()}, images, left_out)
 
 
 def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray]:

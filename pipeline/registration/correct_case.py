@@ -21,21 +21,20 @@ from ..images.legend import Write
 from ..images.png import encode_png
 from ..surface.mesh_reader import stated_space
 from ..surface.mesh_writer import encoded_ply
+from ..surface_correction import CASE, MAP, NOT_FOR_SURGERY, PAGE, SURFACE
 from ..surface_correction.correct_surface import LONGER_SIDE_PX, MOST_FRAMES, SurfaceCorrection, correct_surface
 from ..surface_correction.deviation_map import deviation_map
 from .accepted_frames import AcceptedFrames, small_frames
 
-SURFACE, MAP, PAGE, CASE = "surface_corrected.ply", "deviation.png", "deviation.html", "case.toml"
 NAMES = "|".join(map(re.escape, (SURFACE, MAP, PAGE, CASE, history_path(Path(CASE)).name)))
 """Regular expression of the files that the folder may hold."""
 NO_LAMP = (
     "the case has no lamp at the lens: what its light does as it moves is taken for a wrong surface; find it with "
     "oneframe light first"
 )
-NOT_FOR_SURGERY = "for research only: it must not guide a surgeon"
 
-Page = Callable[[LoadedCase, SurfaceCorrection, str], bytes]
-"""Makes the page, which stands above this room; the text is a name for it."""
+Page = Callable[[LoadedCase, SurfaceCorrection], bytes]
+"""Makes the page; its room stands above this one."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ class CaseCorrection:
         files = {
             out / SURFACE: encoded_ply(mesh, space=stated_space(case.mesh), values=values),
             out / MAP: encode_png(deviation_map(self.loaded, found, write)),
-            out / PAGE: page(self.loaded, found, out.resolve().name),
+            out / PAGE: page(self.loaded, found),
         }
         comment = (
             f"{SURFACE} is {case.mesh.name} corrected by registered frames, {NOT_FOR_SURGERY} "

@@ -29,7 +29,7 @@ LIMITS = (
 )
 
 
-def deviation_page(loaded: LoadedCase, found: SurfaceCorrection, name: str) -> bytes:
+def deviation_page(loaded: LoadedCase, found: SurfaceCorrection) -> bytes:
     """Make the page of a case's correction; it names neither case nor frames, which may be those of patients."""
     frame = loaded.frame
     mesh, colours = reduced_mesh(found.mesh, MOST_VERTICES, deviation_colours(found))
@@ -55,12 +55,12 @@ def deviation_page(loaded: LoadedCase, found: SurfaceCorrection, name: str) -> b
     }
     facts = [f"{found.frames} further frames over {found.angle_deg:.0f}°"]
     body = string.Template(asset("deviation.html")).substitute(
-        header=page_header(kind="surface correction", name=name, facts=facts, status=BADGE),
+        header=page_header(kind="surface correction", name="Corrected surface", facts=facts, status=BADGE),
         most=f"{most:.1f}",
         floor=f"{found.floor_mm:.2f}",
         found=findings([f"{found.words[:1].upper()}{found.words[1:]}."]),
         limits=findings(LIMITS),
         footer=page_footer(),
     )
-    title = f"{name} · OneFrame surface correction"
+    title = "Corrected surface · OneFrame"
     return html_page(title=title, body=body, data=data, scripts=("elements.js", "deviation.js"))

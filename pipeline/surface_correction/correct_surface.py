@@ -43,6 +43,8 @@ LEAST_COUNT = 6.0
 SPREAD = 2.0
 """Factor of the standard deviations: neighbouring pixels err together. Also where what is left exceeds the median, as
 much."""
+MOST_MOVED = 0.4
+"""Part of what is confirmed: more of it is off where the case's pose or K is wrong, not its surface."""
 SAMPLES = 60
 FLOOR_PX = 1.25
 """Standard deviation, and disagreement with the sweep, up to which a place is confirmed, in pixels on the surface."""
@@ -93,6 +95,8 @@ class SurfaceCorrection:
             low, high = np.percentile(self.deviation_mm[moved], (2, 98))
             share = moved.mean() / self.confirmed.mean()
             text += f", and {share:.0%} of it was {low:+.2f} to {high:+.2f} mm off"
+            if share > MOST_MOVED:
+                text += ": so much that the case's pose or K may be wrong, look at its overlay first"
         return f"{text}; below {self.floor_mm:.2f} mm a deviation means nothing"
 
 

@@ -176,6 +176,9 @@ def flow_between(surface: Surface, view: SurfaceView, other: SurfaceView) -> Flo
     grid = np.zeros_like(both)
     grid[GRID_PX:-GRID_PX:GRID_PX, GRID_PX:-GRID_PX:GRID_PX] = True
     v, u = np.nonzero(grid & (inner > 0) & view.frame.textured)
+    if not len(u):
+        # nothing that both show, as at the poses of another case
+        return Flow(np.zeros((0, 2), int), np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
     moved = there[v, u] + np.stack([u, v], axis=1).astype(np.float32)
     to_u, to_v = moved.T[..., None]
     returns, found = (cv2.remap(each, to_u, to_v, cv2.INTER_LINEAR)[:, 0] for each in (back, place))

@@ -198,7 +198,7 @@ def sample_case() -> Path:
 
 
 def wheels_for(name: str) -> list[Path]:
-    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, tomlkit, Embree, pyfqmr, and PyYAML.
+    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, tomlkit, Embree, pyfqmr, PyYAML, and SciPy.
 
     Parameters
     ----------
@@ -213,6 +213,8 @@ def wheels_for(name: str) -> list[Path]:
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av=", "tomlkit"))]
     of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML"))]
+    # the newest for all of these, and for numpy 1.26 and 2.x
+    of_each_python.append("scipy==1.17.*")
     oldest = wheels([*stable, *of_each_python], name, PYTHONS[0])
     others = [wheels(of_each_python, name, python) for python in PYTHONS[1:]]
     return [*oldest[: len(stable)], *map(joined, zip(oldest[len(stable) :], *others, strict=True))]

@@ -37,7 +37,7 @@ def page(tmp_path_factory):
     case = Case(Path("case.toml"), 1.0, Path("0.png"), CAMERA, None, Path("surface.ply"), POSES[0])
     loaded = LoadedCase(case, LoadedSurface(mesh, np.eye(4), ()), (frame,), ())
     path = tmp_path_factory.mktemp("page") / "deviation.html"
-    path.write_bytes(deviation_page(loaded, found, "one & two"))
+    path.write_bytes(deviation_page(loaded, found))
     return path
 
 
@@ -49,7 +49,6 @@ def painted(browser):
 
 def test_the_model_turns_grows_and_comes_back(browser, page):
     browser.open(page)
-    assert browser.evaluate("document.querySelector('h1').textContent") == "one & two"
     text = browser.evaluate("document.body.textContent")
     assert "must not guide a surgeon" in text
     assert "+1.0 mm" in text

@@ -10,14 +10,17 @@ from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.loaded_case import load_case
+from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
-from oneframe.registration.correct_case import CASE, MAP, PAGE, SURFACE
+from oneframe.registration.accepted_frames import accepted_frames
 from oneframe.registration.pose_list import CHANGED, encoded_list, pose_entry
 from oneframe.registration.pose_list import POSES as LIST
 from oneframe.registration.register import RegisteredFrame
+from oneframe.registration.register_frames import image_paths
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.surface.mesh_writer import write_ply
+from oneframe.surface_correction import CASE, MAP, PAGE, SURFACE
 from tests.surface_correction.test_surface_correction import CAMERA, LAMP, photographs, surface
 
 
@@ -63,6 +66,20 @@ def test_the_corrected_case_stands_beside_the_old_one(tmp_path, correct):
     assert np.median(np.linalg.norm(shift, axis=1)) < 0.06
     assert "must not guide a surgeon" in (out / PAGE).read_text()
     assert "surface.ply" in (out / CASE).read_text()
+
+
+def test_poses_go_with_the_names_of_their_images(tmp_path):
+    loaded, folder = load_case(read_case(written(tmp_path, 3).path)), tmp_path / "registered"
+    (folder / "00.png").write_bytes((folder / "0.png").read_bytes())
+    found = accepted_frames(folder, None, loaded)
+    names = [path.name for path in image_paths(folder)]
+    stated = {entry["image"]: entry["cam_from_mesh"] for entry in json.loads((folder / LIST).read_text())}
+    assert {names[number] for number in found.poses} == set(stated) == {"1.png", "2.png", "3.png"}
+    for number, pose in found.poses.items():
+        np.testing.assert_allclose(pose[:3, :3], np.array(stated[names[number]])[:3, :3], atol=1e-9)
+    (folder / "2.png").unlink()
+    with pytest.raises(InputError, match=r"2\.png is not there"):
+        accepted_frames(folder, None, loaded)
 
 
 def test_too_few_frames_before_a_change_are_refused_and_nothing_written(tmp_path, correct):

@@ -107,6 +107,12 @@ def test_a_true_surface_stays_and_mirrored_frames_are_left_out(true_surface, fra
         corrected(true_surface, [frames[0], *mirrored])
 
 
+def test_a_wrong_k_is_suspected_where_most_of_the_surface_would_move(true_surface, frames):
+    wider = replace(CAMERA, fx=1.15 * CAMERA.fx, fy=1.15 * CAMERA.fy)
+    found = corrected(true_surface, [replace(frame, camera=wider) for frame in frames])
+    assert "the case's pose or K may be wrong" in found.words
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

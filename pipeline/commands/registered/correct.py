@@ -36,8 +36,9 @@ def run(arguments: argparse.Namespace) -> None:
     from ...case.loaded_case import load_case
     from ...progress import ShareProgress
     from ...registration.accepted_frames import accepted_frames
-    from ...registration.correct_case import NOT_FOR_SURGERY, CaseCorrection
+    from ...registration.correct_case import CaseCorrection
     from ...report.deviation_page import deviation_page
+    from ...surface_correction import NOT_FOR_SURGERY
 
     loaded, output = load_case(read_case(arguments.case)), own_output()
     correction = CaseCorrection(loaded, accepted_frames(arguments.frames, arguments.video, loaded), arguments.out)

@@ -74,6 +74,8 @@ SAMPLERS = {
         grows=False,
     ),
 }
+WRITTEN = {"depth_mm": "float_depth", "normals": "normals", "points": "points"}
+"""The arrays that a dataset has only if asked for, and the option that asks."""
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
 
@@ -177,6 +179,10 @@ class DatasetOptions:
     )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
     normals: bool = _option(False, "also write the surface's normals in the camera's axes (16-bit .png)", since="0.2.0")
+    points: bool = _option(
+        False, "also write the surface's point at each pixel, its object coordinates, as float32 millimetres (.npy)",
+        since="0.2.0",
+    )  # fmt: skip
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     sampler: str = _pose(
@@ -280,6 +286,14 @@ def _checked_value(option: Option, value: Any, where: str) -> object:
     return kind(value)
 
 
+class _Write(argparse.Action):
+    """Sets the options that ask for arrays."""
+
+    def __call__(self, parser: object, namespace: argparse.Namespace, values: Any, flag: object = None) -> None:
+        for name in values:
+            setattr(namespace, WRITTEN[name], True)
+
+
 def add_option_arguments(parser: argparse.ArgumentParser) -> None:
     """Add a command line option for each, under their headings; the namespace holds only those that the user sets."""
     for title, options in option_groups().items():
@@ -300,6 +314,11 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
                 metavar=metavar,
                 help=option.text + default,
             )
+        if title == "views":
+            group.add_argument(
+                "--write", action=_Write, nargs="+", choices=WRITTEN, default=argparse.SUPPRESS,
+                help="further arrays, as by " + ", ".join(OPTIONS[key].flag for key in WRITTEN.values()),
+            )  # fmt: skip
 
 
 def option_arguments(options: DatasetOptions) -> list[str]:

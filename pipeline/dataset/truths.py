@@ -16,7 +16,7 @@ from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre
+from ..transforms import camera_centre, inverse_rigid, transform_points
 
 DEPTH_LEVELS = 65535
 """Largest value of the 16-bit depth images."""
@@ -50,6 +50,7 @@ NUMBER = Form("8 bit", ".png", np.uint8)
 UNITS = Form("16 bit", ".png", np.uint16)
 FLOAT = Form("float32", ".npy", np.float32)
 VECTOR = Form("16 bit, x y z", ".png", np.uint16, 3)
+POINT = Form("float32, x y z", ".npy", np.float32, 3)
 NORMAL_UNIT = 32767.5
 """Codes of a normal's component per unit."""
 
@@ -77,11 +78,13 @@ class Shot:
 
 @dataclass(frozen=True)
 class Stored:
-    """What a view's files say: its arrays by name, millimetres per unit of depth, and the number of frames."""
+    """What files say of a view: its arrays by name, millimetres per unit of depth, number of frames, camera, pose."""
 
     arrays: Mapping[str, np.ndarray]
     depth_scale: float
     frames: int
+    camera: PinholeCamera
+    cam_from_model: np.ndarray
 
     @property
     def mask(self) -> np.ndarray:
@@ -194,43 +197,81 @@ def _source_flaws(stored: Stored) -> Flaws:
 
 
 def _float_flaws(stored: Stored) -> Flaws:
-    exact, units = stored.arrays["depth_mm"].astype(np.float64), stored.arrays["depth"]
-    # depths below half a unit are stored as 1, not 0
-    rounding = np.where(units == 1, 1.0, 0.5) * stored.depth_scale + 1e-6 * exact
-    wrong = ((exact > 0) != stored.mask) | ~(np.abs(exact - units * stored.depth_scale) <= rounding)
+    exact = stored.arrays["depth_mm"].astype(np.float64)
+    wrong = ((exact > 0) != stored.mask) | ~_rounds_to_depth(exact, stored, 1e-6 * exact)
     yield wrong, "are not those of the depth image before rounding"
 
 
-def _shown_faces(shot: Shot) -> np.ndarray:
+def _rounds_to_depth(z_mm: np.ndarray, stored: Stored, beside_mm: np.ndarray) -> np.ndarray:
+    units = stored.arrays["depth"]
+    # depths below half a unit are stored as 1, not 0
+    rounding = np.where(units == 1, 1.0, 0.5) * stored.depth_scale + beside_mm
+    return np.abs(z_mm - units * stored.depth_scale) <= rounding
+
+
+def points_model(depth_mm: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(H, W)`` depth of a view -> ``(H, W, 3)`` float32 points of the surface, model frame, mm; NaN where it is 0."""
+    points = np.full((*depth_mm.shape, 3), np.nan, np.float32)
+    seen = depth_mm > 0
+    points_cam = camera.rays_cam(camera.pixel_grid()[seen]) * depth_mm[seen, None].astype(np.float64)
+    points[seen] = transform_points(inverse_rigid(cam_from_model), points_cam)
+    return points
+
+
+def _point_flaws(stored: Stored) -> Flaws:
+    points = stored.arrays["points"].astype(np.float64)
+    yield (np.isnan(points) == stored.mask[..., None]).any(axis=2), "differ from where the mask has surface"
+    points_cam = transform_points(stored.cam_from_model, points.reshape(-1, 3)).reshape(points.shape)
+    z, rays = points_cam[..., 2], stored.camera.rays_cam(stored.camera.pixel_grid())
+    # of single precision
+    rounding = 1e-6 * (np.abs(points).max(axis=2) + z)
+    off = np.abs(points_cam - z[..., None] * rays).max(axis=2)
+    yield stored.mask & ~(off <= rounding), "are not on the rays through the pixels' centres"
+    yield stored.mask & ~_rounds_to_depth(z, stored, rounding), "are not at the depth of the depth image"
+
+
+def _shown_faces(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray) -> np.ndarray:
     """``(H, W)`` the face at each pixel's centre, -1 for none."""
-    mesh, camera, pose = shot.mesh, shot.camera, shot.cam_from_model
     if is_within_limits(mesh, camera, pose):
         return rasterise_depth(mesh, camera, pose).face
     try:
         rays = MeshRays(mesh)
     except InputError:
         raise InputError(
-            "--normals: expected the package embreex for a view with surface behind the camera, found none; install it "
-            "(pip install embreex), or leave the option out"
+            "normals: expected the package embreex for a view with surface behind the camera, found none; install it "
+            "(pip install embreex), or do without normals"
         ) from None
     directions = camera.rays_cam(camera.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]
     origins = np.broadcast_to(camera_centre(pose), directions.shape)
     return rays.first_hits(origins.astype(np.float32), directions.astype(np.float32)).face.reshape(camera.shape_hw)
 
 
-def _normals(shot: Shot) -> np.ndarray:
-    """Normals of the sides that the camera sees, as codes: n of -1..1 is (n + 1) * :data:`NORMAL_UNIT`."""
-    mesh, mask, face = shot.mesh, shot.rendered.mask, _shown_faces(shot)
+def normal_codes(mask: np.ndarray, mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
+    """Normals of the sides that the camera sees, as codes: n of -1..1 is (n + 1) * :data:`NORMAL_UNIT`.
+
+    Parameters
+    ----------
+    mask
+        ``(H, W)`` bool: where there is surface.
+    mesh, camera, cam_from_model
+        The surface, model frame, the intrinsics of the view and its pose (4x4, mm).
+
+    Raises
+    ------
+    InputError
+        Surface behind the camera, and no embreex.
+    """
+    face = _shown_faces(mesh, camera, cam_from_model)
     # a pixel's centre on an edge: the renderer may meet surface where double precision does not, beside such as does
     v, u = np.nonzero(mask & (face < 0))
     around = np.pad(face, 1, constant_values=-1)
     beside = np.max([around[v + down, u + right] for down in range(3) for right in range(3)], axis=0)
     face[v, u] = beside
-    towards = np.where(mesh.front_facing(camera_centre(shot.cam_from_model)), 1.0, -1.0)[:, None]
-    of_faces = _vector_codes(towards * (mesh.face_normals @ shot.cam_from_model[:3, :3].T))
+    towards = np.where(mesh.front_facing(camera_centre(cam_from_model)), 1.0, -1.0)[:, None]
+    of_faces = _vector_codes(towards * (mesh.face_normals @ cam_from_model[:3, :3].T))
     codes = of_faces[face]
     alone = v[beside < 0], u[beside < 0]
-    rays_cam = shot.camera.rays_cam(np.stack(alone[::-1], axis=1))
+    rays_cam = camera.rays_cam(np.stack(alone[::-1], axis=1))
     codes[alone] = _vector_codes(-rays_cam / np.linalg.norm(rays_cam, axis=1, keepdims=True))
     codes[~mask] = 0
     return codes
@@ -238,6 +279,11 @@ def _normals(shot: Shot) -> np.ndarray:
 
 def _vector_codes(vectors: np.ndarray) -> np.ndarray:
     return np.rint((vectors + 1) * NORMAL_UNIT).astype(np.uint16)
+
+
+def unit_vectors(codes: np.ndarray) -> np.ndarray:
+    """``(H, W, 3)`` float32 normals of codes; 0 where there is no surface."""
+    return np.where(codes.any(axis=2)[..., None], codes / np.float32(NORMAL_UNIT) - 1, 0).astype(np.float32)
 
 
 def _normal_flaws(stored: Stored) -> Flaws:
@@ -274,7 +320,13 @@ TRUTHS = {
         ),
         Truth(
             "normals", "unit normal of the visible side, camera axes: value / 32767.5 - 1; 0 = no surface", VECTOR,
-            _normals, _normal_flaws, option="normals",
+            lambda shot: normal_codes(shot.rendered.mask, shot.mesh, shot.camera, shot.cam_from_model), _normal_flaws,
+            option="normals",
+        ),
+        Truth(
+            "points", "point of the surface (object coordinates), mm, mesh in models/; NaN = no surface", POINT,
+            lambda shot: points_model(shot.rendered.depth_mm, shot.camera, shot.cam_from_model), _point_flaws,
+            option="points",
         ),
     )
 }  # fmt: skip

@@ -28,7 +28,7 @@ class PackFiles(ViewFiles):
 
     def __init__(self, folder: Path, description: Description, plan: Plan) -> None:
         """Open nothing yet: a shard's headers are read when its first view is."""
-        self._folder, self.description = folder, description
+        self.root, self.description = folder, description
         self._shape, self._most = description.camera.shape_hw, largest_view_file(*description.camera.size_wh)
         rgb = "rgb.png" if plan.jpeg_quality is None else "rgb.jpg"
         self._suffixes = {"rgb": rgb, **FILES}
@@ -83,8 +83,8 @@ class PackFiles(ViewFiles):
 
     def _member(self, index: int, suffix: str) -> tuple[bytes, str]:
         number = self._shard_of[index]
-        path = self._folder / shard_name(number)
-        name = f"{view_key(ViewPaths(self._folder, index))}.{suffix}"
+        path = self.root / shard_name(number)
+        name = f"{view_key(ViewPaths(self.root, index))}.{suffix}"
         try:
             shard = self._shard(number, path)
             places = self._places.get(number)
@@ -108,7 +108,7 @@ class PackFiles(ViewFiles):
 
     def _shard(self, number: int, path: Path) -> "_Shard":
         if self._closed:
-            raise InputError(f"{self._folder}: the dataset has been closed; open it again")
+            raise InputError(f"{self.root}: the dataset has been closed; open it again")
         shard = self._open.get(number)
         if shard is None:
             shard = _Shard(path)

@@ -2,14 +2,19 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
+from ..dataset.layout import MODEL_FILES
+from ..dataset.model_file import read_model
 from ..dataset.run.resume_record import Box
-from ..dataset.truths import NORMAL_UNIT, TRUTHS
+from ..dataset.truths import TRUTHS, normal_codes, points_model, unit_vectors
 from ..errors import InputError
+from ..surface.mesh import TriangleMesh
+from .flow import flow
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,13 @@ class Numbers:
 class ViewFiles:
     """Where views come from: a folder or a pack. All methods may be called by several threads at once."""
 
+    root: Path
     description: Description
+
+    @cached_property
+    def mesh(self) -> TriangleMesh:
+        """The surface, model frame, read when it is first asked for."""
+        return read_model(self.root, MODEL_FILES[0])[0]
 
     def read(self, index: int, kind: str) -> tuple[bytes, str]:
         """The content of a file of a view, by the name of its array; its name for messages."""
@@ -134,8 +145,73 @@ class View:
         InputError
             The dataset was rendered without ``--normals``.
         """
-        codes = self.files.array(self.index, "normals")
-        return np.where(codes.any(axis=2)[..., None], codes / np.float32(NORMAL_UNIT) - 1, 0).astype(np.float32)
+        return unit_vectors(self.files.array(self.index, "normals"))
+
+    @cached_property
+    def normals_cam(self) -> np.ndarray:
+        """``(H, W, 3)`` float32 as :attr:`normals`; the same, and computed, if the dataset was rendered without.
+
+        They are those of the model's triangles at the pixels' centres, not differences of the depth: these mix surfaces
+        at every edge and step, and its rounding tilts them.
+
+        Raises
+        ------
+        InputError
+            There is surface behind the camera, and the package embreex is not installed.
+        """
+        if "normals" in self.files.description.kinds:
+            return self.normals
+        camera = self.files.description.camera
+        return unit_vectors(normal_codes(self.depth_mm > 0, self.files.mesh, camera, self.cam_from_model))
+
+    @cached_property
+    def points_model(self) -> np.ndarray:
+        """``(H, W, 3)`` float32 points of the surface at the pixels' centres, mm, mesh in ``models/``; NaN for none.
+
+        Those of ``--write points`` if the dataset has them, else from :attr:`depth_mm`.
+        """
+        if "points" in self.files.description.kinds:
+            return self.files.array(self.index, "points")
+        return points_model(self.depth_mm, self.files.description.camera, self.cam_from_model)
+
+    @cached_property
+    def nocs(self) -> np.ndarray:
+        """``(H, W, 3)`` float32 :attr:`points_model` in the model's box, 0..1 along each axis; NaN without surface."""
+        low, high = self.files.mesh.bounds
+        size = np.where(high > low, high - low, 1.0)
+        return np.clip((self.points_model - low) / size, 0, 1).astype(np.float32)
+
+    @cached_property
+    def distance_mm(self) -> np.ndarray:
+        """``(H, W)`` float32 distance from the camera's centre, along the pixel's ray; 0 where there is no surface."""
+        camera = self.files.description.camera
+        rays = camera.rays_cam(camera.pixel_grid())
+        return (self.depth_mm * np.linalg.norm(rays, axis=2)).astype(np.float32)
+
+    def flow_to(self, other: "View") -> tuple[np.ndarray, np.ndarray]:
+        """Optical flow to another view of the same surface, and what of the surface can be seen in that.
+
+        Parameters
+        ----------
+        other
+            From this dataset, or another one of the same surface.
+
+        Returns
+        -------
+        ``(H, W, 2)`` float32 px: ``(u, v)`` in ``other`` minus ``(u, v)`` here, NaN where there is no surface or it is
+        behind the other camera; and ``(H, W)`` bool: it is in the other image, and nothing in the other's depth hides
+        it. Beside an outline there, half a pixel decides.
+
+        Raises
+        ------
+        InputError
+            The other view shows another surface.
+        """
+        its = other.files.description
+        if its.content.get("geometry_sha256") != self.files.description.content.get("geometry_sha256"):
+            raise InputError(f"flow to view {other.index}: expected a view of the same surface, found {its.name!r}")
+        rounding_mm = self._numbers.depth_scale + other._numbers.depth_scale
+        return flow(self.points_model, its.camera, other.cam_from_model, other.depth_mm, rounding_mm)
 
     @cached_property
     def source_frame(self) -> np.ndarray:

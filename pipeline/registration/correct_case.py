@@ -80,7 +80,7 @@ class CaseCorrection:
         try:
             return correct_surface(self.loaded.surface.mesh, frames, light, np.random.default_rng(0), progress)
         except InputError as error:
-            raise InputError(f"{self.accepted.images}: {error}") from None
+            raise InputError(f"{self.loaded.case.path.name}: {error}") from None
 
     def write(self, found: SurfaceCorrection, write: Write, page: Page) -> tuple[str, ...]:
         """Write the files, each whole or not at all, the case last; returns what to say.

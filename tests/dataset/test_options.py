@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from oneframe.dataset.options import (
     OPTIONS,
     SAMPLERS,
+    WRITTEN,
     DatasetOptions,
     Option,
     add_option_arguments,
@@ -21,6 +22,7 @@ from oneframe.dataset.options import (
     option_arguments,
 )
 from oneframe.dataset.run.run_folder import Shard, parse_shard
+from oneframe.dataset.truths import TRUTHS
 from oneframe.errors import InputError
 
 CASE = Path("folder/case.toml")
@@ -36,6 +38,12 @@ def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
     options = merged({"count": 7, "cone_deg": 30, "float_depth": True}, "--count", "9", "--sampler", "shell")
     assert options == DatasetOptions(count=9, cone_deg=30.0, float_depth=True, sampler="shell")
     assert merged({"video": True}, "--no-video").video is False
+
+
+def test_write_names_every_array_that_an_option_asks_for():
+    assert {truth.name: truth.option for truth in TRUTHS.values() if truth.option} == WRITTEN
+    assert merged({}, "--write", "points", "normals") == DatasetOptions(points=True, normals=True)
+    assert merged({}, "--write", *WRITTEN, "--no-normals") == DatasetOptions(points=True, float_depth=True)
 
 
 def legal_and_not(entry: Option) -> tuple[list[object], list[object]]:

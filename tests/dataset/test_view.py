@@ -136,7 +136,7 @@ def test_normals_are_those_that_the_inverse_depth_of_a_ray_cast_gives(monkeypatc
     truth = TRUTHS["normals"]
     codes = truth.array(Shot(view, pose, MESH, camera, 0.01))
     stored = {"normals": codes, "mask": 255 * view.mask}
-    assert not any(wrong.any() for wrong, _ in truth.flaws(Stored(stored, 0.01, 1)))
+    assert not any(wrong.any() for wrong, _ in truth.flaws(Stored(stored, 0.01, 1, camera, pose)))
     assert cv2.imdecode(np.frombuffer(truth.form.encoded(codes), np.uint8), -1)[..., ::-1].tolist() == codes.tolist()
     with np.errstate(divide="ignore"):
         w = np.where(view.mask, 1 / depth, np.nan)
@@ -150,3 +150,28 @@ def test_normals_are_those_that_the_inverse_depth_of_a_ray_cast_gives(monkeypatc
     expected *= -1 / np.linalg.norm(expected, axis=1, keepdims=True)
     assert flat.sum() > 100
     assert np.abs(codes[flat] / 32767.5 - 1 - expected).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("harm", "clause"),
+    [
+        (lambda points, pose: points + pose[2, :3] * 0.02, "at the depth of"),
+        (lambda points, pose: points + pose[0, :3] * 1e-3, "on the rays"),
+        (lambda points, pose: np.where(np.isnan(points), 0, points), "mask"),
+        (lambda points, pose: np.where(points > 20, np.nan, points), "mask"),
+    ],
+)  # fmt: skip
+def test_points_are_held_against_depth(harm, clause):
+    pose = pose_of(1)
+    depth = cast_rays(MESH, WIDE, pose).astype(np.float32)
+    view = RenderedView(np.zeros((*depth.shape, 3)), depth, np.zeros(depth.shape), depth > 0)
+    shot, truth = Shot(view, pose, MESH, WIDE, 0.01), TRUTHS["points"]
+    points = np.load(io.BytesIO(truth.form.encoded(truth.array(shot))))
+    arrays = {"mask": 255 * view.mask, "depth": TRUTHS["depth"].array(shot)}
+
+    def flaws(points):
+        stored = Stored(arrays | {"points": points}, 0.01, 1, WIDE, pose)
+        return [clause for wrong, clause in truth.flaws(stored) if wrong.any()]
+
+    assert flaws(points) == []
+    assert any(clause in found for found in flaws(harm(points, pose)))

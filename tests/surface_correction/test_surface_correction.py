@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -23,6 +24,8 @@ from tests.conftest import grid_mesh
 
 CAMERA = PinholeCamera(160, 120, fx=740.0, fy=740.0, cx=79.5, cy=59.5)
 LAMP = LensLight((-13.0, 17.0, 0.0), 0.08)
+AWAY = rigid(translation=np.array([200.0, 0, 0]))
+"""To where nothing is seen."""
 TURNS = [(0.0, 0.0)] + [(0.3 * np.cos(at), 0.3 * np.sin(at)) for at in np.linspace(0, 2 * np.pi, 10, endpoint=False)]
 POSES = [rigid(rotation_from_vector([np.pi, 0, 0]) @ rotation_from_vector([a, b, 0]), [0, 0, 300.0]) for a, b in TURNS]
 
@@ -113,9 +116,28 @@ def test_a_wrong_k_is_suspected_where_most_of_the_surface_would_move(true_surfac
     assert "the case's pose or K may be wrong" in found.words
 
 
+def tissue_moved(frame, seed, amount_px=2.0):
+    """The picture bent by a smooth random displacement, another one in each frame."""
+    shape, rng = CAMERA.shape_hw, np.random.default_rng(seed)
+    bent = [cv2.GaussianBlur(rng.normal(size=shape), (0, 0), 12) for _ in range(2)]
+    u, v = (
+        axis + amount_px / np.std(bent) * by
+        for axis, by in zip(np.moveaxis(CAMERA.pixel_grid(), -1, 0), bent, strict=True)
+    )
+    return replace(frame, image=cv2.remap(frame.image, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (lambda frames: [tissue_moved(each, seed) for seed, each in enumerate(frames)], "does tissue move"),
+        (
+            lambda frames: [
+                frames[0],
+                *(replace(each, cam_from_model=AWAY @ each.cam_from_model) for each in frames[1:]),
+            ],
+            "found 0 of 10",
+        ),
         (lambda frames: frames[:6], "at least 10 accepted frames"),
         (lambda frames: [frames[0]] * 12, "at least 15°"),
         (lambda frames: [replace(each, image=0 * each.image + 0.4) for each in frames], "texture"),

@@ -32,7 +32,7 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
         One is damaged, or they disagree.
     """
     images = {kind: _decoded(paths, kind, description) for kind in description.kinds}
-    stored = Stored(images, record.depth_scale, description.frames)
+    stored = Stored(images, record.depth_scale, description.frames, description.camera, record.cam_from_model)
     # the mask first, which the others are held against
     for kind in sorted(images, key=lambda kind: kind != "mask"):
         for wrong, clause in TRUTHS[kind].flaws(stored):

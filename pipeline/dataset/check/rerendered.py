@@ -18,6 +18,8 @@ from ...files.content import read_content
 from ...files.numbers import npy_array
 from ...files.temporary import temporary_folder, writing_temporary
 from ...progress import Progress
+from ...surface.mesh import LARGEST_COORDINATE
+from ...transforms import camera_centre
 from ...video.film_reader import read_video_frame
 from ..dataset_file import Description
 from ..layout import ViewPaths
@@ -156,7 +158,8 @@ def _compare_view(paths: ViewPaths, renderer: Renderer, same_versions: bool, foc
         on_disk = read_content(paths.root / name, "a file of the view", name)
         if on_disk != data:
             images = _decoded(name, on_disk), _decoded(name, data)
-            _compare_images(name, *images, allowed if same_versions else OTHER_VERSIONS, focal_px)
+            tolerance = allowed if same_versions else OTHER_VERSIONS
+            _compare_images(name, *images, tolerance, focal_px, camera_centre(_pose(expected)))
 
 
 def _compare_video(root: Path, renderer: Renderer, frames: int) -> None:
@@ -180,7 +183,12 @@ def _compare_video(root: Path, renderer: Renderer, frames: int) -> None:
 
 
 def _compare_images(
-    name: str, found: np.ndarray, expected: np.ndarray, allowed: _Allowed, focal_px: float = 1.0
+    name: str,
+    found: np.ndarray,
+    expected: np.ndarray,
+    allowed: _Allowed,
+    focal_px: float = 1.0,
+    centre_model: np.ndarray | float = 0.0,
 ) -> None:
     if found.shape != expected.shape:
         raise InputError(f"{name}: expected the shape {expected.shape} of the one rendered again, found {found.shape}")
@@ -190,6 +198,9 @@ def _compare_images(
     if expected.dtype != np.uint8 and expected.ndim == 2:
         # depth, which a PNG rounds
         limit = allowed.footprints / focal_px * expected + (allowed is not EXACT and expected.dtype == np.uint16)
+    elif expected.dtype == np.float32:
+        # points, which move along their rays as depth differs
+        limit = allowed.footprints / focal_px * np.linalg.norm(expected - centre_model, axis=2)
     wrong = int((difference > limit).sum())
     if wrong > allowed.fraction * difference.size + allowed.number:
         raise InputError(
@@ -199,7 +210,8 @@ def _compare_images(
 
 def _decoded(name: str, data: bytes) -> np.ndarray:
     if name.endswith(".npy"):
-        return npy_array(data, name)
+        # a pixel without a point differs from any that has one
+        return np.nan_to_num(npy_array(data, name), nan=LARGEST_COORDINATE)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise InputError(f"{name}: expected a PNG image, found a file that cannot be decoded")

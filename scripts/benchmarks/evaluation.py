@@ -36,7 +36,7 @@ from oneframe.files.temporary import temporary_folder
 from oneframe.light.lens_light import LensLight
 from oneframe.registration.pose_list import read_photographs
 from oneframe.sample.film import disturbance, film_poses
-from oneframe.sample.temporal_bone import MICROSCOPE, microscope_pose, sample_surface
+from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, microscope_pose, sample_surface
 
 from .alignment.bone_photographs import bone_cases, lit_bone_cases
 from .published import LOADERS as PUBLISHED
@@ -96,14 +96,9 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
 
 def case_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     """Write the cases of all data sets that were named."""
-    pairs = []
+    pairs = list[CaseFiles]()
     if not arguments.no_sample:
-        camera = MICROSCOPE.resized(arguments.width, arguments.width * MICROSCOPE.height // MICROSCOPE.width)
-        for _ in write_sample_case(folder / "sample", sample_surface(), camera=camera):
-            pass
-        path = folder / "sample" / "case.toml"
-        write_case(path, replace(read_case(path), object_name="sample (rendered)"))
-        pairs.append((path, folder / "sample" / HELD_OUT))
+        pairs.append(sample_files(sample_surface(), folder / "sample", arguments.width))
     for name, loader in LOADERS.items():
         if (given := getattr(arguments, name)) is not None:
             pairs += loader(given, folder / name, most=arguments.photographs)
@@ -112,18 +107,29 @@ def case_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     return pairs
 
 
+def sample_files(surface: SampleSurface, folder: Path, width: int) -> CaseFiles:
+    """Write the sample's case and its held-out photographs, ``width`` px wide."""
+    camera = MICROSCOPE.resized(width, width * MICROSCOPE.height // MICROSCOPE.width)
+    for _ in write_sample_case(folder, surface, camera=camera):
+        pass
+    path = folder / "case.toml"
+    write_case(path, replace(read_case(path), object_name="sample (rendered)"))
+    return path, folder / HELD_OUT
+
+
 def lit_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     """Write the cases that know the lamp at their lens: the sample, with its frame and with further ones, and bones."""
     pairs = []
     if not arguments.no_sample:
-        [(path, held_out)] = case_files(argparse.Namespace(**vars(arguments) | dict.fromkeys(LOADERS)), folder)
+        surface = sample_surface()
+        path, held_out = sample_files(surface, folder / "sample", arguments.width)
         case = lit_case(path)
         most = arguments.photographs
         poses = [pose for number, pose in enumerate(film_poses()) if not disturbance(number)][::FILM_STEP][:most]
         wide = [microscope_pose(tilt_deg, azimuth_deg, 0, 300) for tilt_deg, azimuth_deg in WIDE[:most]]
         (folder / "sample" / "film").mkdir()
         shots = [(pose, folder / "sample" / "film" / f"{number:02d}.png") for number, pose in enumerate(poses + wide)]
-        list(take_photographs(sample_surface(), case.camera, shots))
+        list(take_photographs(surface, case.camera, shots))
         film = [UnreadFrame(image, case.camera, None, pose) for pose, image in shots]
         further = film[: len(poses) : -(-len(poses) // FURTHER)]
         held = read_photographs(held_out, case)[0][:most]

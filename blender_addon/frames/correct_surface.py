@@ -1,7 +1,7 @@
 """The operator that corrects the surface by the found frames, for research: into a folder beside the case."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 
@@ -14,9 +14,6 @@ from ..ui.operator import Messages
 from ..video import session
 from . import found
 from .operators import NeedsFound
-
-if TYPE_CHECKING:
-    pass
 
 
 class ONEFRAME_OT_correct_surface(NeedsFound, InBackground):

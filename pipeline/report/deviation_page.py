@@ -8,7 +8,8 @@ from ..case.loaded_case import LoadedCase
 from ..images.pixel_values import to_uint8
 from ..surface.decimation import reduced_mesh
 from ..surface_correction.correct_surface import SurfaceCorrection
-from ..surface_correction.deviation_map import FARTHER, NEARER, NOTHING, deviation_colours, most_of
+from ..surface_correction.deviation_map import NOTHING, deviation_colours, most_of
+from ..surface_correction.surface_check import FARTHER, NEARER
 from ..transforms import transform_points
 from .page import asset, findings, html_page, page_footer, page_header
 from .thumbnails import base64_text, shrunk, webp

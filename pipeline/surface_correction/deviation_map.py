@@ -9,9 +9,10 @@ from ..images.legend import Write, put_border
 from ..images.pixel_values import to_uint8
 from ..projection.z_buffer import rasterise_depth
 from .correct_surface import SurfaceCorrection
+from .surface_check import FARTHER, NEARER
 
 TILE_PX = 800
-NOTHING, NEARER, FARTHER, UNCONFIRMED = (0.93, 0.93, 0.93), (0.85, 0.1, 0.1), (0.1, 0.25, 0.9), (0.45, 0.45, 0.45)
+NOTHING, UNCONFIRMED = (0.93, 0.93, 0.93), (0.45, 0.45, 0.45)
 AMBIENT = 0.4
 """Share of the light that does not depend on the slope."""
 

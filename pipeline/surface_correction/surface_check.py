@@ -13,7 +13,6 @@ import numpy as np
 from ..case.frame import PosedFrame
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
-from .deviation_map import FARTHER, NEARER
 from .frame_flow import Surface, SurfaceFrame
 from .plane_sweep import STEP_PX, swept_depths
 
@@ -28,6 +27,8 @@ WRONG_PX = 1.25
 LEAST_WRONG = 0.01
 """Part of the places below which nothing is said: up to 0.007 on a true surface, 0.009 and more on wrong ones."""
 TINT = 0.6
+NEARER, FARTHER = (0.85, 0.1, 0.1), (0.1, 0.25, 0.9)
+"""Colours of what lies nearer to the lens than the surface, and farther."""
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def test_the_script_of_the_documentation_runs(write_tiny_case, tmp_path):
     ended = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     assert "dataset of 3 views: complete and consistent" in ended.stdout
-    assert ended.stdout.count("(24, 32, 3)") == 3
+    assert ended.stdout.count("(24, 32, 3)") == 5
     assert (tmp_path / "surface.glb").is_file()
 
 

@@ -34,8 +34,6 @@ def scenario(user):
     before = files(case.parent)
     yield from user.press("correct_surface")
     yield from user.until(lambda: user.window.modal_operators, "the work", 30)
-    yield 3.0
-    yield from user.picture("0_working")
     yield from user.key("ESC", user.middle())
     yield from user.until(lambda: not user.window.modal_operators, "the end", 30)
     yield 2.0

@@ -34,7 +34,7 @@ def correction_chart(rows: Sequence[CorrectionTrial], conditions: Sequence[str],
     panels = [
         _panel(rows, "Where changed", error, CHANGED, (0.06, 0.2)),
         _panel(rows, "Elsewhere", error, ELSEWHERE, (0.02, 0.06)),
-        _panel(rows, "Shares", PARTS, SHARES, (0.05, 0.9)),
+        _panel(rows, "Shares", Axis(ends=(-0.04, 1.6), ticks=PARTS.ticks), SHARES, (0.05, 0.9)),
         _panel(rows, "Views beside frames left out, where changed", Axis("SSIM"), VIEWS),
         _panel(rows, "Registered poses", Axis("displacement of the surface (px)", log=True), POSES),
     ]

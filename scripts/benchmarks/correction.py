@@ -90,7 +90,9 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             report(f"{trial.scene}, {trial.surface}, seed {trial.seed}: {trial.refused or f'{trial.seconds:.0f} s'}")
             write_rows(arguments.out / TABLE, rows, conditions)
     found = summary(rows)
-    figures = {": ".join(kind): {name: asdict(each) for name, each in own.items()} for kind, own in found.items()}
+    figures = {
+        ": ".join(kind): {name: asdict(each) for name, each in own.items() if each.n} for kind, own in found.items()
+    }
     write_figures(arguments.out / SUMMARY, figures)
     report("\n".join([HEAD, *(_line(*kind, own) for kind, own in found.items())]))
 

@@ -233,7 +233,8 @@ class _Run:
         usual_px = float(np.median(left_px[known])) if known.any() else 1.0
         std_mm = SPREAD * np.sqrt(weights @ result.std_mm**2) * np.maximum(left_px / usual_px, 1)
         floor_mm = FLOOR_PX * self._now.pixel_mm
-        sweeps = [(self._views[each], self._views[:each] + self._views[each + 1 :]) for each in self._references]
+        laid = [(view.frame, view.pose) for view in self._views]
+        sweeps = [(self._views[each], laid[:each] + laid[each + 1 :]) for each in self._references]
         confirmed = known & (std_mm < floor_mm) & is_confirmed(points.normals, self._surface.mesh, sweeps, floor_mm)
         means, share = neighbour_means(self._given), confirmed.astype(float)
         for _ in range(int(np.clip(FADING_PX * self._now.pixel_mm / self._given.median_edge, 1, 40))):

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
-from .frame_flow import TOLERANCE_PX, SurfaceView
+from .frame_flow import TOLERANCE_PX, SurfaceFrame, SurfaceView
 
 STEP_PX, STEPS = 1.6, 6
 """Between the depths, in pixels on the surface, and how many there are on each side."""
@@ -24,8 +24,10 @@ LEAST_BEND = 0.01
 """How much less alike the frames are a step nearer and farther, in the mean: less, and any depth would do, as where a
 surface is smooth, wet and dark."""
 
-Sweep = tuple[SurfaceView, Sequence[SurfaceView]]
-"""A view of the surface, and the views that are laid on it."""
+Laid = tuple[SurfaceFrame, np.ndarray]
+"""A frame that is laid on a view, and its pose ``cam_from_model`` (4x4, mm)."""
+Sweep = tuple[SurfaceView, Sequence[Laid]]
+"""A view of the surface, and what is laid on it."""
 
 
 def is_confirmed(normals: np.ndarray, mesh: TriangleMesh, sweeps: Sequence[Sweep], most_mm: float) -> np.ndarray:
@@ -47,19 +49,19 @@ def is_confirmed(normals: np.ndarray, mesh: TriangleMesh, sweeps: Sequence[Sweep
     return votes > 0
 
 
-def swept_depths(view: SurfaceView, others: Sequence[SurfaceView], step_mm: float) -> tuple[np.ndarray, np.ndarray]:
+def swept_depths(view: SurfaceView, others: Sequence[Laid], step_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """``(H, W)`` by how many mm of depth the surface is nearer than where frames agree, and bool: whether they do."""
-    own, details = view.frame.detail, [each.frame.detail for each in others]
+    own, details = view.frame.detail, [frame.detail for frame, _ in others]
     mean, deviation = _moments(own)
     shape = (3, *own.shape)
-    starts = [transform_points(each.pose, view.points.reshape(-1, 3)).T.reshape(shape) for each in others]
-    ways = [(each.pose[:3, :3] @ view.rays.reshape(-1, 3).T).reshape(shape) for each in others]
+    starts = [transform_points(pose, view.points.reshape(-1, 3)).T.reshape(shape) for _, pose in others]
+    ways = [(pose[:3, :3] @ view.rays.reshape(-1, 3).T).reshape(shape) for _, pose in others]
     curve = np.empty((2 * STEPS + 1, *own.shape), np.float32)
     for number, values in enumerate(curve):
         likes = []
-        for start, way, other, detail in zip(starts, ways, others, details, strict=True):
+        for start, way, (other, _), detail in zip(starts, ways, others, details, strict=True):
             x, y, z = (a + b * ((number - STEPS) * step_mm) for a, b in zip(start, way, strict=True))
-            camera = other.frame.camera
+            camera = other.camera
             u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
             laid = cv2.remap(detail, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR)
             laid_mean, laid_deviation = _moments(laid)

@@ -94,13 +94,13 @@ def check_surface(
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     if len(others) < LEAST_FRAMES or (ways @ ways.T).min() > np.cos(np.radians(LEAST_ANGLE_DEG)):
         return None
-    surface = Surface(mesh, None)
-    view, *views = (surface.view(SurfaceFrame(each), each.cam_from_model) for each in (source, *others))
+    view = Surface(mesh, None).view(SurfaceFrame(source), source.cam_from_model)
+    laid = [(SurfaceFrame(each), each.cam_from_model) for each in others]
     normals = mesh.face_normals[view.hits.face].reshape(view.points.shape)
     # the sweep says how much nearer the surface is than it should be
     along = -np.abs((view.rays * normals).sum(axis=-1))
     halves, told = list[np.ndarray](), _places(view.shown).all(axis=-1)
-    for half in (views[::2], views[1::2]):
+    for half in (laid[::2], laid[1::2]):
         off_mm, says = swept_depths(view, half, STEP_PX * view.pixel_mm)
         told &= _places(says).mean(axis=-1) > LEAST_TOLD
         halves.append(np.ma.median(np.ma.array(_places(off_mm * along), mask=~_places(says)), axis=-1).filled(0.0))

@@ -133,7 +133,7 @@ def correct_source(
             f"align the frame again; the pose is not corrected"
         )
     camera, pose = loaded.case.camera, fit.cam_from_model
-    now = _checked(CaseRegistrar(loaded), frames, poses)
+    now = None if given is None else _checked(CaseRegistrar(loaded), frames, poses)
     if given is not None and now is not None and now.words and now.share > MOST_WRONG * given.share:
         raise InputError(
             f"{name}: expected a pose of the case's frame at which the frames agree with the surface, found none: "

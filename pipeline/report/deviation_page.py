@@ -33,7 +33,8 @@ LIMITS = (
 def deviation_page(loaded: LoadedCase, found: SurfaceCorrection) -> bytes:
     """Make the page of a case's correction; it names neither case nor frames, which may be those of patients."""
     frame = loaded.frame
-    mesh, colours = reduced_mesh(found.mesh, MOST_VERTICES, deviation_colours(found))
+    colours = deviation_colours(found)
+    mesh, fewer = reduced_mesh(found.mesh, MOST_VERTICES, colours)
     source = SourceFrame.of(frame.camera, frame.cam_from_model, mesh)
     away = mesh.vertices - source.pivot_model
     radius = float(np.abs(away).max())
@@ -45,7 +46,7 @@ def deviation_page(loaded: LoadedCase, found: SurfaceCorrection) -> bytes:
     data = {
         "places": base64_text(np.rint(32767 * away / radius).astype("<i2").tobytes()),
         "faces": base64_text(mesh.faces.astype("<u2").tobytes()),
-        "colours": base64_text(to_uint8(deviation_colours(found) if colours is None else colours).tobytes()),
+        "colours": base64_text(to_uint8(colours if fewer is None else fewer).tobytes()),
         "turned": np.round(frame.cam_from_model[:3, :3], 6).tolist(),
         "scale": frame.camera.fx * radius / distance / width,
         "middle": [(float(u) + 0.5) / width, (float(v) + 0.5) / height],

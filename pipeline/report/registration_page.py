@@ -14,7 +14,7 @@ from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
 from ..surface_correction.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
 from .page import asset, findings, html_page, page_footer, page_header, poses_section, spaced
 from .surface_sides import surface_sides
-from .thumbnails import base64_text, shrunk, webp
+from .thumbnails import base64_text, shrunk, sized_picture
 from .view_geometry import SourceFrame, pose_data
 
 SCRIPTS = ("elements.js", "table.js", "poses.js", "registration.js")
@@ -114,12 +114,12 @@ def _surface(evidence: RegistrationEvidence) -> str:
     if check is None or not check.words:
         return ""
     picture = np.ascontiguousarray(to_uint8(check.picture(evidence.source.image))[..., ::-1])
-    data = base64_text(webp(shrunk(picture, PICTURE_PX), QUALITY))
+    uri = sized_picture(shrunk(picture, PICTURE_PX), QUALITY)["uri"]
     lines = findings([f"{check.words[:1].upper()}{check.words[1:]}.", "oneframe correct may correct it, for research."])
     return (
         '<section id="surface" class="card" aria-labelledby="surface-title"><h2 id="surface-title">The surface</h2>'
-        f'<div class="stage"><img src="data:image/webp;base64,{data}" alt="The frame, and where the surface is wrong">'
-        '</div><p class="legend small">Red: it is nearer to the lens than the surface, blue: farther.</p>'
+        f'<div class="stage"><img src="{uri}" alt="The frame, and where the surface is wrong"></div>'
+        '<p class="legend small">Red: it is nearer to the lens than the surface, blue: farther.</p>'
         f"{lines}</section>"
     )
 

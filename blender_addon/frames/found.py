@@ -26,9 +26,9 @@ from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_ato
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.colour_sources import Candidate, Candidates
-from ..pipeline.registration.pose_list import CHANGED, encoded_list, found_of, pose_entry
+from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame
-from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames
+from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames, marked
 from ..pipeline.registration.report import registration_record
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
 from ..pipeline.surface_correction.surface_check import SurfaceCheck
@@ -110,13 +110,13 @@ class FoundFrames:
                         written_s = time.monotonic() + 20 * (time.monotonic() - began_s)
             self.change = run.change()
         finally:
-            self.frames |= run.judged()
+            self.frames |= marked(self.frames | run.judged(), self.change)
             self.write()
         self.check = registrar.checked_surface(self.colouring())
 
     def colouring(self) -> list[Candidate]:
         """The frames that are accepted, and show the surface as the case's frame does."""
-        return colouring_frames(self.candidates, self.frames, self.change)
+        return colouring_frames(self.candidates, self.frames)
 
     def write(self) -> None:
         """Keep them in their file.
@@ -128,10 +128,8 @@ class FoundFrames:
         """
         if self.file is None or not self.frames:
             return
-        source, since, entries = self.source, None if self.change is None else self.change.since, []
-        for number, each in sorted(self.frames.items()):
-            entry = pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit)
-            entries.append(entry if since is None or number < since else entry | {CHANGED: True})
+        source, frames = self.source, sorted(self.frames.items())
+        entries = [pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit) for number, each in frames]
         with writing(self.file):
             write_bytes_atomically(self.file, encoded_list(entries))
 

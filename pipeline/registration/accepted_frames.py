@@ -1,6 +1,5 @@
 """The frames that ``oneframe register`` has accepted, with their poses, read again from its folder."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,8 @@ from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from .colour_sources import evenly
-from .pose_list import CHANGED, POSES, found_of
-from .register import RegisteredFrame
-from .register_frames import LONGER_SIDE_PX, CaseRegistrar, frame_files, image_paths, small_frame
+from .pose_list import POSES, found_of
+from .register_frames import LONGER_SIDE_PX, CaseRegistrar, accepted_poses, frame_files, image_paths, small_frame
 from .verdict import ACCEPTED
 
 MOST = 12
@@ -60,21 +58,19 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
         entries: Any = parsed_json(content, str(path))
         found = found_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
         named = {int(entry["frame"]): Path(entry["image"]) for entry in entries if entry.get("image")}
-        changed = {int(entry["frame"]) for entry in entries if entry.get(CHANGED)}
     except (InputError, AttributeError, KeyError, TypeError, ValueError):
         raise InputError(
             f"{path}: expected the poses that oneframe register writes, found something else; name the folder that it "
             "wrote, and the video of these frames with --video"
         ) from None
-    accepted = accepted_poses(found)
-    poses = {number: pose for number, pose in accepted.items() if number not in changed}
+    poses = accepted_poses(found)
     if not poses:
         raise InputError(f"{path}: expected accepted frames, found none among {len(found)}")
     if video is None and not poses.keys() <= named.keys():
         raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
     if video is not None and named:
         raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
-    left_out = len(accepted) - len(poses)
+    left_out = sum(each.changed and each.verdict.state == ACCEPTED for each in found.values())
     if video is not None:
         return AcceptedFrames(poses, video, left_out)
     images = path.parent / named[min(named)].parent
@@ -86,15 +82,6 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
             "register the others again"
         )
     return AcceptedFrames({numbers[named[number].name]: pose for number, pose in poses.items()}, images, left_out)
-
-
-def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray]:
-    """The poses ``cam_from_model`` of the frames that are accepted, by number."""
-    return {
-        number: each.cam_from_model
-        for number, each in found.items()
-        if each.verdict.state == ACCEPTED and each.cam_from_model is not None
-    }
 
 
 def small_frames(

@@ -34,6 +34,7 @@ def pose_entry(
     entry: dict[str, object] = {"image": name} if name else {}
     entry |= {"frame": number, "state": found.verdict.state, "probability": round(found.verdict.probability, 4)}
     entry |= {"reason": found.verdict.reason, "cam_from_mesh": None}
+    entry |= {CHANGED: True} if found.changed else {}
     if found.cam_from_model is None or found.uncertainty is None:
         return entry
     pose = found.cam_from_model @ inverse_rigid(mesh_from_model)
@@ -58,7 +59,7 @@ def found_of(entries: Sequence[Any], mesh_from_model: np.ndarray, mm_per_unit: f
             cam_from_mesh[:3, 3] *= mm_per_unit
             pose = cam_from_mesh @ mesh_from_model
             uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model)
-        found[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty)
+        found[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, changed=bool(entry.get(CHANGED)))
     return found
 
 

@@ -138,6 +138,8 @@ class RegisteredFrame:
         What the pose was found from.
     zoom
         The focal length that fits best; judged by :func:`judged_together`.
+    changed
+        Whether the film no longer shows there what the case's frame shows.
     """
 
     verdict: Verdict
@@ -145,6 +147,7 @@ class RegisteredFrame:
     uncertainty: PoseUncertainty | None = None
     fit: FlowFit | None = None
     zoom: Zoom | None = None
+    changed: bool = False
 
 
 def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:

@@ -22,11 +22,19 @@ from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..video.film_reader import Film
 from .colour_sources import Candidates, chosen_sources
-from .pose_list import CHANGED, DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
+from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
 from .register import RegisteredFrame
-from .register_frames import FRAME_NAMES, CaseRegistrar, FurtherFrame, RegistrationRun, colouring_frames, frame_files
+from .register_frames import (
+    FRAME_NAMES,
+    CaseRegistrar,
+    FurtherFrame,
+    RegistrationRun,
+    colouring_frames,
+    frame_files,
+    marked,
+)
 from .report import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from .verdict import ACCEPTED, FilmChange
+from .verdict import ACCEPTED
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
 HISTORY = history_path(Path(CASE)).name
@@ -99,13 +107,14 @@ def register_case(
     if not usable:
         one = evidence[0]
         raise InputError(f"{one.name or frames.name}: {one.verdict.reason}; nor can any other frame be used")
-    judged, change = run.judged(), run.change()
+    change = run.change()
+    judged = marked(run.judged(), change)
     evidence = [each.judged(judged[each.number]) for each in evidence]
-    _write_lists(loaded, frames, out, evidence, judged, change)
-    colouring = colouring_frames(candidates, judged, change)
+    _write_lists(loaded, frames, out, evidence, judged)
+    colouring = colouring_frames(candidates, judged)
     check = registrar.checked_surface(colouring)
-    marked = [] if check is None or not check.words else [check.picture(registrar.source.image)]
-    write_output(out / SHEET, pictures.sheet(evidence, marked))
+    doubt = [] if check is None or not check.words else [check.picture(registrar.source.image)]
+    write_output(out / SHEET, pictures.sheet(evidence, doubt))
     choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
     known = RegistrationEvidence(
@@ -149,17 +158,15 @@ def _write_lists(
     out: Path,
     evidence: Sequence[FrameEvidence],
     judged: Mapping[int, RegisteredFrame],
-    change: FilmChange | None,
 ) -> None:
     """Write the lists of poses, after removing what shows other ones."""
     entries = []
     for each in evidence:
         # as in a list of photographs: from the folder of the list
         image = relative_name(frames / each.name, out) if each.name else ""
-        entry = pose_entry(
-            image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit
+        entries.append(
+            pose_entry(image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
         )
-        entries.append(entry if change is None or each.number < change.since else entry | {CHANGED: True})
     if frames.is_dir() and loaded.case.distortion is not None:
         entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
     for name in (ESTIMATES, SHEET, FILM, PAGE):

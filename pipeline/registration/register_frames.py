@@ -272,12 +272,25 @@ class RegistrationRun:
         return self._agreement.change()
 
 
-def colouring_frames(
-    candidates: Candidates, judged: Mapping[int, RegisteredFrame], change: FilmChange | None
-) -> list[Candidate]:
-    """The candidates that are accepted, and show the surface as the case's frame does."""
+def marked(frames: Mapping[int, RegisteredFrame], change: FilmChange | None) -> dict[int, RegisteredFrame]:
+    """The frames by their numbers, those marked that no longer show what the case's frame shows."""
     since = np.inf if change is None else change.since
-    return [each for each in candidates.frames if each.number < since and judged[each.number].verdict.state == ACCEPTED]
+    return {number: replace(each, changed=each.changed or number >= since) for number, each in frames.items()}
+
+
+def colouring_frames(candidates: Candidates, judged: Mapping[int, RegisteredFrame]) -> list[Candidate]:
+    """The candidates that are accepted, and show the surface as the case's frame does."""
+    poses = accepted_poses(judged)
+    return [each for each in candidates.frames if each.number in poses]
+
+
+def accepted_poses(found: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray]:
+    """The poses ``cam_from_model`` of accepted frames that show what the case's frame shows, by number."""
+    return {
+        number: each.cam_from_model
+        for number, each in found.items()
+        if each.verdict.state == ACCEPTED and each.cam_from_model is not None and not each.changed
+    }
 
 
 def doubt_of_case(loaded: LoadedCase) -> str:

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from oneframe.images.png import encode_png
 from oneframe.poses.view_spread import spread_views
 from oneframe.registration.pose_list import encoded_list, found_of, pose_entry, read_photographs
 from oneframe.registration.register import RegisteredFrame
+from oneframe.registration.register_frames import accepted_poses
 from oneframe.registration.report import registration_record
 from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
 from oneframe.transforms import inverse_rigid, se3_exp
@@ -39,7 +41,7 @@ def found_in(rng, state=ACCEPTED):
 
 
 def assert_same(one, other):
-    assert one.verdict == other.verdict
+    assert (one.verdict, one.changed) == (other.verdict, other.changed)
     if one.cam_from_model is None:
         assert other.cam_from_model is other.uncertainty is None
         return
@@ -52,12 +54,13 @@ def assert_same(one, other):
 def test_a_list_gives_back_what_was_found(mm_per_unit):
     rng = np.random.default_rng(3)
     mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
-    frames = {7: found_in(rng), 2: found_in(rng, REFUSED), 30: found_in(rng)}
+    frames = {7: found_in(rng), 2: found_in(rng, REFUSED), 30: replace(found_in(rng), changed=True)}
     entries = [pose_entry("", number, found, mesh_from_model, mm_per_unit) for number, found in frames.items()]
     back = found_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
     assert back.keys() == frames.keys()
     for number, found in frames.items():
         assert_same(found, back[number])
+    assert list(accepted_poses(back)) == [7], "the surface has changed in the other one"
 
 
 @pytest.mark.parametrize("state", [ACCEPTED, "doubtful"])

@@ -21,13 +21,14 @@ from oneframe.images.pixel_values import to_uint8
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.projection.visible_surface import central_point
 from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.registration.accepted_frames import accepted_poses
 from oneframe.registration.colour_sources import Candidates, evenly
 from oneframe.registration.register_frames import (
     CaseRegistrar,
     FurtherFrame,
     RegistrationRun,
+    accepted_poses,
     colouring_frames,
+    marked,
     small_frame,
 )
 from oneframe.surface.deviation import SurfaceTree
@@ -200,8 +201,8 @@ def registered(scene: FilmedScene, loaded: LoadedCase) -> tuple[dict[int, np.nda
     for number, frame in enumerate(scene.frames):
         name = "" if scene.tracked else frame.path.name
         run.register(FurtherFrame(name, number, to_uint8(frame.image), frame.valid))
-    judged = run.judged()
-    return accepted_poses(judged), registrar.checked_surface(colouring_frames(candidates, judged, run.change()))
+    judged = marked(run.judged(), run.change())
+    return accepted_poses(judged), registrar.checked_surface(colouring_frames(candidates, judged))
 
 
 def wrong_surface(surface: str, loaded: LoadedCase, rng: np.random.Generator) -> TriangleMesh:

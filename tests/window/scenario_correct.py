@@ -5,6 +5,7 @@ from importlib import import_module
 import addon_utils
 import bpy
 
+WINDOW = 1024, 900
 PACKAGE = "bl_ext.user_default.oneframe"
 COUNT = 11
 

@@ -42,7 +42,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _SCRIPTS = _PACKAGE.parent / "scripts"
 _FOUND_IN = _PACKAGE.parent if _PACKAGE.name == "oneframe" else _SCRIPTS
 """Where the package is found by its name: in a checkout by ``scripts/oneframe.py``."""
-_RENDER = (sys.executable, "-m", "oneframe.commands", "render")
+_RENDER: tuple[str, ...] = (sys.executable, "-m", "oneframe.commands", "render")
 
 
 @dataclass

@@ -27,6 +27,8 @@ class ViewPlanner:
         Intrinsics of the views.
     depth_scale
         Millimetres per unit of the depth images.
+    probe
+        What poses show, and what meets the surface.
     messages
         Messages for the user.
     """
@@ -57,10 +59,10 @@ class ViewPlanner:
             else Listed(reference=pose, poses=given_poses)
         )
         self.depth_scale = depth_scale_for(self._distribution.farthest_mm(reference.mesh.radius))
-        self._probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
+        self.probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
         self._constraints = Constraints(
             min_surface=options.min_surface,
-            reference_surface=self._probe(loaded.frame.cam_from_model).surface_fraction,
+            reference_surface=self.probe(loaded.frame.cam_from_model).surface_fraction,
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )
@@ -83,8 +85,8 @@ class ViewPlanner:
         """
         fixed = self._distribution.fixed_pose(index, self._count)
         if fixed is not None:
-            return plan_given_pose(fixed, self._constraints, self._probe)
-        return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
+            return plan_given_pose(fixed, self._constraints, self.probe)
+        return plan_pose(self._distribution, self._constraints, self.probe, seed=self._options.seed, index=index)
 
     def sampling_doubt(self) -> str:
         """A message if hardly any pose meets the constraints; empty otherwise.

@@ -12,6 +12,10 @@ from ...dataset.options import DatasetOptions
 from ...dataset.run.resume_record import ViewRecord
 from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
+from ...occlusion.compositing import Front
+from ...occlusion.occluders import draw_occluders
+from ...poses.constraints import PlannedPose
+from ...projection.rendered_view import RenderedView
 from ...projection.silhouette import SilhouetteEdges
 from ..render.engines import opened_engine
 from .view_planner import ViewPlanner
@@ -55,6 +59,7 @@ class ViewRenderer(ViewPlanner):
         self.messages = (*self.messages, *messages)
         unseen = unseen_colours_of(self.reference, options.unseen)
         surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model, reference.light)
+        self._front = Front.of(self.camera, reference.light, reference.pivot_model, options.samples)
         self._resources = ExitStack()
         self.render = self._resources.enter_context(
             opened_engine(options.engine, surface, self.camera, samples=options.samples, threads=threads)
@@ -69,7 +74,15 @@ class ViewRenderer(ViewPlanner):
     def make(self, index: int) -> RenderedSample:
         """Plan and render view ``index``."""
         planned = self.plan(index)
-        return RenderedSample(planned, self.render(planned.cam_from_model))
+        return self.sample(index, planned, self.render(planned.cam_from_model))
+
+    def sample(self, index: int, planned: PlannedPose, rendered: RenderedView) -> RenderedSample:
+        """View ``index`` with what stands in front of the surface, which depends on the seed and the number alone."""
+        mean, pose = self._options.occluders, planned.cam_from_model
+        if mean > 0:
+            occluders = draw_occluders(mean, (self._options.seed, index), self.probe, self.camera, pose)
+            rendered = self._front.composed(rendered, occluders, pose)
+        return RenderedSample(planned, rendered)
 
     def encode(self, paths: ViewPaths, sample: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
         """Encode a view's files, by kind, and its record; uses no Blender data, so any thread may call it."""

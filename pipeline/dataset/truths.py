@@ -236,7 +236,7 @@ def points_model(depth_mm: np.ndarray, camera: PinholeCamera, cam_from_model: np
 
 def _point_flaws(stored: Stored) -> Flaws:
     points = stored.arrays["points"].astype(np.float64)
-    yield (np.isnan(points) == stored.visible[..., None]).any(axis=2), "differ from where the surface is visible"
+    yield (np.isnan(points) == stored.visible[..., None]).any(axis=2), "differ from where mask_visib has surface"
     points_cam = transform_points(stored.cam_from_model, points.reshape(-1, 3)).reshape(points.shape)
     z, rays = points_cam[..., 2], stored.camera.rays_cam(stored.camera.pixel_grid())
     # of single precision
@@ -304,7 +304,7 @@ def unit_vectors(codes: np.ndarray) -> np.ndarray:
 
 def _normal_flaws(stored: Stored) -> Flaws:
     codes = stored.arrays["normals"]
-    yield codes.any(axis=2) != stored.visible, "differ from where the surface is visible"
+    yield codes.any(axis=2) != stored.visible, "differ from where mask_visib has surface"
     off = np.abs(np.linalg.norm(codes / NORMAL_UNIT - 1, axis=2) - 1)
     yield stored.visible & (off > 1e-4), "are not of length 1"
 

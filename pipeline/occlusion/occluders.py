@@ -97,7 +97,7 @@ def draw_occluders(
     rng = np.random.default_rng([*seed, STREAM])
     placed: list[list[tuple[TriangleMesh, Finish]]] = []
     for stream in rng.spawn(rng.poisson(mean)):
-        instrument = kinds[stream.integers(len(kinds))](stream)
+        instrument = kinds[int(stream.integers(len(kinds)))](stream)
         others = [mesh for parts in placed for mesh, _ in parts]
         for _ in range(TRIES):
             parts = _held(instrument, stream, room, others, camera, cam_from_model)
@@ -154,7 +154,7 @@ def _place(instrument: Instrument, rng: np.random.Generator, camera: PinholeCame
     towards = rng.uniform(0, 2 * np.pi)
     side = np.array([np.cos(towards), np.sin(towards)])
     # from the middle to the border of the image
-    reach = (middle / np.maximum(np.abs(side), 1e-9)).min()
+    reach = float(np.min(middle / np.maximum(np.abs(side), 1e-9)))
     return middle + rng.uniform(0.4, 0.95) * reach * side, towards + np.radians(rng.normal(0, 20.0))
 
 

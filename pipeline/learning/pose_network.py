@@ -101,6 +101,7 @@ class PoseNetwork:
             It is not such a file, or OpenCV cannot run it.
         """
         self.record, self._name = NetworkRecord.of_file(data, name), name
+        found: object
         try:
             self._network = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
             found = self.output(np.zeros((1, MULTIPLE, 2 * MULTIPLE, 3), np.uint8)).shape

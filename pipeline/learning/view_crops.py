@@ -86,12 +86,12 @@ class ViewCrops:
             mask, nearest = view.mask.astype(np.uint8), cv2.INTER_NEAREST_EXACT
             depth_mm = cv2.resize(view.depth_mm * mask, camera.size_wh, interpolation=nearest)
             shown = np.dstack([rgb(view), np.full_like(mask, 255)]) * mask[..., None]
-            shown = cv2.resize(shown, camera.size_wh, interpolation=cv2.INTER_AREA)
-            seen = (depth_mm > 0) & (shown[..., 3] > 0)
+            small = cv2.resize(shown, camera.size_wh, interpolation=cv2.INTER_AREA)
+            seen = (depth_mm > 0) & (small[..., 3] > 0)
             points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
             # what is beside the surface does not count
-            rgba[place][seen] = np.rint(255.0 * shown[seen] / shown[seen][:, 3:]).clip(0, 255)
+            rgba[place][seen] = np.rint(255.0 * small[seen] / small[seen][:, 3:]).clip(0, 255)
             middles[place] = np.argwhere(seen)[:, ::-1].mean(axis=0)
             advance()
         return cls(rgba, codes, middles, camera, centre, reach_mm)

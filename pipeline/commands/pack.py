@@ -2,6 +2,7 @@
 
 import argparse
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import InputError
@@ -76,10 +77,12 @@ def run(arguments: argparse.Namespace) -> int:
         from ..files.machine import available_cores
         from ..packing.verify import verify_pack
 
-        threads = arguments.workers or available_cores()
-        report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
-        output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
-        return EXIT_WRONG if report.findings else 0
+        threads, wrong = arguments.workers or available_cores(), 0
+        for out, dataset in _eyes(arguments.out, arguments.dataset):
+            report = verify_pack(out, dataset, threads=threads, stream=output)
+            output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
+            wrong += len(report.findings)
+        return EXIT_WRONG if wrong else 0
     from ..packing.pack import PackOptions, pack_dataset
 
     views, about = None, ""
@@ -90,17 +93,27 @@ def run(arguments: argparse.Namespace) -> int:
         split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    manifest = pack_dataset(
-        arguments.dataset,
-        arguments.out,
-        PackOptions(arguments.views_per_shard, arguments.jpeg, about),
-        views=views,
-        workers=arguments.workers,
-        stream=output,
-    )
-    size = sum(shard.bytes for shard in manifest.shards)
-    output.write(
-        f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
-        f"shard{'s' * (len(manifest.shards) != 1)}: {arguments.out}\n"
-    )
+    for out, dataset in _eyes(arguments.out, arguments.dataset):
+        manifest = pack_dataset(
+            dataset,
+            out,
+            PackOptions(arguments.views_per_shard, arguments.jpeg, about),
+            views=views,
+            workers=arguments.workers,
+            stream=output,
+        )
+        size = sum(shard.bytes for shard in manifest.shards)
+        output.write(
+            f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
+            f"shard{'s' * (len(manifest.shards) != 1)}: {out}\n"
+        )
     return 0
+
+
+def _eyes(out: Path, dataset: Path | None) -> Iterator[tuple[Path, Path | None]]:
+    """The folders of a pack and of its dataset, and of the right eyes in both, if there are any."""
+    from ..dataset.options import RIGHT
+
+    yield out, dataset
+    if ((out if dataset is None else dataset) / RIGHT).is_dir():
+        yield out / RIGHT, None if dataset is None else dataset / RIGHT

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import InputError
@@ -78,8 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
         from ..packing.verify import verify_pack
 
         threads, wrong = arguments.workers or available_cores(), 0
-        for out, dataset in _eyes(arguments.out, arguments.dataset):
-            report = verify_pack(out, dataset, threads=threads, stream=output)
+        for eye in _eyes(arguments.dataset or arguments.out):
+            dataset = arguments.dataset and arguments.dataset / eye
+            report = verify_pack(arguments.out / eye, dataset, threads=threads, stream=output)
             output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
             wrong += len(report.findings)
         return EXIT_WRONG if wrong else 0
@@ -93,10 +93,10 @@ def run(arguments: argparse.Namespace) -> int:
         split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    for out, dataset in _eyes(arguments.out, arguments.dataset):
+    for eye in _eyes(arguments.dataset):
         manifest = pack_dataset(
-            dataset,
-            out,
+            arguments.dataset / eye,
+            arguments.out / eye,
             PackOptions(arguments.views_per_shard, arguments.jpeg, about),
             views=views,
             workers=arguments.workers,
@@ -105,15 +105,13 @@ def run(arguments: argparse.Namespace) -> int:
         size = sum(shard.bytes for shard in manifest.shards)
         output.write(
             f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
-            f"shard{'s' * (len(manifest.shards) != 1)}: {out}\n"
+            f"shard{'s' * (len(manifest.shards) != 1)}: {arguments.out / eye}\n"
         )
     return 0
 
 
-def _eyes(out: Path, dataset: Path | None) -> Iterator[tuple[Path, Path | None]]:
-    """The folders of a pack and of its dataset, and of the right eyes in both, if there are any."""
+def _eyes(folder: Path) -> tuple[str, ...]:
+    """The folders within that of a dataset or a pack: itself, and that of the right eyes, if there are any."""
     from ..dataset.options import RIGHT
 
-    yield out, dataset
-    if ((out if dataset is None else dataset) / RIGHT).is_dir():
-        yield out / RIGHT, None if dataset is None else dataset / RIGHT
+    return ("", RIGHT) if (folder / RIGHT).is_dir() else ("",)

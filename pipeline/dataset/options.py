@@ -28,6 +28,8 @@ LIGHTS = {
 LEFT, RIGHT = "left", "right"
 EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
 """The right eye of each view of a dataset or a pack is in a dataset or a pack of its own, the folder of this name."""
+FOR_TRAINING = {"unseen": "fill", "light": LENS}
+"""What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
 
 @dataclass(frozen=True)
@@ -336,6 +338,11 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
             )
         if title == "views":
             group.add_argument(
+                "--for-training", action="store_true", default=argparse.SUPPRESS,
+                help="what networks learn from most: " + ", ".join(f"--{key} {it}" for key, it in FOR_TRAINING.items())
+                + " if the case has [light]; an option beside it counts more",
+            )  # fmt: skip
+            group.add_argument(
                 "--write", action=_Write, nargs="+", choices=WRITTEN, default=argparse.SUPPRESS,
                 help="further arrays, as by " + ", ".join(OPTIONS[key].flag for key in WRITTEN.values()),
             )  # fmt: skip
@@ -363,8 +370,12 @@ def _number(text: str) -> int | float:
 _number.__name__ = "number"  # argparse uses the name in its message
 
 
-def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path) -> DatasetOptions:
+def merged_options(
+    table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path, *, lit: bool = False
+) -> DatasetOptions:
     """Options of a run: the command line takes precedence over the case file's [dataset] table.
+
+    ``lit`` is whether the case has a lamp at the lens, for ``--for-training``.
 
     Raises
     ------
@@ -375,5 +386,7 @@ def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, c
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
     given = {name: getattr(arguments, name) for name in OPTIONS if hasattr(arguments, name)}
+    if hasattr(arguments, "for_training"):
+        given = {name: value for name, value in FOR_TRAINING.items() if lit or name != "light"} | given
     # combinations only now: the command line may resolve a conflict in the table
     return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

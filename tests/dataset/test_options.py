@@ -29,10 +29,10 @@ from oneframe.errors import InputError
 CASE = Path("folder/case.toml")
 
 
-def merged(table: dict, *argv: str) -> DatasetOptions:
+def merged(table: dict, *argv: str, lit: bool = False) -> DatasetOptions:
     parser = argparse.ArgumentParser(exit_on_error=False)
     add_option_arguments(parser)
-    return merged_options(table, parser.parse_args(argv), CASE)
+    return merged_options(table, parser.parse_args(argv), CASE, lit=lit)
 
 
 def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
@@ -45,6 +45,9 @@ def test_write_names_every_array_that_an_option_asks_for():
     assert {truth.name: truth.option for truth in TRUTHS.values() if truth.option} == WRITTEN
     assert merged({}, "--write", "points", "normals") == DatasetOptions(points=True, normals=True)
     assert merged({}, "--write", *WRITTEN, "--no-normals") == DatasetOptions(points=True, float_depth=True)
+    assert merged({"unseen": "neutral"}, "--for-training") == DatasetOptions(unseen="fill")
+    assert merged({}, "--for-training", lit=True) == DatasetOptions(unseen="fill", light="lens")
+    assert merged({}, "--unseen", "neutral", "--for-training", lit=True) == DatasetOptions(light="lens")
 
 
 def legal_and_not(entry: Option) -> tuple[list[object], list[object]]:

@@ -135,8 +135,9 @@ class Exposure:
 
     def __call__(self, linear: np.ndarray, view: View, rng: np.random.Generator) -> np.ndarray:
         """Apply the effect, see :data:`Effect`."""
-        red, blue = np.exp(rng.uniform(*np.log(self.white), 2))
-        return linear * (np.exp(rng.uniform(*np.log(self.gain))) * np.array([red, 1, blue])).astype(np.float32)
+        low, high = np.log([self.gain, self.white, self.white]).T
+        gain, red, blue = np.exp(rng.uniform(low, high))
+        return linear * (gain * np.array([red, 1, blue])).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ class DistortedView:
         if not isinstance(value, np.ndarray) or value.shape[1::-1] != self._size_wh:
             raise AttributeError(f"{name}: expected an array of the view's pixels")
         if name == "rgb":
-            return cv2.remap(value, *cv2.split(self._places), cv2.INTER_LINEAR)
+            return cv2.remap(value, self._places[..., 0], self._places[..., 1], cv2.INTER_LINEAR)
         u, v = np.rint(self._places).astype(int).reshape(-1, 2).T
         inside = (u >= 0) & (v >= 0) & (u < self._size_wh[0]) & (v < self._size_wh[1])
         moved = np.full((len(u), *value.shape[2:]), np.nan if name in ("points_model", "nocs") else 0, value.dtype)

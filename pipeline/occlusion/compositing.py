@@ -25,6 +25,12 @@ LEAST = 0.02
 """Shading that a part of an instrument gets at least."""
 
 
+def head_light(pivot_model: np.ndarray) -> LensShading:
+    """A lamp in the lens' centre, for what no light of a case shines on; exposed for a pivot (3,), model frame, mm."""
+    x, y, z = pivot_model.tolist()
+    return LensShading(HEAD_LIGHT, LEAST, middle_model=(x, y, z))
+
+
 @dataclass(frozen=True)
 class Front:
     """What the views of a dataset share to be composed.
@@ -34,7 +40,7 @@ class Front:
     camera
         Intrinsics of the views.
     light
-        The light at the lens.
+        The light at the lens, or :func:`head_light`.
     samples
         Rays in a pixel that an edge crosses.
     """
@@ -42,13 +48,6 @@ class Front:
     camera: PinholeCamera
     light: LensShading
     samples: int = 1
-
-    @classmethod
-    def of(cls, camera: PinholeCamera, light: LensShading | None, pivot_model: np.ndarray, samples: int) -> "Front":
-        """In the light of the surface, or without one in that of a lamp in the lens, exposed for a pivot (3,), mm."""
-        x, y, z = pivot_model.tolist()
-        head = LensShading(HEAD_LIGHT, LEAST, middle_model=(x, y, z))
-        return cls(camera, head if light is None else replace(light, least=LEAST), samples)
 
     def composed(self, view: RenderedView, occluders: Occluders | None, cam_from_model: np.ndarray) -> RenderedView:
         """A view of a pose (4x4, mm) with instruments in front of it, or none."""

@@ -25,7 +25,8 @@ NEARLY_MM = 0.3
 RETREATS_MM = 0.0, 1.0, 3.0, 6.0
 """By how much an instrument that would meet the surface is drawn back along its shaft, one after the other."""
 
-STEP_MM = 5.0
+STEP_MM, BEYOND_MM = 5.0, 60.0
+"""Steps of a shaft's length, and how much longer it is than what leaves the image: a right eye sees more of it."""
 NEAREST = 0.3
 """Part of the tip's depth at which a shaft ends at the latest."""
 ROLL_DEG = 25.0
@@ -169,4 +170,4 @@ def _length_mm(instrument: Instrument, camera: PinholeCamera, cam_from_tool: np.
     pixels, radius_px = camera.project(points[:first_near]), radius * camera.fx / np.maximum(points[:first_near, 2], 1)
     beyond = np.maximum(-0.5 - pixels, pixels - np.array(camera.size_wh) + 0.5).max(axis=1)
     out = np.flatnonzero(beyond > 2 * radius_px)
-    return float(z[out[0]]) if len(out) else None
+    return float(z[min(out[0] + int(BEYOND_MM / STEP_MM), first_near - 1)]) if len(out) else None

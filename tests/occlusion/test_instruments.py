@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.occlusion.compositing import Front
+from oneframe.occlusion.compositing import Front, head_light
 from oneframe.occlusion.instruments import KINDS
 from oneframe.occlusion.occluders import Occluders
 from oneframe.projection.rendered_view import RenderedView
@@ -65,7 +65,7 @@ def test_a_view_shows_what_rays_meet_first(bumpy_mesh, oblique_pose, ray_cast, s
         np.zeros(whole.shape, bool),
     )
     for samples in (1, 4):
-        view = Front.of(CAMERA, None, np.zeros(3), samples).composed(plain, occluders, oblique_pose)
+        view = Front(CAMERA, head_light(np.zeros(3)), samples).composed(plain, occluders, oblique_pose)
         assert (view.occluder == (face >= len(bumpy_mesh.faces))).all()
         assert view.occluder.sum() > 200
         assert (view.mask == (whole > 0)).all()

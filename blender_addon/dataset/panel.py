@@ -12,6 +12,8 @@ from ..ui.step_panel import PartPanel, StepPanel
 from . import background_job, operators, pose_preview
 from .wording import in_window_words
 
+CONTACT_SHEET = "contact_sheet.png"
+
 
 class ONEFRAME_PT_dataset(StepPanel):
     """Render a dataset of posed views"""
@@ -96,6 +98,9 @@ class ONEFRAME_PT_dataset_options(PartPanel):
             for option in groups[title]:
                 if option.key != "count":
                     column.prop(options, option.key)
+        column.prop(options, "stereo_mm")
+        if options.stereo_mm:  # type: ignore[attr-defined]  # from DatasetOptions
+            column.prop(options, "converge_mm")
         column.prop(options, "video")
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames")
@@ -120,7 +125,8 @@ class ONEFRAME_PT_dataset_run(PartPanel):
         if folder is not None:
             row = layout.row(align=True)
             row.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = str(folder)
-            row.operator("oneframe.show_contact_sheet", icon="IMAGE_REFERENCE")
+            if (sheet := folder / CONTACT_SHEET).is_file():
+                row.operator("wm.path_open", text="Contact Sheet", icon="IMAGE_REFERENCE").filepath = str(sheet)
 
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:

@@ -21,7 +21,7 @@ from ...dataset.layout import ViewPaths
 from ...dataset.options import NO_LIGHT, RIGHT, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
-from ...errors import RunError
+from ...errors import InputError, RunError
 from ...files.content import hashed_reading
 from ...occlusion.instruments import Instrument, own_instrument
 from ...poses.pose_file import read_poses
@@ -170,10 +170,12 @@ def own_instruments(options: DatasetOptions) -> tuple[Instrument, ...]:
     Raises
     ------
     InputError
-        One cannot be used, or there is none.
+        One cannot be used, there is none, or none is asked for.
     """
     if options.occluder_meshes is None:
         return ()
+    if not options.occluders:
+        raise InputError("--occluder-meshes: expected --occluders above 0 beside it, found 0; say how many, on average")
     files = instrument_files(Path(options.occluder_meshes)).values()
     return tuple(own_instrument(read_mesh(path)[0], path.name) for path in files)
 

@@ -68,8 +68,8 @@ def part_from_case(scene: bpy.types.Scene, *, surface: bool = False) -> None:
     if known is None:
         return
     dataset = dict(known.dataset)
-    for name in PATHS & dataset.keys():
+    for key in PATHS & dataset.keys():
         # which was relative to that file
-        dataset[name] = str(known.path.parent / str(dataset[name]))
+        dataset[key] = str(known.path.parent / str(dataset[key]))
     name = None if surface else known.object_name
     keep_known(scene, replace(known, path=UNNAMED, dataset=dataset, frames=(), object_name=name))

@@ -197,7 +197,7 @@ class DatasetOptions:
     )  # fmt: skip
     occluder_meshes: str | None = _option(
         None, "folder of your own instruments in place of the built-in ones: .ply, .obj, .stl in mm, the tip in the "
-        "origin, the shaft along +z and longer than what the image shows", is_content=False, since="0.2.0",
+        "origin, the shaft along +z and longer than what the image shows", is_content=False,
     )  # fmt: skip
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)

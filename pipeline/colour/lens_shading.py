@@ -22,6 +22,7 @@ from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import central_point
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
+from ..transforms import transform_points
 from .vertex_colours import NEUTRAL
 
 LARGEST_NOISE = 8 / 255
@@ -91,6 +92,11 @@ class LensShading:
             return self.light, distance_mm
         x, y, z = (part * each for each in self.light.lamp_cam_mm)
         return replace(self.light, lamp_cam_mm=(x, y, z)), distance_mm
+
+    def moved(self, b_from_a: np.ndarray) -> "LensShading":
+        """The same lamp for lenses at ``b``, of which those at ``a`` have it."""
+        x, y, z = transform_points(b_from_a, np.array([self.light.lamp_cam_mm]))[0].tolist()
+        return replace(self, light=replace(self.light, lamp_cam_mm=(x, y, z)))
 
     def factors(
         self, points: np.ndarray, normals: np.ndarray, cam_from_model: np.ndarray, lit: np.ndarray | None = None

@@ -25,6 +25,9 @@ LIGHTS = {
     LENS: "the lamp at the lens, [light] in the case, moves with it",
     SHADOWS: "so do the shadows that it casts; not by eevee",
 }
+LEFT, RIGHT = "left", "right"
+EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
+"""The right eye of each view of a dataset or a pack is in a dataset or a pack of its own, the folder of this name."""
 FOR_TRAINING = {"unseen": "fill", "light": LENS}
 """What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
@@ -150,6 +153,8 @@ def _option(default: Any, about: str, **declared: Any) -> Any:
 _pose = partial(_option, group="poses", moves=True)
 _constraint = partial(_option, group="constraints on poses", moves=True)
 _video = partial(_option, group="video", is_content=False)
+# content of the right eye's dataset alone
+_stereo = partial(_option, group="stereo", is_content=False, since="0.2.0")
 
 
 @dataclass(frozen=True)
@@ -187,6 +192,15 @@ class DatasetOptions:
     )  # fmt: skip
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
+    stereo_mm: float = _stereo(
+        0.0, "distance of a right eye beside each view, rendered as a dataset of its own into the folder right; 0: no",
+        name="Eye Distance", unit="mm", least=0,
+    )  # fmt: skip
+    converge_mm: float = _stereo(
+        0.0, "distance from both eyes at which their axes meet, the working distance of a microscope; 0: parallel",
+        name="Eyes Converge at", unit="mm", least=0,
+    )  # fmt: skip
+    eye: str = _stereo(LEFT, "which of the two is rendered", choices=EYES)
     sampler: str = _pose(
         "cone", "distribution of poses around the frame's pose", name="Poses",
         choices={name: sampler.about for name, sampler in SAMPLERS.items()},
@@ -219,7 +233,8 @@ class DatasetOptions:
         return {
             option.key: value
             for option, value in values
-            if option.is_content and not (option.since and value == option.default)
+            if (option.is_content or (self.eye == RIGHT and option.group == "stereo"))
+            and not (option.since and value == option.default)
         }
 
 
@@ -262,6 +277,11 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
         raise InputError(
             f"{where}: expected distance_min <= distance_max, found {options.distance_min:g} > "
             f"{options.distance_max:g}; swap them"
+        )
+    if options.converge_mm and not options.converge_mm >= options.stereo_mm:
+        raise InputError(
+            f"{where}: expected converge_mm of at least stereo_mm, {options.stereo_mm:g} mm, found "
+            f"{options.converge_mm:g} mm; give the working distance, or 0 for parallel axes"
         )
     return options
 

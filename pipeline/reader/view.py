@@ -1,5 +1,6 @@
 """One view of a dataset, whose parts are read and decoded when they are first asked for."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -8,8 +9,10 @@ import numpy as np
 
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
+from ..dataset.identity import OF_EYE, described, differences
 from ..dataset.layout import MODEL_FILES
 from ..dataset.model_file import read_model
+from ..dataset.options import RIGHT
 from ..dataset.run.resume_record import Box
 from ..dataset.truths import TRUTHS, normal_codes, points_model, unit_vectors
 from ..errors import InputError
@@ -63,6 +66,25 @@ class ViewFiles:
 
     root: Path
     description: Description
+    opened: Callable[[Path], "ViewFiles"]
+
+    @cached_property
+    def right(self) -> "ViewFiles":
+        """Those of the right eyes, opened when they are first asked for.
+
+        Raises
+        ------
+        InputError
+            There are none, or they do not belong to these views.
+        """
+        folder = self.root / RIGHT
+        if not folder.is_dir():
+            raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
+        files = self.opened(folder)
+        changes = differences(self.description.content, files.description.content)
+        if others := [change for change in changes if change.key not in OF_EYE]:
+            raise InputError(f"{folder}: expected the right eyes of these views: {'; '.join(described(others))}")
+        return files
 
     @cached_property
     def mesh(self) -> TriangleMesh:
@@ -212,6 +234,17 @@ class View:
             raise InputError(f"flow to view {other.index}: expected a view of the same surface, found {its.name!r}")
         rounding_mm = self._numbers.depth_scale + other._numbers.depth_scale
         return flow(self.points_model, its.camera, other.cam_from_model, other.depth_mm, rounding_mm)
+
+    @cached_property
+    def right(self) -> "View":
+        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        return View(self.index, self.files.right)
 
     @cached_property
     def source_frame(self) -> np.ndarray:

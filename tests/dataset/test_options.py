@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from oneframe.dataset.options import (
     OPTIONS,
+    RIGHT,
     SAMPLERS,
     WRITTEN,
     DatasetOptions,
@@ -80,7 +81,10 @@ def test_a_later_option_is_in_a_description_only_if_it_is_not_at_its_default():
     assert set(content) == {name for name, entry in OPTIONS.items() if entry.is_content and not entry.since}
     for name, entry in OPTIONS.items():
         if entry.since:
-            assert name in dataclasses.replace(DatasetOptions(), **{name: not entry.default}).content()
+            # of a right eye alone
+            eye = {"eye": RIGHT} if entry.group == "stereo" else {}
+            assert name in dataclasses.replace(DatasetOptions(), **{name: not entry.default, **eye}).content()
+    assert DatasetOptions(stereo_mm=24.0, converge_mm=300.0).content() == content
 
 
 def test_a_sampler_is_a_class_that_takes_its_options_and_the_docs_list_it():

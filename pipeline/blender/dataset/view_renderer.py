@@ -54,7 +54,9 @@ class ViewRenderer(ViewPlanner):
         colours, messages = colours_of(self.reference, options.colour)
         self.messages = (*self.messages, *messages)
         unseen = unseen_colours_of(self.reference, options.unseen)
-        surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model, reference.light)
+        # both eyes see the surface by the left one's lamp
+        light = None if reference.light is None else reference.light.moved(self._right_from_left)
+        surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model, light)
         self._resources = ExitStack()
         self.render = self._resources.enter_context(
             opened_engine(options.engine, surface, self.camera, samples=options.samples, threads=threads)

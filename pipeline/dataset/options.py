@@ -190,6 +190,11 @@ class DatasetOptions:
         False, "also write the surface's point at each pixel, its object coordinates, as float32 millimetres (.npy)",
         since="0.2.0",
     )  # fmt: skip
+    occluders: float = _option(
+        0.0, "mean number of instruments in front of the surface of a view, at random places and by a stream of their "
+        "own; mask_visib is without what they cover, mask_occluder they alone", name="Instruments", least=0, most=10,
+        since="0.2.0",
+    )  # fmt: skip
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     stereo_mm: float = _stereo(

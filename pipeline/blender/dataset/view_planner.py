@@ -30,6 +30,8 @@ class ViewPlanner:
         Intrinsics of the views.
     depth_scale
         Millimetres per unit of the depth images.
+    probe
+        What poses show, and what meets the surface.
     messages
         Messages for the user.
     """
@@ -65,10 +67,10 @@ class ViewPlanner:
         # listed poses are already those of the eye
         self._is_beside = options.eye == RIGHT and given_poses is None
         self.depth_scale = depth_scale_for(self._distribution.farthest_mm(reference.mesh.radius))
-        self._probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
+        self.probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
         self._constraints = Constraints(
             min_surface=options.min_surface,
-            reference_surface=self._probe(loaded.frame.cam_from_model).surface_fraction,
+            reference_surface=self.probe(loaded.frame.cam_from_model).surface_fraction,
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )
@@ -91,14 +93,14 @@ class ViewPlanner:
         """
         fixed = self._distribution.fixed_pose(index, self._count)
         if fixed is not None:
-            planned = plan_given_pose(fixed, self._constraints, self._probe)
+            planned = plan_given_pose(fixed, self._constraints, self.probe)
         else:
             seed = self._options.seed
-            planned = plan_pose(self._distribution, self._constraints, self._probe, seed=seed, index=index)
+            planned = plan_pose(self._distribution, self._constraints, self.probe, seed=seed, index=index)
         if not self._is_beside:
             return planned
         pose = self._right_from_left @ planned.cam_from_model
-        return replace(planned, cam_from_model=pose, statistics=self._probe(pose))
+        return replace(planned, cam_from_model=pose, statistics=self.probe(pose))
 
     def sampling_doubt(self) -> str:
         """A message if hardly any pose meets the constraints; empty otherwise.

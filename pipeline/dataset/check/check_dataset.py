@@ -223,10 +223,10 @@ class _Check:
         if any(problems) or paths.index not in self._chosen:
             return
         with findings.collecting("images that disagree"):
-            depth = check_images(paths, record, description)
+            stored = check_images(paths, record, description)
             if surface is not None:
                 with findings.collecting("views whose pose does not fit the pixels"):
-                    self._compared.append(check_pose(paths, record, depth, surface, description))
+                    self._compared.append(check_pose(paths, record, stored, surface))
 
     def _check_poses(self) -> None:
         """Compare listed poses with their hash."""

@@ -10,13 +10,14 @@ from ..process.own_process import own_output
 ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
 EPILOG = """examples:
   %(prog)s case.toml held_out.json --out evaluation
-  %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation
+  %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
   %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
 
 PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
 Methods are projective, texture or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
 projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes
-evaluation.json, frames.csv, summary.md, summary.tex, figure.png, pairs.png, pictures/ and charts.
+evaluation.json, frames.csv, summary.md, summary.tex, figure.png, pairs.png, pictures/ and charts. FID and KID need
+--inception: the documentation says how to export that file.
 """
 DEFAULT_PICTURES = 6
 
@@ -36,6 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--methods", metavar="METHOD", nargs="+", help="what to compare (default: ours in three colour modes, Eevee, "
         "and the paper's method where its renderer is installed)",
     )  # fmt: skip
+    parser.add_argument(
+        "--inception", metavar="FILE.onnx", type=Path, help="InceptionV3 up to its 2048 features, for FID and KID"
+    )
     parser.add_argument(
         "--pose-error-px", metavar="X", type=at_least(0, float),
         help="error of the poses for the limit of a perfect view (default: the displacement that is measured)",
@@ -65,6 +69,7 @@ def run(arguments: argparse.Namespace) -> None:
         methods,
         seed=arguments.seed,
         pose_error_px=arguments.pose_error_px,
+        inception=arguments.inception,
         pictures=arguments.pictures,
     )
     output.writelines(f"{line}\n" for line in run_evaluation(prepared, stream=sys.stderr))

@@ -25,7 +25,14 @@ from ..projection.rendered_view import Render
 from ..transforms import camera_centre
 from .finished_scores import BOUND, FinishedScores
 from .methods import ChosenMethods, Method, opened
-from .record.evaluation_record import ALL, Bound, EvaluatedCase, Row, clusters
+from .record.evaluation_record import ALL, Bound, Distribution, EvaluatedCase, Row, clusters
+from .scores.distribution_distance import (
+    FEWEST_IMAGES,
+    FID_IMAGES,
+    frechet_distance,
+    kernel_distance,
+)
+from .scores.inception import Inception
 from .scores.mean_intervals import Resampling
 from .scores.reachable_scores import JITTERS, perfect_views
 from .scores.view_scores import SCORES, scores_of
@@ -92,11 +99,14 @@ class Settings:
         Of the bootstrap, the novel poses and the errors of poses.
     pose_error_px
         Error of the poses for the bound; ``None`` takes the residual displacement that was measured.
+    inception
+        Network for FID and KID, if there is one.
     """
 
     methods: ChosenMethods
     seed: int
     pose_error_px: float | None
+    inception: Inception | None
 
     @property
     def compared(self) -> list[Method]:
@@ -128,10 +138,14 @@ class EvaluationRun:
 
 @dataclass
 class Findings:
-    """What was found so far; ``finished`` has the scores of views, of an interrupted evaluation too."""
+    """What was found so far; ``features`` are those of photographs and views by case and method.
+
+    ``finished`` has the scores of views, of an interrupted evaluation too.
+    """
 
     finished: FinishedScores
     rows: list[Row] = field(default_factory=list)
+    features: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     bound: dict[str, list[tuple[str, dict[str, float]]]] = field(default_factory=dict)
     jitter_px: dict[str, float] = field(default_factory=dict)
     without_overlap: list[tuple[str, str]] = field(default_factory=list)
@@ -199,6 +213,7 @@ def evaluate_case(
     mesh_from_model = case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses
     numbers, finished = range(len(case.photographs)), findings.finished
+    real_features: dict[int, np.ndarray] = {}
     for method in settings.methods.running:
         keys = [(case.name, method.name, number) for number in numbers]
         known = [number for number in numbers if keys[number] in finished]
@@ -212,7 +227,7 @@ def evaluate_case(
         ) as render:
             findings.preparation_seconds += time.perf_counter() - began
             for shown in _shown_surfaces(case, trace, rendered):
-                key = keys[shown.number]
+                key, both = keys[shown.number], None
                 if not shown.surface.any():
                     if key not in finished:
                         finished.add(key, dict.fromkeys(SCORES, float("nan")))
@@ -220,9 +235,13 @@ def evaluate_case(
                     continue
                 view = View(case, shown.number, method, render(poses[shown.number]), shown)
                 if key not in finished:
+                    if settings.inception is not None:
+                        if shown.number not in real_features:
+                            real_features[shown.number] = _features(settings.inception, shown.real, shown)
+                        both = real_features[shown.number], _features(settings.inception, view.rendered, shown)
                     scores = scores_of(shown.real, view.rendered, shown.surface, shown.observed)
                     scores["angle_deg"] = _angle_deg(case.loaded.frames, poses[shown.number], reference.pivot_model)
-                    finished.add(key, scores)
+                    finished.add(key, scores, both)
                     advance()
                 yield view
             if method in settings.compared:
@@ -231,6 +250,10 @@ def evaluate_case(
         began = time.perf_counter()
         rows = [Row(case.name, case.images[number], method.name, finished.scores(keys[number])) for number in numbers]
         findings.rows += rows
+        features = [both for key in keys if (both := finished.features(key)) is not None]
+        if features:
+            real, views = (np.stack(each) for each in zip(*features, strict=True))
+            findings.features[case.name, method.name] = real, views
         if method == settings.methods.running[0]:
             leading = rows
             nothing = (row.image for row in rows if not _shows_surface(row.scores))
@@ -263,6 +286,11 @@ def _novel_poses(case: EvaluationCase, reference: ReferenceView, seed: int) -> l
     pose = ReferencePose(case.loaded.frame.cam_from_model, reference.pivot_model)
     poses = distribution_of(DatasetOptions(), pose, case.loaded.frame.camera)
     return [poses.draw(np.random.default_rng([seed, number])) for number in range(NOVEL_POSES)]
+
+
+def _features(inception: Inception, image: np.ndarray, shown: ShownSurface) -> np.ndarray:
+    """Features of the whole image, black outside the surface."""
+    return inception(np.where(shown.surface[..., None], image, np.float32(0)))
 
 
 def _add_bound(
@@ -311,6 +339,21 @@ def bounds(findings: Findings, cases: Sequence[EvaluatedCase], rng: np.random.Ge
             if score not in UNBOUNDED:
                 found = resampling.interval(np.array([scores[score] for _, _, scores in own]))
                 yield Bound(name, score, found.mean, found.low, found.high, jitter_px)
+
+
+def distributions(findings: Findings) -> Iterator[Distribution]:
+    """FID and KID for each case and method, and for all cases."""
+    groups = dict(findings.features)
+    for method in dict.fromkeys(method for _, method in findings.features):
+        sets = [both for (_, name), both in findings.features.items() if name == method]
+        groups[ALL, method] = (np.concatenate([real for real, _ in sets]), np.concatenate([view for _, view in sets]))
+    for (case, method), (real, rendered) in groups.items():
+        if len(real) >= FEWEST_IMAGES:
+            kernel = kernel_distance(real, rendered)
+            yield Distribution(
+                case, method, frechet_distance(real, rendered), len(real) < FID_IMAGES, kernel.kid,
+                kernel.standard_error, len(real),
+            )  # fmt: skip
 
 
 def shown_numbers(count: int, most: int) -> Iterable[int]:

@@ -24,6 +24,7 @@ from .evaluate import (
     Findings,
     Settings,
     bounds,
+    distributions,
     evaluate_case,
     named_cases,
     steps_px,
@@ -49,11 +50,13 @@ from .record.evaluation_tables import (
     latex_summary,
     markdown_summary,
 )
+from .scores.inception import Inception
 
 TABLE, MARKDOWN_FILE, LATEX_FILE = "frames.csv", "summary.md", "summary.tex"
 CHART = "scores.png"
 _FILES = (EVALUATION, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
 _NAMES = "|".join([*map(re.escape, _FILES), PICTURES, r"scores(_cases)?(-dark)?\.(svg|png)"])
+NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
 
 
 def evaluation_run(
@@ -63,9 +66,10 @@ def evaluation_run(
     *,
     seed: int = 0,
     pose_error_px: float | None = None,
+    inception: Path | None = None,
     pictures: int = 0,
 ) -> EvaluationRun:
-    """Read cases and lists of photographs.
+    """Read cases, lists of photographs and the network.
 
     Raises
     ------
@@ -79,7 +83,11 @@ def evaluation_run(
         given.append((loaded, read_photographs(list_path, loaded.case)[0]))
         files = {**loaded.case.input_files(), "list of photographs": list_path}
         inputs |= {f"{name} of case {number}": path for name, path in files.items()}
-    settings = Settings(methods, seed, pose_error_px)
+    network = None
+    if inception is not None:
+        inputs["network"] = inception
+        network = Inception(inception)
+    settings = Settings(methods, seed, pose_error_px, network)
     return EvaluationRun(out, inputs, named_cases(given), settings, pictures)
 
 
@@ -193,7 +201,9 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
         ),
         rows=tuple(findings.rows),
         summary=summarised(findings.rows, cases, rng),
+        distribution=tuple(distributions(findings)),
         bound=tuple(bounds(findings, cases, rng)),
+        missing="" if run.settings.inception else NO_INCEPTION,
         pictures=tuple(gallery.pictures),
         angles=tuple(by_angle(findings.rows, cases, rng)),
         seconds={"all": time.perf_counter() - began, "preparation": findings.preparation_seconds},
@@ -234,5 +244,6 @@ def _conditions(run: EvaluationRun) -> Conditions:
         "methods": " ".join(method.key for method in settings.methods.running),
         "seed": settings.seed,
         "pose error": "measured" if settings.pose_error_px is None else f"{settings.pose_error_px:g} px",
+        "inception": settings.inception.name if settings.inception else "none",
     }
     return current_conditions(configuration, blender=settings.methods.renderers.blender)

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
+
 from ..files.content import read_content
 from ..files.outputs import write_output, writing
 
@@ -63,7 +65,12 @@ class FinishedScores:
         """Scores of a finished view."""
         return self._known[key]["scores"]
 
-    def add(self, key: Key, scores: Mapping[str, float]) -> None:
+    def features(self, key: Key) -> tuple[np.ndarray, np.ndarray] | None:
+        """Features of the photograph and of the view, float32, if there are any."""
+        found = self._known[key].get("features")
+        return None if found is None else (np.array(found[0], np.float32), np.array(found[1], np.float32))
+
+    def add(self, key: Key, scores: Mapping[str, float], features: tuple[np.ndarray, np.ndarray] | None = None) -> None:
         """Keep the scores of a view.
 
         Raises
@@ -71,7 +78,10 @@ class FinishedScores:
         RunError
             The file cannot be written.
         """
-        line = json.dumps({"view": key, "scores": scores})
+        entry: dict[str, object] = {"view": key, "scores": scores}
+        if features is not None:
+            entry["features"] = [each.tolist() for each in features]
+        line = json.dumps(entry)
         # as it is read again
         self._known[key] = json.loads(line)
         with writing(self._path), open(self._path, "a") as file:

@@ -28,7 +28,7 @@ from .thumbnails import (
     sized_picture,
 )
 
-LISTS = ("cases", "methods", "rows", "summary", "bound", "pictures")
+LISTS = ("cases", "methods", "rows", "summary", "distribution", "bound", "pictures")
 FIGURES = (("figure.png", "Real frames and what the methods make of them"), ("pairs.png", "Pairs of novel poses"))
 """Pictures beside the description, and what they show."""
 PARTS = ("real", "segmented", "rendered", "difference")
@@ -92,6 +92,7 @@ def evaluation_page(root: Path) -> bytes:
     }
     body = string.Template(asset("evaluation.html")).substitute(
         header=page_header(kind="evaluation", name=resolved.name, facts=[fact for fact in facts if fact]),
+        missing=f"<p class='muted'>{escaped(evaluation.missing)}</p>" if evaluation.missing else "",
         conditions=_conditions(evaluation.conditions),
         problems=problem_list("Not shown on this page", sorted({*folder.problems})),
         footer=page_footer(),

@@ -65,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--methods", nargs="+", metavar="METHOD", help="as oneframe evaluate; of --light those in the light"
     )
+    parser.add_argument("--inception", metavar="FILE.onnx", type=Path, help="as oneframe evaluate")
     parser.add_argument(
         "--photographs", metavar="N", type=int, help="of each case of a data set, and of --light, at most (default all)"
     )
@@ -87,7 +88,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 report(f"{path.stem}: step between frames {none:.1f} of 255, in the light of the lens {lit:.1f}")
         prepared = evaluation_run(
             files, arguments.out, chosen_methods(methods, RENDERERS),
-            seed=arguments.seed, pictures=arguments.pictures,
+            seed=arguments.seed, inception=arguments.inception, pictures=arguments.pictures,
         )  # fmt: skip
         for line in run_evaluation(prepared, stream=sys.stderr):
             report(line)

@@ -50,6 +50,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     ended = run_oneframe("evaluate", *arguments)
     assert ended.returncode == 0, ended.stderr
     assert "photograph_2 shows nothing of the surface" in ended.stdout
+    assert "FID and KID are missing" in ended.stdout
     record = json.loads((out / "evaluation.json").read_text())
     assert record["format"] == "oneframe evaluation 1"
     assert record["conditions"].keys() == {"machine", "versions", "configuration", "measured"}
@@ -57,6 +58,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     ran = [method["name"] for method in record["methods"] if "skipped" not in method]
     assert ran == ["ours, projective, cycles", "ours, projective, fill, cycles", "paper's colours (Cycles)"]
     assert [method["peer"] for method in record["methods"]] == [False, False, True]
+    assert record["distribution"] == []
     assert record["scores"] == SCORES
     rows = {(row["case"], row["image"], row["method"]): row for row in record["rows"]}
     assert len(rows) == 2 * 3 * 3
@@ -115,11 +117,13 @@ def test_a_killed_evaluation_goes_on_where_it_was(sample, tmp_path, monkeypatch)
         return view_scores.scores_of(*arguments)
 
     monkeypatch.setattr(evaluate, "scores_of", counted)
+    # where features come from is another matter
+    monkeypatch.setattr(evaluate, "_features", lambda _, image, shown: image[::8, ::8].ravel())
 
     def run(out: Path, until: float = 2.0, seed: int = 0) -> int:
         scored.clear()
         prepared = evaluation_run(pairs, out, chosen_methods(methods, RENDERERS), seed=seed, pictures=1)
-        prepared = replace(prepared, settings=replace(prepared.settings, pose_error_px=1.0))
+        prepared = replace(prepared, settings=replace(prepared.settings, inception=lambda _: None, pose_error_px=1.0))
         monkeypatch.setattr(evaluation_files, "_conditions", lambda run: Conditions("", {}, {"seed": seed}))
 
         def reach(done: float) -> None:

@@ -9,6 +9,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.errors import InputError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.evaluation.record.evaluation_record import (
+    Distribution,
     EvaluatedCase,
     EvaluatedMethod,
     Evaluation,
@@ -44,9 +45,10 @@ def evaluation(ours: float, peer: float) -> Evaluation:
         for number in range(5)
         for name, score, sharp in ((OURS, ours, 0.9), (PEER, peer, 0.4))
     )
+    distribution = (Distribution("case", OURS, 12.3, True, 0.01, 0.002, 5),)
     return Evaluation(
-        current_conditions({}), cases, methods, rows, summarised(rows, cases, np.random.default_rng(0)), (),
-        angles=tuple(by_angle(rows, cases, np.random.default_rng(0))),
+        current_conditions({}), cases, methods, rows, summarised(rows, cases, np.random.default_rng(0)), distribution,
+        (), angles=tuple(by_angle(rows, cases, np.random.default_rng(0))),
     )  # fmt: skip
 
 
@@ -69,14 +71,16 @@ def test_tables_have_every_method_and_no_undefined_number():
     found = evaluation(0.6, 0.5)
     markdown, latex = markdown_summary(found, evaluation_notes(found)).decode(), latex_summary(found).decode()
     assert "nan" not in markdown + latex
+    assert "biased" in markdown
     assert "saw 45% of the surface" in markdown
-    assert markdown.count(f"| {OURS} |") == 5
+    assert markdown.count(f"| {OURS} |") == 6
     # at 0 and 5, 10 and 15, and 20 degrees
     assert "| observed, 0 to 10° (2) | observed, 10 to 20° (2) | observed, 20 to 35° (1) |" in markdown
     means = [e.mean for e in found.angles if (e.case, e.method, e.score) == ("case", OURS, "error_observed")]
     assert means == pytest.approx([6.5, 8.5, 10.0])
     assert r"paper's \& 100 \%" in latex
     assert r"$\mathbf{0.600} \pm 0.000$" in latex
+    assert r"$0.0100 \pm 0.0020$" in latex
 
 
 def test_intervals_cover_the_true_mean_as_often_as_they_say(rng):

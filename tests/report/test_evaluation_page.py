@@ -69,11 +69,12 @@ def test_tables_sort_and_intervals_stand_where_their_numbers_are(browser, page, 
 
 def test_an_evaluation_without_pictures_still_has_a_page(browser, evaluation, tmp_path):
     content = json.loads((evaluation / "evaluation.json").read_text())
-    content |= {key: [] for key in ("summary", "bound", "pictures", "charts")}
-    content["rows"] = content["rows"][:1]
+    content |= {key: [] for key in ("summary", "distribution", "bound", "pictures", "charts")}
+    content |= {"missing": "no features were given", "rows": content["rows"][:1]}
     (tmp_path / "evaluation.json").write_text(json.dumps(content))
     page = tmp_path / "page.html"
     page.write_bytes(evaluation_page(tmp_path))
     browser.open(page)
     assert len(cells(browser, "#all-rows")) == 1
+    assert "no features were given" in browser.evaluate("document.querySelector('#distribution').textContent")
     assert browser.errors == []

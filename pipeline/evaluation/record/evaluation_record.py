@@ -98,6 +98,19 @@ class AngleSummary:
 
 
 @dataclass(frozen=True)
+class Distribution:
+    """FID and KID between the photographs and a method's views of a case."""
+
+    case: str
+    method: str
+    fid: float
+    fid_biased: bool
+    kid: float
+    kid_standard_error: float
+    n: int
+
+
+@dataclass(frozen=True)
 class Bound:
     """What a perfect view would score, with the same noise and an error of the pose of ``jitter_px``."""
 
@@ -124,14 +137,16 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All results; ``seconds`` says what took how long."""
+    """All results; ``missing`` says why there is no distribution, ``seconds`` what took how long."""
 
     conditions: Conditions
     cases: tuple[EvaluatedCase, ...]
     methods: tuple[EvaluatedMethod, ...]
     rows: tuple[Row, ...]
     summary: tuple[Summary, ...]
+    distribution: tuple[Distribution, ...]
     bound: tuple[Bound, ...]
+    missing: str = ""
     pictures: tuple[Pictures, ...] = ()
     charts: tuple[str, ...] = field(default=())
     angles: tuple[AngleSummary, ...] = ()
@@ -224,6 +239,8 @@ def evaluation_bytes(evaluation: Evaluation) -> bytes:
     conditions["configuration"] = {name: str(value) for name, value in conditions["configuration"].items()}
     table["rows"] = [{"case": r.case, "image": r.image, "method": r.method, **r.scores} for r in evaluation.rows]
     table["methods"] = [{name: value for name, value in each.items() if value != ""} for each in table["methods"]]
+    if not evaluation.missing:
+        del table["missing"]
     return (json.dumps(_finite(table), indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
@@ -248,7 +265,9 @@ def read_evaluation(path: Path) -> Evaluation:
                 for e in table["rows"]
             ),
             summary=tuple(Summary(**_numbers(entry)) for entry in table["summary"]),
+            distribution=tuple(Distribution(**_numbers(entry)) for entry in table["distribution"]),
             bound=tuple(Bound(**_numbers(entry)) for entry in table["bound"]),
+            missing=table.get("missing", ""),
             pictures=tuple(Pictures(**entry) for entry in table["pictures"]),
             charts=tuple(table["charts"]),
             angles=tuple(AngleSummary(**_numbers(entry)) for entry in table.get("angles", ())),

@@ -97,6 +97,7 @@ def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
             worst = [evaluation.mean(case, method.name, score).worst for score in LATEX_SCORES]
             lines.append(_line(method.name, *map(_number, worst, _decimals(LATEX_SCORES))))
         lines += ["", *_angle_lines(evaluation, case)]
+        lines += _distribution_lines(evaluation, case)
     return ("\n".join(lines).rstrip() + "\n").encode()
 
 
@@ -105,7 +106,8 @@ def latex_summary(evaluation: Evaluation) -> bytes:
     lines = [LATEX_HEAD, "% \\usepackage{booktabs}"]
     lines += [f"% {_escaped(line)}" for line in evaluation.conditions.lines()]
     for case in _cases(evaluation):
-        headings = [heading for heading, _ in LATEX_SCORES.values()]
+        with_distribution = any(entry.case == case for entry in evaluation.distribution)
+        headings = [heading for heading, _ in LATEX_SCORES.values()] + ["FID", "KID"] * with_distribution
         name = "All cases" if case == ALL else _escaped(case)
         n = max((entry.n for entry in evaluation.summary if entry.case == case), default=0)
         lines += [
@@ -119,10 +121,12 @@ def latex_summary(evaluation: Evaluation) -> bytes:
             found = [evaluation.mean(case, method.name, score) for score in LATEX_SCORES]
             for each, decimals in zip(found, _decimals(LATEX_SCORES), strict=True):
                 cells.append(_latex_cell(each, decimals))
+            if with_distribution:
+                cells += _latex_distribution(evaluation, case, method.name)
             lines.append(" & ".join(cells) + r" \\")
         limits = _limits(evaluation, case, LATEX_SCORES)
         if any(limits):
-            lines += [r"\midrule", " & ".join(["limit, modelled", *limits]) + r" \\"]
+            lines += [r"\midrule", " & ".join(["limit, modelled", *limits, *[""] * (2 * with_distribution)]) + r" \\"]
         lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
     return ("\n".join(lines) + "\n").encode()
 
@@ -130,6 +134,16 @@ def latex_summary(evaluation: Evaluation) -> bytes:
 def _cases(evaluation: Evaluation) -> list[str]:
     names = [case.name for case in evaluation.cases]
     return [*names, ALL] if len(names) > 1 else names
+
+
+def _distribution_lines(evaluation: Evaluation, case: str) -> list[str]:
+    entries = [entry for entry in evaluation.distribution if entry.case == case]
+    if not entries:
+        return []
+    few = any(entry.fid_biased for entry in entries)
+    headings = _line("", f"FID{' (biased: few images)' * few}", "KID", "photographs")
+    cells = [(e.method, f"{e.fid:.1f}", f"{e.kid:.4f} ± {e.kid_standard_error:.4f}", f"{e.n}") for e in entries]
+    return ["**Distributions**", "", headings, "|---|---|---|---|", *(_line(*each) for each in cells), ""]
 
 
 def _angle_lines(evaluation: Evaluation, case: str) -> list[str]:
@@ -176,6 +190,13 @@ def _latex_cell(found: Summary, decimals: int) -> str:
     return f"${text}$" if math.isnan(found.low) else rf"${text} \pm {(found.high - found.low) / 2:.{decimals}f}$"
 
 
+def _latex_distribution(evaluation: Evaluation, case: str, method: str) -> list[str]:
+    for entry in evaluation.distribution:
+        if (entry.case, entry.method) == (case, method):
+            return [f"${entry.fid:.1f}$", rf"${entry.kid:.4f} \pm {entry.kid_standard_error:.4f}$"]
+    return ["--", "--"]
+
+
 def _number(value: float, decimals: int) -> str:
     return "" if math.isnan(value) else f"{value:.{decimals}f}"
 
@@ -187,6 +208,10 @@ def _escaped(text: str) -> str:
 def evaluation_notes(evaluation: Evaluation, without_overlap: Sequence[tuple[str, str]] = ()) -> list[str]:
     """The notes, in the order of their importance."""
     notes = [f"{method.name}: skipped, {method.skipped}." for method in evaluation.methods if method.skipped]
+    if evaluation.missing:
+        notes.append(evaluation.missing)
+    if any(entry.fid_biased for entry in evaluation.distribution):
+        notes.append("FID is biased: it needs 2048 images or more. Compare KID.")
     if evaluation.seconds:
         took, prepared = (evaluation.seconds[name] for name in ("all", "preparation"))
         notes.append(

@@ -1,4 +1,4 @@
-"""In: a view and a photograph. Out: how near they are, and how near they could be.
+"""In: a view and a photograph, or features of many of both. Out: how near they are, and how near they could be.
 
 May use OpenCV.
 """

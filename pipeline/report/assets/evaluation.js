@@ -7,13 +7,13 @@ const peers = new Set(data.methods.filter(({ peer }) => peer).map(({ name }) => 
 
 // --- scores -----------------------------------------------------------------------------------------------------------
 
-const WORDS = { ssim: 'SSIM', psnr: 'PSNR', lpips: 'LPIPS', px: 'px', db: 'dB', mm: 'mm', f: 'F' };
+const WORDS = { ssim: 'SSIM', psnr: 'PSNR', fid: 'FID', kid: 'KID', lpips: 'LPIPS', px: 'px', db: 'dB', mm: 'mm', f: 'F' };
 const nameOfScore = (score) => {
     const words = score.split('_').map((word) => WORDS[word] || word);
     return (words[0][0].toUpperCase() + words[0].slice(1)) + (words.length > 1 ? ` ${words.slice(1).join(' ')}` : '');
 };
 const isHigherBetter = (score) => /^(ssim|psnr|correlation|gradient_correlation|edge_f|iou|overlap)/.test(score);
-const isLowerBetter = (score) => /^(error|flow|edge_px|lpips|rmse|mae|residual)/.test(score);
+const isLowerBetter = (score) => /^(error|flow|edge_px|fid|kid|lpips|rmse|mae|residual)/.test(score);
 const direction = (score) => (isHigherBetter(score) ? 'higher is better' : isLowerBetter(score) ? 'lower is better' : '');
 const scores = [...new Set([...data.rows.flatMap(Object.keys), ...data.summary.map(({ score }) => text(score))])].filter(
     (key) => key && !['case', 'image', 'method'].includes(key)
@@ -186,6 +186,20 @@ if (summaryScores.length) {
     byId('all-scores').addEventListener('change', () => { showSummary(); showRows(); });
     showSummary();
 } else byId('summary').hidden = true;
+
+// --- distribution -------------------------------------------------------------------------------------------------------
+
+if (data.distribution.length) {
+    const biased = data.distribution.some((row) => row.fid_biased);
+    byId('distribution-table').append(createTable({
+        caption: 'FID and KID', rows: data.distribution.map((row) => ({ ...row, biased: row.fid_biased ? 'yes' : 'no' })),
+        columns: [{ key: 'method', name: 'Method' }, { key: 'case', name: 'Case' }, { key: 'fid', name: 'FID', title: 'lower is better', digits: 1, number: true },
+            ...(biased ? [{ key: 'biased', name: 'FID biased', title: 'too few pictures for an unbiased FID' }] : []),
+            { key: 'kid', name: 'KID', title: 'lower is better', digits: 4, number: true },
+            { key: 'kid_standard_error', name: '± standard error', digits: 4, number: true }, { key: 'n', name: 'Pictures', digits: 0, number: true }],
+    }));
+}
+byId('distribution').hidden = !data.distribution.length && !byId('distribution').querySelector('p');
 
 // --- all rows, figures ----------------------------------------------------------------------------------------------------
 

@@ -57,16 +57,16 @@ class Setting:
 
 
 SWEEPS: dict[str, tuple[float, ...]] = {
-    "frames": (8, 10, 12, 15),
+    "frames": (8, 10, 15),
     "angle_deg": (10, 16, 24, 34),
-    "contrast": (1, 0.5, 0.25, 0.1),
-    "noise": (0.008, 0.03, 0.06),
-    "k_percent": (0, 5, 10),
-    "height_px": (1.5, 3, 6, 12),
-    "radius_px": (4, 8, 18),
-    "sharpness": (2, 8, 32),
-    "lamp_mm": (0, 20, 60),
-    "blood": (0, 0.1, 0.3),
+    "contrast": (0.5, 0.25, 0.1),
+    "noise": (0.03, 0.06),
+    "k_percent": (5, 10),
+    "height_px": (1.5, 6, 12),
+    "radius_px": (4, 8),
+    "sharpness": (8, 32),
+    "lamp_mm": (20, 60),
+    "blood": (0.1, 0.3),
 }
 LIMITS = {"frames": Limit("LEAST_FRAMES", LEAST_FRAMES), "angle_deg": Limit("LEAST_ANGLE_DEG", LEAST_ANGLE_DEG)}
 SERIES: dict[str, dict[str, Setting]] = {

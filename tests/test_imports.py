@@ -12,7 +12,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PURE = sorted(
     ".".join(["oneframe", *path.relative_to(ROOT / "pipeline").with_suffix("").parts])
     for path in (ROOT / "pipeline").rglob("*.py")
-    if path.stem not in ("__init__", "script") and (ROOT / "pipeline" / "blender") not in path.parents
+    # the last needs PyTorch
+    if path.stem not in ("__init__", "script", "coordinate_network")
+    and (ROOT / "pipeline" / "blender") not in path.parents
 )
 
 

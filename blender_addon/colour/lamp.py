@@ -71,7 +71,8 @@ class ONEFRAME_OT_set_lamp(NeedsAlignment, Reporting):
             return ()  # with its origin and every digit
         x, y, z, ambient, falloff = map(from_scene.shortest, typed.tolist())
         tool, date = tool_and_date()
-        light = LensLight((x, y, z), ambient, falloff, {"method": TYPED, "tool": tool, "date": date})
+        origin = {"method": TYPED, "tool": tool, "date": date}
+        light = LensLight((x, y, z), ambient, falloff, origin, known.transfer if known else "srgb")
         loaded = from_scene.loaded_case(context.scene, aligned=False)
         lens_shading_of(replace(loaded, case=replace(loaded.case, light=light)))
         keep_lamp(context.scene, light)
@@ -99,13 +100,13 @@ class ONEFRAME_OT_find_lamp(NeedsAlignment, InBackground):
 
     def work(self, context: bpy.types.Context) -> Work:
         scene = context.scene
-        loaded, accepted = from_scene.loaded_case(scene), _accepted(scene)
+        loaded, accepted, known = from_scene.loaded_case(scene), _accepted(scene), lamp_of(scene)
         self._inputs, self._is_alone = inputs_of(scene), accepted is None and len(loaded.frames) == 1
 
         def find(progress: Callable[[float], None]) -> FoundLamp:
             frames = small_frames(loaded, accepted)
             progress(0.3)
-            return find_lamp(loaded.surface.mesh, frames)
+            return find_lamp(loaded.surface.mesh, frames, known.transfer if known else "srgb")
 
         return find
 

@@ -96,6 +96,9 @@ class ONEFRAME_PT_dataset_options(PartPanel):
             for option in groups[title]:
                 if option.key != "count":
                     column.prop(options, option.key)
+        column.prop(options, "stereo_mm")
+        if options.stereo_mm:  # type: ignore[attr-defined]  # from DatasetOptions
+            column.prop(options, "converge_mm")
         column.prop(options, "video")
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames")

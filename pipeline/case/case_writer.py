@@ -118,8 +118,7 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         alignment_record = checked_alignment_record(case.alignment, f"{path.name}: [alignment]")
         blocks.append(["[alignment]", *_pairs(alignment_record)])
     if case.light is not None:
-        law = {"lamp_cam_mm": case.light.lamp_cam_mm, "ambient": case.light.ambient, "falloff": case.light.falloff}
-        blocks.append(["[light]", *_pairs({**law, **case.light.origin})])
+        blocks.append(["[light]", *_pairs({**case.light.law, **case.light.origin})])
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
     blocks += [_structure_lines(structure, folder) for structure in case.structures]
     if case.dataset:

@@ -1,10 +1,10 @@
 """Frames without the light of their lens, and surfaces in it: :mod:`oneframe.light.lens_light` on code values.
 
 Colours are interpolated as code values, but light multiplies linear ones. Above 0.04, sRGB is a shifted power: there a
-code value c under s times the light is (c + 0.055) s^(1/2.4) - 0.055, a product again. Continued down to -0.055, black,
-this holds everywhere, so albedos and lit colours are *shifted codes* of that power alone, without upper bound, and
-only what a view shows has sRGB's straight piece near black. At a frame's own pose the same factor is divided by and
-multiplied with: the frame comes back to rounding.
+code value c under s times the light is (c + 0.055) s^(1/2.4) - 0.055, a product again; so are other curves, with
+numbers of their own. Continued down to -0.055, black, this holds everywhere, so albedos and lit colours are *shifted
+codes* of that power alone, without upper bound, and only what a view shows has the straight piece near black. At a
+frame's own pose the same factor is divided by and multiplied with: the frame comes back to rounding.
 """
 
 from collections.abc import Sequence
@@ -15,18 +15,15 @@ import numpy as np
 from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
+from ..images.pixel_values import SRGB, Transfer
 from ..light.lens_light import LensLight, power_of, shading, working_distance_mm
 from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import central_point
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
+from ..transforms import transform_points
 from .vertex_colours import NEUTRAL
-
-SHIFT, POWER = 0.055, 1 / 2.4
-"""Of sRGB: shifted codes plus ``SHIFT`` are proportional to linear light to the ``POWER``."""
-_STRAIGHT, _SLOPE = 0.04045, 12.92
-"""Code value up to which sRGB is straight, and its slope."""
 
 LARGEST_NOISE = 8 / 255
 """No frame is divided by so little light that the standard deviation of its noise exceeds this code value."""
@@ -78,6 +75,11 @@ class LensShading:
     middle_model: tuple[float, float, float] = (0.0, 0.0, 0.0)
     frame_mm: float = 0.0
 
+    @property
+    def curve(self) -> Transfer:
+        """Of the code values; shifted codes plus its shift are proportional to light to one over its gamma."""
+        return self.light.curve
+
     def at(self, cam_from_model: np.ndarray) -> tuple[LensLight, float]:
         """The lamp of the lens at a pose (4x4, mm), and the pose's working distance, mm.
 
@@ -91,13 +93,18 @@ class LensShading:
         x, y, z = (part * each for each in self.light.lamp_cam_mm)
         return replace(self.light, lamp_cam_mm=(x, y, z)), distance_mm
 
+    def moved(self, b_from_a: np.ndarray) -> "LensShading":
+        """The same lamp for lenses at ``b``, of which those at ``a`` have it."""
+        x, y, z = transform_points(b_from_a, np.array([self.light.lamp_cam_mm]))[0].tolist()
+        return replace(self, light=replace(self.light, lamp_cam_mm=(x, y, z)))
+
     def factors(
         self, points: np.ndarray, normals: np.ndarray, cam_from_model: np.ndarray, lit: np.ndarray | None = None
     ) -> np.ndarray:
-        """``(N,)`` what multiplies shifted codes plus :data:`SHIFT`; parameters as of :func:`.shading`."""
+        """``(N,)`` what multiplies shifted codes plus their shift; parameters as of :func:`.shading`."""
         light, distance_mm = self.at(cam_from_model)
         linear = shading(light, points, normals, cam_from_model, distance_mm, lit)
-        return power_of(np.maximum(linear, linear.dtype.type(self.least)), POWER)
+        return power_of(np.maximum(linear, linear.dtype.type(self.least)), 1 / self.curve.gamma)
 
 
 class CornerNormals:
@@ -147,24 +154,26 @@ def corner_normals(mesh: TriangleMesh) -> np.ndarray:
     return normals
 
 
-def shifted_codes(codes: np.ndarray) -> np.ndarray:
-    """sRGB code values -> shifted codes, any shape, float32."""
+def shifted_codes(codes: np.ndarray, curve: Transfer = SRGB) -> np.ndarray:
+    """Code values -> shifted codes, any shape, float32."""
     codes = np.array(codes, np.float32)
-    dark = codes < _STRAIGHT
-    codes[dark] = (1 + SHIFT) * (np.maximum(codes[dark], 0) / np.float32(_SLOPE)) ** np.float32(POWER) - SHIFT
+    dark = codes < curve.straight
+    light = np.maximum(codes[dark], 0) / np.float32(curve.slope)
+    codes[dark] = (1 + curve.shift) * light ** np.float32(1 / curve.gamma) - curve.shift
     return codes
 
 
-def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None) -> np.ndarray:
-    """Shifted codes ``(N, 3)``, times ``(N,)`` factors of light -> sRGB code values, from 0, in place."""
+def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None, curve: Transfer = SRGB) -> np.ndarray:
+    """Shifted codes ``(N, 3)``, times ``(N,)`` factors of light -> code values, from 0, in place."""
+    shift = np.float32(curve.shift)
     for column in rgb.T:
         if factors is not None:
-            column += np.float32(SHIFT)
+            column += shift
             column *= factors
-            column -= np.float32(SHIFT)
-        dark = np.flatnonzero(column < _STRAIGHT)
-        linear = (np.maximum(column[dark] + np.float32(SHIFT), 0) / np.float32(1 + SHIFT)) ** np.float32(1 / POWER)
-        column[dark] = np.float32(_SLOPE) * linear
+            column -= shift
+        dark = np.flatnonzero(column < curve.straight)
+        linear = (np.maximum(column[dark] + shift, 0) / np.float32(1 + curve.shift)) ** np.float32(curve.gamma)
+        column[dark] = np.float32(curve.slope) * linear
     return rgb
 
 
@@ -197,7 +206,7 @@ def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading
             "mm; give its place in the camera's axes, mm"
         )
     noise = max(map(_noise, (each.image for each in loaded.frames)))
-    least = float(np.clip((noise / LARGEST_NOISE) ** (1 / POWER), *LEAST_SHADING))
+    least = float(np.clip((noise / LARGEST_NOISE) ** light.curve.gamma, *LEAST_SHADING))
     x, y, z = central_point(depths[0], loaded.frame.camera.within(SMALL_PX), loaded.frame.cam_from_model).tolist()
     return LensShading(light, least, shadows, (x, y, z), working_distance_mm(loaded.frame.cam_from_model, (x, y, z)))
 
@@ -216,7 +225,7 @@ def _noise(image: np.ndarray) -> float:
     return float(np.sqrt(3) * np.median(np.abs(second)) / (6 * 0.6745)) if second.size else 0.0
 
 
-def without_light(loaded: LoadedCase, lit: Sequence[RenderedView]) -> LoadedCase:
+def without_light(loaded: LoadedCase, lit: Sequence[RenderedView], curve: Transfer) -> LoadedCase:
     """The case with its frames' albedos in place of their colours, shifted codes, where they show the surface.
 
     ``lit`` are the bare surface, neutral grey, in the light of each frame's lens. Saturated pixels are divided
@@ -224,9 +233,9 @@ def without_light(loaded: LoadedCase, lit: Sequence[RenderedView]) -> LoadedCase
     """
     frames = []
     for frame, view in zip(loaded.frames, lit, strict=True):
-        factors = (shifted_codes(view.rgb[view.mask]) + SHIFT) / (NEUTRAL + SHIFT)
+        factors = (shifted_codes(view.rgb[view.mask], curve) + curve.shift) / (NEUTRAL + curve.shift)
         albedo = frame.image.astype(np.float32)
-        albedo[view.mask] = (shifted_codes(frame.image[view.mask]) + SHIFT) / factors - SHIFT
+        albedo[view.mask] = (shifted_codes(frame.image[view.mask], curve) + curve.shift) / factors - curve.shift
         frames.append(replace(frame, image=albedo))
     return replace(loaded, frames=tuple(frames))
 

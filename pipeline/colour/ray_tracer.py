@@ -327,6 +327,7 @@ class RayTracer:
                 lit = lit_by_lamp(
                     self._rays, self._light, hits.face, np.ascontiguousarray(points.T), eye.cam_from_model
                 )
-            shown_codes(rgb, self._light.factors(points.T, normals, eye.cam_from_model, lit))
+            factors = self._light.factors(points.T, normals, eye.cam_from_model, lit)
+            shown_codes(rgb, factors, self._light.curve)
         rgb[~hit] = 0
         return rgb

@@ -133,7 +133,7 @@ def view_of_renders(
     said: list[str] = []
     if light is not None:
         said = lens_doubts(loaded, seen[0])
-        loaded = without_light(loaded, seen)
+        loaded = without_light(loaded, seen, light.curve)
     view = view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
     return replace(view, messages=(*view.messages, *said), light=light)
 

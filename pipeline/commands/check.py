@@ -57,6 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     from ..case.case_file import read_case
     from ..dataset.check.check_dataset import check_dataset
     from ..dataset.check.rerendered import Rerendering
+    from ..dataset.layout import RECORD
+    from ..dataset.options import RIGHT
 
     case = None if arguments.case is None else read_case(arguments.case)
     poses, again, output = arguments.poses, None, sys.stdout
@@ -65,16 +67,22 @@ def run(arguments: argparse.Namespace) -> int:
 
         output = own_output()
         again = Rerendering(lambda description: CaseRenderer(case, description.content, poses), arguments.rerender)
-    report = check_dataset(
-        arguments.dataset,
-        views=arguments.views,
-        hashes=not arguments.fast,
-        case=case,
-        poses=poses,
-        rerendering=again,
-        stream=output,
-    )
-    output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
-    if again is not None and not report.rerendered:
-        output.write("no view was rendered again: first correct what was found\n")
-    return EXIT_WRONG if report.findings else 0
+    wrong = 0
+    right = arguments.dataset / RIGHT
+    for folder in (arguments.dataset, *([right] if (right / RECORD).is_file() else [])):
+        if folder == right:
+            output.write(f"{folder}:\n")
+        report = check_dataset(
+            folder,
+            views=arguments.views,
+            hashes=not arguments.fast,
+            case=case,
+            poses=poses,
+            rerendering=again,
+            stream=output,
+        )
+        output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
+        if again is not None and not report.rerendered:
+            output.write("no view was rendered again: first correct what was found\n")
+        wrong += len(report.findings)
+    return EXIT_WRONG if wrong else 0

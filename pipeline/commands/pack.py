@@ -76,10 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
         from ..files.machine import available_cores
         from ..packing.verify import verify_pack
 
-        threads = arguments.workers or available_cores()
-        report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
-        output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
-        return EXIT_WRONG if report.findings else 0
+        threads, wrong = arguments.workers or available_cores(), 0
+        for eye in _eyes(arguments.dataset or arguments.out):
+            dataset = arguments.dataset and arguments.dataset / eye
+            report = verify_pack(arguments.out / eye, dataset, threads=threads, stream=output)
+            output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
+            wrong += len(report.findings)
+        return EXIT_WRONG if wrong else 0
     from ..packing.pack import PackOptions, pack_dataset
 
     views, about = None, ""
@@ -90,17 +93,25 @@ def run(arguments: argparse.Namespace) -> int:
         split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    manifest = pack_dataset(
-        arguments.dataset,
-        arguments.out,
-        PackOptions(arguments.views_per_shard, arguments.jpeg, about),
-        views=views,
-        workers=arguments.workers,
-        stream=output,
-    )
-    size = sum(shard.bytes for shard in manifest.shards)
-    output.write(
-        f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
-        f"shard{'s' * (len(manifest.shards) != 1)}: {arguments.out}\n"
-    )
+    for eye in _eyes(arguments.dataset):
+        manifest = pack_dataset(
+            arguments.dataset / eye,
+            arguments.out / eye,
+            PackOptions(arguments.views_per_shard, arguments.jpeg, about),
+            views=views,
+            workers=arguments.workers,
+            stream=output,
+        )
+        size = sum(shard.bytes for shard in manifest.shards)
+        output.write(
+            f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
+            f"shard{'s' * (len(manifest.shards) != 1)}: {arguments.out / eye}\n"
+        )
     return 0
+
+
+def _eyes(folder: Path) -> tuple[str, ...]:
+    """The folders within that of a dataset or a pack: itself, and that of the right eyes, if there are any."""
+    from ..dataset.options import RIGHT
+
+    return ("", RIGHT) if (folder / RIGHT).is_dir() else ("",)

@@ -60,16 +60,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Register the frames, write the files and report what was found."""
+    register(arguments)
+
+
+def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
+    """Register the frames, where features fail from the poses that the network of a file finds."""
     from ..case.case_file import read_case
     from ..case.case_folder import remove_unnamed
     from ..case.case_update import other_inputs
     from ..case.case_writer import write_case
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs, check_own_folder, write_output, writing
+    from ..learning.pose_network import PoseNetwork
     from ..progress import ShareProgress
     from ..registration.pose_list import ESTIMATES, POSES
     from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
-    from ..registration.register_frames import doubt_of_case, frame_files
+    from ..registration.register_frames import CaseRegistrar, doubt_of_case, frame_files
     from ..report.registration_page import registration_page
 
     if arguments.denoise and not arguments.colour_frames:
@@ -78,7 +84,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError("command line: --estimate-focal: expected --correct-source with it, which finds both")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
-    inputs = case.input_files() | frame_files(arguments.frames)
+    inputs = case.input_files() | frame_files(arguments.frames) | ({} if model is None else {"network": model})
     check_own_folder(out, NAMES, inputs)
     check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
     if other := other_inputs(out / CASE, case):
@@ -87,6 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
             f"choose another folder"
         )
     loaded, comment = load_case(case).with_shown_structures(), ""
+    guess = None if model is None else PoseNetwork.read(model, loaded).pose
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
         loaded, comment = _corrected(arguments, loaded, output)
@@ -94,7 +101,7 @@ def run(arguments: argparse.Namespace) -> None:
         output.write(f"note: {doubt}\n")
     with ShareProgress("of the frames", stream=output) as shown:
         found = register_case(
-            loaded,
+            CaseRegistrar(loaded, guess),
             arguments.frames,
             out,
             every=arguments.every,

@@ -12,9 +12,11 @@ from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
+from ..poses.stereo import right_from_left
 from ..transforms import checked_matrix
 from .identity import COUNT, POSES_HASH, identity_of
 from .layout import FORMAT, MOST_VIEWS
+from .options import RIGHT
 from .truths import written_truths
 
 
@@ -52,6 +54,14 @@ class Description:
     def kinds(self) -> tuple[str, ...]:
         """Kinds of a view's files, without its record."""
         return written_truths(self.content["options"], self.frames)
+
+    @cached_property
+    def right_from_left(self) -> np.ndarray | None:
+        """``(4, 4)`` rigid, mm, from the left eye's axes, if the views are those of right eyes."""
+        options = self.content["options"]
+        if options.get("eye") != RIGHT:
+            return None
+        return right_from_left(float(options.get("stereo_mm", 0)), float(options.get("converge_mm", 0)))
 
     @property
     def poses_hash(self) -> str | None:

@@ -110,10 +110,7 @@ def describe(
 
 
 def _described_light(loaded: LoadedCase, options: DatasetOptions) -> dict[str, object]:
-    if options.light == NO_LIGHT:
-        return {}
-    light = loaded.case.lens_light
-    return {"light": {"lamp_cam_mm": light.lamp_cam_mm, "ambient": light.ambient, "falloff": light.falloff}}
+    return {} if options.light == NO_LIGHT else {"light": loaded.case.lens_light.law}
 
 
 def described_frame(frame: UnreadFrame, mesh_from_model: np.ndarray) -> dict[str, object]:

@@ -16,6 +16,8 @@ from ..surface.mesh import TriangleMesh
 COUNT, POSES_HASH, DEPTH_SCALE = "count", "poses_sha256", "depth_scale"
 GROWING = (COUNT, POSES_HASH)
 """The keys of the description that may change: a dataset that grows stays the same one."""
+OF_EYE = ("options.eye", "options.stereo_mm", "options.converge_mm", DEPTH_SCALE)
+"""The keys in which the descriptions of both eyes of a dataset may differ."""
 LISTED = "poses"
 """The key of listed poses as such, and followed by a dot and a number that of one of them."""
 INPUTS = "inputs_sha256."

@@ -25,6 +25,11 @@ LIGHTS = {
     LENS: "the lamp at the lens, [light] in the case, moves with it",
     SHADOWS: "so do the shadows that it casts; not by eevee",
 }
+LEFT, RIGHT = "left", "right"
+EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
+"""The right eye of each view of a dataset or a pack is in a dataset or a pack of its own, the folder of this name."""
+FOR_TRAINING = {"unseen": "fill", "light": LENS}
+"""What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +153,8 @@ def _option(default: Any, about: str, **declared: Any) -> Any:
 _pose = partial(_option, group="poses", moves=True)
 _constraint = partial(_option, group="constraints on poses", moves=True)
 _video = partial(_option, group="video", is_content=False)
+# content of the right eye's dataset alone
+_stereo = partial(_option, group="stereo", is_content=False, since="0.2.0")
 
 
 @dataclass(frozen=True)
@@ -183,8 +190,22 @@ class DatasetOptions:
         False, "also write the surface's point at each pixel, its object coordinates, as float32 millimetres (.npy)",
         since="0.2.0",
     )  # fmt: skip
+    occluders: float = _option(
+        0.0, "mean number of instruments in front of the surface of a view, at random places and by a stream of their "
+        "own; mask_visib is without what they cover, mask_occluder they alone", name="Instruments", least=0, most=10,
+        since="0.2.0",
+    )  # fmt: skip
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
+    stereo_mm: float = _stereo(
+        0.0, "distance of a right eye beside each view, rendered as a dataset of its own into the folder right; 0: no",
+        name="Eye Distance", unit="mm", least=0,
+    )  # fmt: skip
+    converge_mm: float = _stereo(
+        0.0, "distance from both eyes at which their axes meet, the working distance of a microscope; 0: parallel",
+        name="Eyes Converge at", unit="mm", least=0,
+    )  # fmt: skip
+    eye: str = _stereo(LEFT, "which of the two is rendered", choices=EYES)
     sampler: str = _pose(
         "cone", "distribution of poses around the frame's pose", name="Poses",
         choices={name: sampler.about for name, sampler in SAMPLERS.items()},
@@ -217,7 +238,8 @@ class DatasetOptions:
         return {
             option.key: value
             for option, value in values
-            if option.is_content and not (option.since and value == option.default)
+            if (option.is_content or (self.eye == RIGHT and option.group == "stereo"))
+            and not (option.since and value == option.default)
         }
 
 
@@ -260,6 +282,11 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
         raise InputError(
             f"{where}: expected distance_min <= distance_max, found {options.distance_min:g} > "
             f"{options.distance_max:g}; swap them"
+        )
+    if options.converge_mm and not options.converge_mm >= options.stereo_mm:
+        raise InputError(
+            f"{where}: expected converge_mm of at least stereo_mm, {options.stereo_mm:g} mm, found "
+            f"{options.converge_mm:g} mm; give the working distance, or 0 for parallel axes"
         )
     return options
 
@@ -316,6 +343,11 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
             )
         if title == "views":
             group.add_argument(
+                "--for-training", action="store_true", default=argparse.SUPPRESS,
+                help="what networks learn from most: " + ", ".join(f"--{key} {it}" for key, it in FOR_TRAINING.items())
+                + " if the case has [light]; an option beside it counts more",
+            )  # fmt: skip
+            group.add_argument(
                 "--write", action=_Write, nargs="+", choices=WRITTEN, default=argparse.SUPPRESS,
                 help="further arrays, as by " + ", ".join(OPTIONS[key].flag for key in WRITTEN.values()),
             )  # fmt: skip
@@ -343,8 +375,12 @@ def _number(text: str) -> int | float:
 _number.__name__ = "number"  # argparse uses the name in its message
 
 
-def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path) -> DatasetOptions:
+def merged_options(
+    table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path, *, lit: bool = False
+) -> DatasetOptions:
     """Options of a run: the command line takes precedence over the case file's [dataset] table.
+
+    ``lit`` is whether the case has a lamp at the lens, for ``--for-training``.
 
     Raises
     ------
@@ -355,5 +391,7 @@ def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, c
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
     given = {name: getattr(arguments, name) for name in OPTIONS if hasattr(arguments, name)}
+    if hasattr(arguments, "for_training"):
+        given = {name: value for name, value in FOR_TRAINING.items() if lit or name != "light"} | given
     # combinations only now: the command line may resolve a conflict in the table
     return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

@@ -88,8 +88,18 @@ class Stored:
 
     @property
     def mask(self) -> np.ndarray:
-        """``(H, W)`` bool."""
+        """``(H, W)`` bool: the surface, whatever stands in front of it."""
         return self.arrays["mask"] > 0
+
+    @property
+    def occluder(self) -> np.ndarray:
+        """``(H, W)`` bool: what stands in front of it, or of nothing."""
+        return self.arrays["mask_occluder"] > 0 if "mask_occluder" in self.arrays else np.zeros(self.mask.shape, bool)
+
+    @property
+    def visible(self) -> np.ndarray:
+        """``(H, W)`` bool: the visible surface."""
+        return self.mask & ~self.occluder
 
 
 Flaws = Iterator[tuple[np.ndarray, str]]
@@ -113,7 +123,7 @@ class Truth:
     flaws
         What is wrong with it beside the other arrays of the view.
     option
-        Option of a dataset that asks for it; always written if left out.
+        Option of a dataset that asks for it where it is neither off nor 0; always written if left out.
     of_several
         Written only if several frames colour the surface.
     """
@@ -132,7 +142,7 @@ def written_truths(options: Mapping[str, object], frames: int) -> tuple[str, ...
     return tuple(
         truth.name
         for truth in TRUTHS.values()
-        if (not truth.option or options.get(truth.option) is True) and (frames > 1 or not truth.of_several)
+        if (not truth.option or options.get(truth.option)) and (frames > 1 or not truth.of_several)
     )
 
 
@@ -175,19 +185,25 @@ def _none(_stored: Stored) -> Flaws:
 
 
 def _rgb_flaws(stored: Stored) -> Flaws:
-    yield stored.arrays["rgb"].any(axis=2) & ~stored.mask, "outside the mask are not black"
+    nothing = ~(stored.mask | stored.occluder)
+    yield stored.arrays["rgb"].any(axis=2) & nothing, "outside the mask are not black"
 
 
 def _mask_flaws(stored: Stored) -> Flaws:
-    yield stored.mask != (stored.arrays["depth"] > 0), "differ from where the depth image has surface"
+    shown = stored.arrays["depth"] > 0
+    yield (stored.mask | stored.occluder) != shown, "differ from where the depth image has surface"
 
 
 def _visible_flaws(stored: Stored) -> Flaws:
-    yield (stored.arrays["mask_visib"] > 0) & ~stored.mask, "lie outside the mask"
+    visible = stored.arrays["mask_visib"] > 0
+    yield visible & ~stored.mask, "lie outside the mask"
+    yield visible != stored.visible, "differ from the mask without what stands in front of it"
 
 
 def _observed_flaws(stored: Stored) -> Flaws:
-    yield (stored.arrays["mask_observed"] > 0) & ~stored.mask, "lie outside the mask"
+    observed = stored.arrays["mask_observed"] > 0
+    yield observed & ~stored.mask, "lie outside the mask"
+    yield observed & stored.occluder, "lie behind what stands in front"
 
 
 def _source_flaws(stored: Stored) -> Flaws:
@@ -198,7 +214,7 @@ def _source_flaws(stored: Stored) -> Flaws:
 
 def _float_flaws(stored: Stored) -> Flaws:
     exact = stored.arrays["depth_mm"].astype(np.float64)
-    wrong = ((exact > 0) != stored.mask) | ~_rounds_to_depth(exact, stored, 1e-6 * exact)
+    wrong = ((exact > 0) != (stored.mask | stored.occluder)) | ~_rounds_to_depth(exact, stored, 1e-6 * exact)
     yield wrong, "are not those of the depth image before rounding"
 
 
@@ -220,14 +236,14 @@ def points_model(depth_mm: np.ndarray, camera: PinholeCamera, cam_from_model: np
 
 def _point_flaws(stored: Stored) -> Flaws:
     points = stored.arrays["points"].astype(np.float64)
-    yield (np.isnan(points) == stored.mask[..., None]).any(axis=2), "differ from where the mask has surface"
+    yield (np.isnan(points) == stored.visible[..., None]).any(axis=2), "differ from where mask_visib has surface"
     points_cam = transform_points(stored.cam_from_model, points.reshape(-1, 3)).reshape(points.shape)
     z, rays = points_cam[..., 2], stored.camera.rays_cam(stored.camera.pixel_grid())
     # of single precision
     rounding = 1e-6 * (np.abs(points).max(axis=2) + z)
     off = np.abs(points_cam - z[..., None] * rays).max(axis=2)
-    yield stored.mask & ~(off <= rounding), "are not on the rays through the pixels' centres"
-    yield stored.mask & ~_rounds_to_depth(z, stored, rounding), "are not at the depth of the depth image"
+    yield stored.visible & ~(off <= rounding), "are not on the rays through the pixels' centres"
+    yield stored.visible & ~_rounds_to_depth(z, stored, rounding), "are not at the depth of the depth image"
 
 
 def _shown_faces(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray) -> np.ndarray:
@@ -288,9 +304,9 @@ def unit_vectors(codes: np.ndarray) -> np.ndarray:
 
 def _normal_flaws(stored: Stored) -> Flaws:
     codes = stored.arrays["normals"]
-    yield codes.any(axis=2) != stored.mask, "differ from where the mask has surface"
+    yield codes.any(axis=2) != stored.visible, "differ from where mask_visib has surface"
     off = np.abs(np.linalg.norm(codes / NORMAL_UNIT - 1, axis=2) - 1)
-    yield stored.mask & (off > 1e-4), "are not of length 1"
+    yield stored.visible & (off > 1e-4), "are not of length 1"
 
 
 TRUTHS = {
@@ -299,12 +315,16 @@ TRUTHS = {
         Truth("rgb", "the view", COLOUR, _codes, _rgb_flaws),
         Truth(
             "depth", "value × depth_scale = mm along the optical axis; 0 = no surface", UNITS,
-            lambda shot: quantised_depth(shot.rendered.depth_mm, shot.depth_scale), _none,
+            lambda shot: quantised_depth(shot.rendered.seen_mm, shot.depth_scale), _none,
         ),
         Truth("mask", "the surface", MASK, lambda shot: _white(shot.rendered.mask), _mask_flaws),
         Truth(
-            "mask_visib", "the surface that nothing stands in front of: all of it", MASK,
+            "mask_visib", "the surface that nothing stands in front of", MASK,
             lambda shot: _white(shot.rendered.visible), _visible_flaws,
+        ),
+        Truth(
+            "mask_occluder", "what stands in front of the surface, or beside it", MASK,
+            lambda shot: _white(shot.rendered.occluder), _none, option="occluders",
         ),
         Truth(
             "mask_observed", "surface that a frame of the case saw", MASK,
@@ -316,16 +336,16 @@ TRUTHS = {
         ),
         Truth(
             "depth_mm", "mm along the optical axis; 0 = no surface", FLOAT,
-            lambda shot: shot.rendered.depth_mm, _float_flaws, option="float_depth",
+            lambda shot: shot.rendered.seen_mm, _float_flaws, option="float_depth",
         ),
         Truth(
             "normals", "unit normal of the visible side, camera axes: value / 32767.5 - 1; 0 = no surface", VECTOR,
-            lambda shot: normal_codes(shot.rendered.mask, shot.mesh, shot.camera, shot.cam_from_model), _normal_flaws,
-            option="normals",
+            lambda shot: normal_codes(shot.rendered.visible, shot.mesh, shot.camera, shot.cam_from_model),
+            _normal_flaws, option="normals",
         ),
         Truth(
             "points", "point of the surface (object coordinates), mm, mesh in models/; NaN = no surface", POINT,
-            lambda shot: points_model(shot.rendered.depth_mm, shot.camera, shot.cam_from_model), _point_flaws,
+            lambda shot: points_model(shot.rendered.visible_mm, shot.camera, shot.cam_from_model), _point_flaws,
             option="points",
         ),
     )

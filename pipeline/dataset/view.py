@@ -57,7 +57,7 @@ def encode_view(
         Names of the arrays that are written: see :func:`.written_truths`.
     """
     view, planned = sample.rendered, sample.planned
-    farthest = float(view.depth_mm.max())
+    farthest = float(view.seen_mm.max())
     if farthest > depth_scale * DEPTH_LEVELS:
         depth_scale = depth_scale_for(farthest)
     shot = Shot(view, planned.cam_from_model, edges.mesh, camera, depth_scale)

@@ -1,9 +1,34 @@
-"""Pixel values: interpolated between centres, as 8-bit codes, as linear light (IEC 61966-2-1); and boxes of masks."""
+"""Pixel values: interpolated between centres, as 8-bit codes, as linear light; and boxes of masks."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 ROUNDING_PX = 1e-3
 """Largest rounding error of a pixel centre that is unprojected and projected again."""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """How code values c stand for linear light: ((c + shift) / (1 + shift))^gamma; near black c / slope.
+
+    Attributes
+    ----------
+    shift, gamma
+        Of the power.
+    straight, slope
+        Code value up to which the curve is straight, and its slope there, codes to light.
+    """
+
+    shift: float
+    gamma: float
+    straight: float
+    slope: float
+
+
+SRGB = Transfer(0.055, 2.4, 0.04045, 12.92)
+TRANSFERS = {"srgb": SRGB, "bt709": Transfer(0.099, 1 / 0.45, 0.081, 4.5), "linear": Transfer(0.0, 1.0, 0.0, 1.0)}
+"""By name: IEC 61966-2-1, the curve of video (ITU-R BT.709), and none."""
 
 
 def sample_bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -40,16 +65,18 @@ def to_uint8(values: np.ndarray) -> np.ndarray:
     return np.clip(np.rint(values * 255), 0, 255).astype(np.uint8)
 
 
-def linear_from_codes(codes: np.ndarray) -> np.ndarray:
+def linear_from_codes(codes: np.ndarray, curve: Transfer = SRGB) -> np.ndarray:
     """Code values -> linear light, float64 of any shape."""
     codes = np.asarray(codes, dtype=np.float64)
-    return np.where(codes <= 0.04045, codes / 12.92, ((np.maximum(codes, 0) + 0.055) / 1.055) ** 2.4)
+    power = ((np.maximum(codes, 0) + curve.shift) / (1 + curve.shift)) ** curve.gamma
+    return np.where(codes <= curve.straight, codes / curve.slope, power)
 
 
-def codes_from_linear(linear: np.ndarray) -> np.ndarray:
+def codes_from_linear(linear: np.ndarray, curve: Transfer = SRGB) -> np.ndarray:
     """Linear light -> code values, float64 of any shape."""
     linear = np.asarray(linear, dtype=np.float64)
-    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055)
+    power = (1 + curve.shift) * np.maximum(linear, 0) ** (1 / curve.gamma) - curve.shift
+    return np.where(linear <= curve.straight / curve.slope, linear * curve.slope, power)
 
 
 def mask_box(mask: np.ndarray, margin_px: int = 0) -> tuple[slice, slice]:

@@ -16,11 +16,12 @@ the lens, and what this may be wrong by is part of the uncertainty.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import InputError
+from ..images.pixel_values import TRANSFERS
 from ..surface.mesh import TriangleMesh
 from .lens_light import PHYSICAL, LensLight
 from .shaded_points import Image, ShadedPoints, shaded_points
@@ -117,18 +118,22 @@ class FoundLamp:
             "standard_deviation_mm": [round(each, 2) for each in self.deviation_mm],
             "ambient_standard_deviation": round(self.ambient_deviation, 4),
         }
-        return LensLight((x, y, z), round(self.light.ambient, 4), round(self.light.falloff, 3), origin)
+        rounded = (x, y, z), round(self.light.ambient, 4), round(self.light.falloff, 3)
+        return LensLight(*rounded, origin, self.light.transfer)
 
 
-def find_lamp(mesh: TriangleMesh, frames: Sequence[Image]) -> FoundLamp:
+def find_lamp(mesh: TriangleMesh, frames: Sequence[Image], transfer: str = "srgb") -> FoundLamp:
     """The lamp at the lens that explains frames of a surface (model frame) best; :attr:`FoundLamp.objection` judges it.
+
+    ``transfer`` is what their code values are, as of :class:`.LensLight`.
 
     Raises
     ------
     InputError
         The frames show too little of the surface well exposed or, if there are several, of the same surface.
     """
-    return lamp_of(shaded_points(mesh, frames), mesh)
+    found = lamp_of(shaded_points(mesh, frames, TRANSFERS[transfer]), mesh)
+    return replace(found, light=replace(found.light, transfer=transfer))
 
 
 def lamp_of(sightings: ShadedPoints, mesh: TriangleMesh) -> FoundLamp:

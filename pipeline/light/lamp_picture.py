@@ -25,10 +25,10 @@ def lamp_picture(mesh: TriangleMesh, frame: Image, light: LensLight) -> np.ndarr
     distance_mm = working_distance_mm(pose, central_point(raster.depth_mm, frame.camera, pose))
     shade = shading(light, points, normals, pose, distance_mm)
     shade = np.maximum(shade / max(float(np.median(shade)), LEAST_SHADING), LEAST_SHADING)
-    albedo = linear_from_codes(frame.image[shown]) / shade[:, None]
+    albedo = linear_from_codes(frame.image[shown], light.curve) / shade[:, None]
     tiles = [frame.image]
     for linear in (GREY * np.repeat(shade[:, None], 3, axis=1), albedo):
         tile = np.zeros_like(frame.image)
-        tile[shown] = np.clip(codes_from_linear(linear), 0, 1)
+        tile[shown] = np.clip(codes_from_linear(linear, light.curve), 0, 1)
         tiles.append(tile)
     return contact_sheet(tiles, columns=3, tile_width=TILE_PX)

@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import InputError
 from ..files.keys import check_keys
 from ..files.numbers import is_number
+from ..images.pixel_values import SRGB, TRANSFERS, Transfer
 
 PHYSICAL = 2.0
 """The falloff of a small lamp."""
@@ -56,6 +57,8 @@ class LensLight:
         Exponent of the distance.
     origin
         Where these come from, by :data:`ORIGIN_KEYS`; nothing is computed from it.
+    transfer
+        What the code values of the frames are: one of :data:`.TRANSFERS`.
 
     Raises
     ------
@@ -67,6 +70,7 @@ class LensLight:
     ambient: float
     falloff: float = PHYSICAL
     origin: Mapping[str, object] = field(default_factory=dict)
+    transfer: str = "srgb"
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -84,6 +88,19 @@ class LensLight:
         for name, value, most in (("ambient", self.ambient, 1.0), ("falloff", self.falloff, STEEPEST)):
             if not (math.isfinite(value) and 0 <= value <= most):
                 raise InputError(f"{name}: expected a number from 0 to {most:g}, found {value!r}")
+        if self.transfer not in tuple(TRANSFERS):
+            raise InputError(f"transfer: expected one of {', '.join(TRANSFERS)}, found {self.transfer!r}")
+
+    @property
+    def law(self) -> dict[str, object]:
+        """What the light is computed from, by the keys of a case file; of usual frames without their transfer."""
+        law = {"lamp_cam_mm": self.lamp_cam_mm, "ambient": self.ambient, "falloff": self.falloff}
+        return law if self.curve is SRGB else {**law, "transfer": self.transfer}
+
+    @property
+    def curve(self) -> Transfer:
+        """How the code values stand for linear light."""
+        return TRANSFERS[self.transfer]
 
     def place_model(self, cam_from_model: np.ndarray) -> np.ndarray:
         """``(3,)`` mm: where the lamp is at a pose (4x4, mm) of the lens, model frame."""
@@ -99,7 +116,7 @@ def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
     InputError
         An unknown or missing key, or a value of the wrong kind or out of range.
     """
-    check_keys(table, ("lamp_cam_mm", "ambient"), ("falloff", *ORIGIN_KEYS), f"{where} ")
+    check_keys(table, ("lamp_cam_mm", "ambient"), ("falloff", "transfer", *ORIGIN_KEYS), f"{where} ")
     lamp, origin = table["lamp_cam_mm"], {key: table[key] for key in ORIGIN_KEYS if key in table}
     if not isinstance(lamp, list) or len(lamp) != 3 or not all(map(is_number, lamp)):
         raise InputError(f"{where} lamp_cam_mm: expected three numbers, found {lamp!r}")
@@ -111,7 +128,7 @@ def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
     values = {key: float(table[key]) for key in ("ambient", "falloff") if key in table}  # type: ignore[arg-type]
     try:
         x, y, z = map(float, lamp)
-        return LensLight((x, y, z), **values, origin=origin)
+        return LensLight((x, y, z), **values, origin=origin, transfer=table.get("transfer", "srgb"))  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{where} {error}") from None
 

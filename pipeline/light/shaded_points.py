@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import linear_from_codes, sample_bilinear
+from ..images.pixel_values import SRGB, Transfer, linear_from_codes, sample_bilinear
 from ..projection.overlay_scene import smooth_normals
 from ..projection.visible_surface import central_point
 from ..projection.z_buffer import DepthRaster, inverse_depth_of, rasterise_depth
@@ -150,9 +150,9 @@ class _View:
     unusable: np.ndarray
 
 
-def shaded_points(mesh: TriangleMesh, frames: Sequence[Image]) -> ShadedPoints:
+def shaded_points(mesh: TriangleMesh, frames: Sequence[Image], curve: Transfer = SRGB) -> ShadedPoints:
     """The points that frames show well exposed, away from steps of depth and edges; ``mesh`` in the model frame."""
-    views = [_view(mesh, frame) for frame in frames]
+    views = [_view(mesh, frame, curve) for frame in frames]
     usable = sum(float((view.unusable == 0).sum()) for view in views)
     step = max(1, round(np.sqrt(usable / MOST_POINTS)))
     lifted = [_lifted(mesh, view, step) for view in views]
@@ -170,9 +170,9 @@ def shaded_points(mesh: TriangleMesh, frames: Sequence[Image]) -> ShadedPoints:
     )
 
 
-def _view(mesh: TriangleMesh, frame: Image) -> _View:
+def _view(mesh: TriangleMesh, frame: Image, curve: Transfer) -> _View:
     raster = rasterise_depth(mesh, frame.camera, frame.cam_from_model)
-    light = linear_from_codes(frame.image[..., RED])
+    light = linear_from_codes(frame.image[..., RED], curve)
     unusable = ~frame.valid | (frame.image.max(axis=2) > BRIGHT) | (light < DARK) | (raster.face < 0)
     light = _spread(np.where(unusable, 0, light), np.add) / np.maximum(_spread(~unusable * 1.0, np.add), 1e-9)
     depth = np.where(raster.face >= 0, raster.depth_mm, np.inf)

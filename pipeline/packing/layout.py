@@ -67,7 +67,7 @@ def view_key(paths: ViewPaths) -> str:
 
 def member_suffixes(kinds: Collection[str], *, jpeg: bool) -> tuple[str, ...]:
     """The members of a view with files of these kinds, each by the part of its name after the key and a dot."""
-    masks = tuple(f"{kind}.json" for kind in MASKS)
+    masks = tuple(f"{kind}.json" for kind in MASKS if kind in kinds)
     files = (name for kind, name in FILES.items() if kind in kinds)
     return ("camera.json", "gt.json", "gt_info.json", *masks, *files, "rgb.jpg" if jpeg else "rgb.png")
 

@@ -22,7 +22,7 @@ TEXT = """\
 
 One object, `obj_id` {object_id} ({name}), {width} x {height} px. {shards} WebDataset shard{s} of at most {per_shard}
 views, which are views {views} of the dataset. The layout is BOP's image-wise one. Poses hold for the mesh in `models/`,
-in mm, with OpenCV axes. No symmetries, no occlusion. `dataset.json` holds what the dataset was made from, `pack.json`
+in mm, with OpenCV axes. No symmetries, {occlusion}. `dataset.json` holds what the dataset was made from, `pack.json`
 the views and the SHA-256 of each shard, `key_to_shard.json` the shard of each key.
 {about}
 A view's key is `SSSSSS_IIIIII`, scene and image of the dataset (view = 1000 x scene + image). Its members:
@@ -67,6 +67,7 @@ def pack_info(description: Description, plan: Plan, about: str = "") -> bytes:
         per_shard=plan.views_per_shard,
         views=view_ranges(plan.views),
         members="\n".join(f"| `{suffix}` | {_MEANING[suffix]} |" for suffix in suffixes),
+        occlusion="instruments in front of the surface" if "mask_occluder" in description.kinds else "no occlusion",
         rgb=rgb,
         last=len(plan.shards()) - 1,
         rgb_name="rgb.jpg" if jpeg else "rgb.png",

@@ -20,7 +20,7 @@ from ..dataset.decoding import Shape, decoded
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.run.resume_record import ViewRecord, read_record
 from ..dataset.tables.bop import scene_entries
-from ..dataset.truths import COLOUR, MASK
+from ..dataset.truths import COLOUR, MASK, TRUTHS
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
 from .layout import FILES, MASKS, mask_json, shard_name, view_key
@@ -155,7 +155,7 @@ def checked_file(paths: ViewPaths, record: ViewRecord, kind: str, most: int) -> 
 def _masks(paths: ViewPaths, record: ViewRecord, most: int, shape: Shape) -> Iterator[tuple[str, bytes]]:
     """Kind and run lengths of each mask, as BOP's ``save_masks`` has them: by the number of the object in the image."""
     known: dict[bytes, bytes] = {}
-    for kind in MASKS:
+    for kind in (kind for kind in MASKS if not TRUTHS[kind].option or paths.relative(kind) in record.files):
         data = checked_file(paths, record, kind, most)
         if data not in known:
             known[data] = mask_json(decoded(data, MASK, shape, str(paths.file(kind))) != 0)

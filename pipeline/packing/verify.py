@@ -14,6 +14,7 @@ from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
 from ..dataset.dataset_file import read_description
 from ..dataset.layout import RECORD
+from ..dataset.options import RIGHT
 from ..errors import InputError, RunError
 from ..progress import Progress
 from .layout import MANIFEST, TABLES, WORK, is_note, shard_name
@@ -139,7 +140,9 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
         if problem:
             findings.add(DAMAGED, problem)
     known_names = {MANIFEST, *manifest.files, *map(shard_name, range(len(manifest.shards)))}
-    for path in sorted(folder.rglob("*")):
+    # the right eye is a pack of its own
+    right = folder / RIGHT if (folder / RIGHT / MANIFEST).is_file() else None
+    for path in sorted(path for path in folder.rglob("*") if right not in path.parents):
         name = path.relative_to(folder).as_posix()
         if name not in known_names and not path.is_dir() and not is_note(name):
             what = "this pack has no such shard" if is_own_name(name) else "no pack has such a file"

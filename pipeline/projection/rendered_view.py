@@ -21,22 +21,41 @@ class RenderedView:
     near_unseen
         ``(H, W)`` bool: observed, but within about one frame pixel of the border of the observed surface; only scenes
         for anti-aliasing have it.
+    occluder_mm
+        ``(H, W)`` float32 depth of what stands in front of the surface or beside it, which colours show; 0 for none.
+        ``None``: nothing does anywhere.
     """
 
     rgb: np.ndarray
     depth_mm: np.ndarray
     source: np.ndarray
     near_unseen: np.ndarray
+    occluder_mm: np.ndarray | None = None
 
     @property
     def mask(self) -> np.ndarray:
-        """``(H, W)`` bool: there is surface at the pixel's centre."""
+        """``(H, W)`` bool: there is surface at the pixel's centre, whatever stands in front of it."""
         return self.depth_mm > 0
 
     @property
+    def occluder(self) -> np.ndarray:
+        """``(H, W)`` bool: something else than the surface is seen at the pixel's centre."""
+        return np.zeros(self.mask.shape, bool) if self.occluder_mm is None else self.occluder_mm > 0
+
+    @property
     def visible(self) -> np.ndarray:
-        """``(H, W)`` bool: the surface at the pixel's centre that nothing hides; nothing stands in front of it yet."""
-        return self.mask
+        """``(H, W)`` bool: the surface at the pixel's centre that nothing stands in front of."""
+        return self.mask & ~self.occluder
+
+    @property
+    def visible_mm(self) -> np.ndarray:
+        """``(H, W)`` float32 depth of the visible surface; 0 for none."""
+        return self.depth_mm if self.occluder_mm is None else np.where(self.visible, self.depth_mm, np.float32(0))
+
+    @property
+    def seen_mm(self) -> np.ndarray:
+        """``(H, W)`` float32 depth of what is seen, surface or not; 0 for nothing."""
+        return self.depth_mm if self.occluder_mm is None else np.where(self.occluder, self.occluder_mm, self.depth_mm)
 
     @property
     def observed(self) -> np.ndarray:

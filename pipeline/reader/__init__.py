@@ -4,6 +4,19 @@ In: the folder of ``oneframe render`` or of ``oneframe pack``. Out: arrays, by `
 """
 
 from .dataset import Dataset, open_dataset
+from .distorted import DistortedView
+from .lens import Defocus, Exposure, RoundView, SensorNoise, through_lens
 from .view import Boxes, View
 
-__all__ = ["Boxes", "Dataset", "View", "open_dataset"]
+__all__ = [
+    "Boxes",
+    "Dataset",
+    "Defocus",
+    "DistortedView",
+    "Exposure",
+    "RoundView",
+    "SensorNoise",
+    "View",
+    "open_dataset",
+    "through_lens",
+]

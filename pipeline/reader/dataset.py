@@ -118,7 +118,11 @@ def open_dataset(path: str | Path) -> Dataset:
         )
     views = range(description.count)
     scenes = [scene_views(number, description.count) for number in range(scene_count(description.count))]
-    return Dataset(FolderFiles(folder, description), description, views, scenes)
+    return Dataset(FolderFiles(folder, description, _files_in), description, views, scenes)
+
+
+def _files_in(folder: Path) -> ViewFiles:
+    return open_dataset(folder)._files
 
 
 def _open_pack(folder: Path) -> Dataset:
@@ -141,7 +145,7 @@ def _open_pack(folder: Path) -> Dataset:
             )
         first = places[-1].stop if places else 0
         places.append(range(first, first + len(views)))
-    return Dataset(PackFiles(folder, description, manifest.plan), description, manifest.plan.views, places)
+    return Dataset(PackFiles(folder, description, _files_in, manifest.plan), description, manifest.plan.views, places)
 
 
 def _names(folder: Path) -> list[str]:

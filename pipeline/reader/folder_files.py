@@ -1,5 +1,6 @@
 """Views in the folder of a dataset."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,10 +20,13 @@ class FolderFiles(ViewFiles):
     ----------
     root, description
         The dataset's folder and what it says.
+    opened
+        Opens another folder, that of the right eyes.
     """
 
     root: Path
     description: Description
+    opened: Callable[[Path], ViewFiles]
 
     def numbers(self, index: int) -> Numbers:
         """The numbers of a view, from its record."""

@@ -3,6 +3,7 @@
 import os
 import tarfile
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +27,9 @@ MOST_OPEN = 8
 class PackFiles(ViewFiles):
     """The members of a pack's shards. It can be pickled, and used by several threads and after a fork."""
 
-    def __init__(self, folder: Path, description: Description, plan: Plan) -> None:
-        """Open nothing yet: a shard's headers are read when its first view is."""
-        self.root, self.description = folder, description
+    def __init__(self, folder: Path, description: Description, opened: Callable[[Path], ViewFiles], plan: Plan) -> None:
+        """Open nothing yet: a shard's headers are read when its first view is. ``opened`` is that of right eyes."""
+        self.root, self.description, self.opened = folder, description, opened
         self._shape, self._most = description.camera.shape_hw, largest_view_file(*description.camera.size_wh)
         rgb = "rgb.png" if plan.jpeg_quality is None else "rgb.jpg"
         self._suffixes = {"rgb": rgb, **FILES}
@@ -72,6 +73,8 @@ class PackFiles(ViewFiles):
         """Give back all handles of files."""
         self._closed = True
         self._open = {}
+        if "right" in self.__dict__:
+            self.right.close()
 
     def _table(self, index: int, suffix: str) -> tuple[Any, str]:
         data, where = self._member(index, suffix)
@@ -82,7 +85,9 @@ class PackFiles(ViewFiles):
         return self._member(index, self._suffixes.get(kind, f"{kind}.json"))
 
     def _member(self, index: int, suffix: str) -> tuple[bytes, str]:
-        number = self._shard_of[index]
+        number = self._shard_of.get(index)
+        if number is None:
+            raise InputError(f"{self.root}: expected view {index} in it, found none; pack both eyes by one command")
         path = self.root / shard_name(number)
         name = f"{view_key(ViewPaths(self.root, index))}.{suffix}"
         try:

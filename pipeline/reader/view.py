@@ -1,5 +1,6 @@
 """One view of a dataset, whose parts are read and decoded when they are first asked for."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -8,8 +9,10 @@ import numpy as np
 
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
+from ..dataset.identity import OF_EYE, described, differences
 from ..dataset.layout import MODEL_FILES
 from ..dataset.model_file import read_model
+from ..dataset.options import RIGHT
 from ..dataset.run.resume_record import Box
 from ..dataset.truths import TRUTHS, normal_codes, points_model, unit_vectors
 from ..errors import InputError
@@ -63,6 +66,25 @@ class ViewFiles:
 
     root: Path
     description: Description
+    opened: Callable[[Path], "ViewFiles"]
+
+    @cached_property
+    def right(self) -> "ViewFiles":
+        """Those of the right eyes, opened when they are first asked for.
+
+        Raises
+        ------
+        InputError
+            There are none, or they do not belong to these views.
+        """
+        folder = self.root / RIGHT
+        if not folder.is_dir():
+            raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
+        files = self.opened(folder)
+        changes = differences(self.description.content, files.description.content)
+        if others := [change for change in changes if change.key not in OF_EYE]:
+            raise InputError(f"{folder}: expected the right eyes of these views: {'; '.join(described(others))}")
+        return files
 
     @cached_property
     def mesh(self) -> TriangleMesh:
@@ -113,23 +135,41 @@ class View:
 
     @cached_property
     def rgb(self) -> np.ndarray:
-        """``(H, W, 3)`` uint8 RGB; black where there is no surface."""
+        """``(H, W, 3)`` uint8 RGB; black where there is neither surface nor anything in front of it."""
         return self.files.array(self.index, "rgb")
 
     @cached_property
     def depth_mm(self) -> np.ndarray:
-        """``(H, W)`` float32 depth along the optical axis, mm; 0 where there is no surface.
+        """``(H, W)`` float32 depth of what is seen along the optical axis, mm; 0 where there is nothing.
 
+        That is the surface, or with ``--occluders`` what stands in front: see :attr:`mask_occluder`.
         The float depth if the dataset has it, else the 16-bit image times its scale.
         """
         if "depth_mm" in self.files.description.kinds:
             return self.files.array(self.index, "depth_mm")
         return depth_mm(self.files.array(self.index, "depth"), self._numbers.depth_scale)
 
-    @cached_property
+    @property
     def mask(self) -> np.ndarray:
+        """``(H, W)`` bool: the visible surface, as :attr:`mask_visib`."""
+        return self.mask_visib
+
+    @cached_property
+    def mask_visib(self) -> np.ndarray:
         """``(H, W)`` bool: the surface is at the pixel's centre, and nothing stands in front of it."""
         return self.files.array(self.index, "mask_visib") > 0
+
+    @cached_property
+    def mask_whole(self) -> np.ndarray:
+        """``(H, W)`` bool: the surface is at the pixel's centre, whatever stands in front of it; BOP's ``mask``."""
+        return self.files.array(self.index, "mask") > 0
+
+    @cached_property
+    def mask_occluder(self) -> np.ndarray:
+        """``(H, W)`` bool: something stands at the pixel's centre, in front of the surface or beside it."""
+        if "mask_occluder" in self.files.description.kinds:
+            return self.files.array(self.index, "mask_occluder") > 0
+        return np.zeros(self.files.description.camera.shape_hw, bool)
 
     @cached_property
     def observed(self) -> np.ndarray:
@@ -162,17 +202,18 @@ class View:
         if "normals" in self.files.description.kinds:
             return self.normals
         camera = self.files.description.camera
-        return unit_vectors(normal_codes(self.depth_mm > 0, self.files.mesh, camera, self.cam_from_model))
+        return unit_vectors(normal_codes(self.mask_visib, self.files.mesh, camera, self.cam_from_model))
 
     @cached_property
     def points_model(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 points of the surface at the pixels' centres, mm, mesh in ``models/``; NaN for none.
+        """``(H, W, 3)`` float32 points of the visible surface at pixels' centres, mm, mesh in ``models/``, or NaN.
 
         Those of ``--write points`` if the dataset has them, else from :attr:`depth_mm`.
         """
         if "points" in self.files.description.kinds:
             return self.files.array(self.index, "points")
-        return points_model(self.depth_mm, self.files.description.camera, self.cam_from_model)
+        surface_mm = np.where(self.mask_visib, self.depth_mm, np.float32(0))
+        return points_model(surface_mm, self.files.description.camera, self.cam_from_model)
 
     @cached_property
     def nocs(self) -> np.ndarray:
@@ -183,7 +224,7 @@ class View:
 
     @cached_property
     def distance_mm(self) -> np.ndarray:
-        """``(H, W)`` float32 distance from the camera's centre, along the pixel's ray; 0 where there is no surface."""
+        """``(H, W)`` float32 distance of what is seen from the camera's centre, along the pixel's ray, or 0."""
         camera = self.files.description.camera
         rays = camera.rays_cam(camera.pixel_grid())
         return (self.depth_mm * np.linalg.norm(rays, axis=2)).astype(np.float32)
@@ -212,6 +253,17 @@ class View:
             raise InputError(f"flow to view {other.index}: expected a view of the same surface, found {its.name!r}")
         rounding_mm = self._numbers.depth_scale + other._numbers.depth_scale
         return flow(self.points_model, its.camera, other.cam_from_model, other.depth_mm, rounding_mm)
+
+    @cached_property
+    def right(self) -> "View":
+        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``.
+
+        Raises
+        ------
+        InputError
+            There is none.
+        """
+        return View(self.index, self.files.right)
 
     @cached_property
     def source_frame(self) -> np.ndarray:

@@ -5,7 +5,7 @@ amounts in the image.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import NormalDist
@@ -202,7 +202,13 @@ class Registrar:
             )
         return bank
 
-    def register(self, grey: np.ndarray, valid: np.ndarray, near: np.ndarray | None = None) -> RegisteredFrame:
+    def register(
+        self,
+        grey: np.ndarray,
+        valid: np.ndarray,
+        near: np.ndarray | None = None,
+        guess: Callable[[], np.ndarray | None] | None = None,
+    ) -> RegisteredFrame:
         """Register a frame.
 
         Parameters
@@ -211,6 +217,8 @@ class Registrar:
             ``(H, W)`` uint8 undistorted image, and ``(H, W)`` bool: pixels that may be used.
         near
             ``(4, 4)`` a pose that may be near, such as the frame's before.
+        guess
+            Asked for another such pose where features do not find one that is accepted.
 
         Raises
         ------
@@ -223,7 +231,12 @@ class Registrar:
                 return registered
         found = localised(self._bank, self.camera, grey, valid)
         fit = None if found is None else refined_by_flow(self._views, grey, valid, found.cam_from_model)
-        return self._judged(fit, found)
+        registered = self._judged(fit, found)
+        guessed = None if guess is None or registered.verdict.state == ACCEPTED else guess()
+        if guessed is None:
+            return registered
+        other = self._judged(refined_by_flow(self._views, grey, valid, guessed), None)
+        return max(registered, other, key=lambda each: each.verdict.probability)
 
     def _judged(self, fit: FlowFit | None, found: Localised | None) -> RegisteredFrame:
         verdict, uncertainty = judge(fit, found, self._pivot_model)

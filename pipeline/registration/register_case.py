@@ -55,7 +55,7 @@ class Registration:
 
 
 def register_case(
-    loaded: LoadedCase,
+    registrar: CaseRegistrar,
     frames: Path,
     out: Path,
     *,
@@ -68,8 +68,8 @@ def register_case(
 
     Parameters
     ----------
-    loaded
-        The case at its pose, with the structures to draw.
+    registrar
+        Of the case at its pose, with the structures to draw.
     frames
         Folder of images, or a video.
     out
@@ -90,8 +90,8 @@ def register_case(
     RunError
         A file cannot be written.
     """
+    loaded, is_film, candidates = registrar.loaded, not frames.is_dir(), Candidates()
     check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(frames))
-    registrar, is_film, candidates = CaseRegistrar(loaded), not frames.is_dir(), Candidates()
     run = RegistrationRun(registrar, candidates, is_film=is_film)
     evidence, drawn, usable = list[FrameEvidence](), _drawn_points(loaded), False
     with registrar.frames(frames, every) as opened:

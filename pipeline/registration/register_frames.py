@@ -1,8 +1,9 @@
 """Register the frames of a folder or a video to a case, one after the other."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.distortion import distorted_pixels
+from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame, UnreadFrame
 from ..case.loaded_case import LoadedCase
 from ..colour.reference_view import ReferenceView, colouring_view_of
@@ -73,11 +75,15 @@ class OpenedFrames:
     cut_off: str = ""
 
 
+Guess = Callable[[np.ndarray, PinholeCamera], np.ndarray | None]
+"""Gives a first pose ``cam_from_model`` of an undistorted image ``(H, W, 3)`` uint8, if it finds one."""
+
+
 class CaseRegistrar:
     """Registers frames to a case."""
 
-    def __init__(self, loaded: LoadedCase) -> None:
-        """Prepare a case at its pose.
+    def __init__(self, loaded: LoadedCase, guess: Guess | None = None) -> None:
+        """Prepare a case at its pose; frames in which features fail start where ``guess`` puts them.
 
         Raises
         ------
@@ -91,6 +97,7 @@ class CaseRegistrar:
         self.mesh, self.pivot_model, self.cam_from_model = view.mesh, view.pivot_model, frame.cam_from_model
         self.source = view.view
         self._registrar = Registrar(view.mesh, view.view, view.pivot_model)
+        self.loaded, self._guess = loaded, guess
         self._case, self._own = loaded.case, _own_uncertainty(loaded, view)
         self._straight: Resampler | None = None
         self._inside = np.ones(self.camera.shape_hw, bool)
@@ -125,7 +132,8 @@ class CaseRegistrar:
         if near is None and not frame.name and self._before:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
-        found = self._registrar.register(grey_codes(frame.image), frame.valid, near)
+        guess = None if self._guess is None else partial(self._guess, frame.image, self.camera)
+        found = self._registrar.register(grey_codes(frame.image), frame.valid, near, guess)
         pose = found.cam_from_model if found.verdict.state == ACCEPTED else None
         self._before = () if pose is None else (*self._before[-1:], pose)
         return found

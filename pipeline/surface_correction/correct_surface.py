@@ -9,6 +9,7 @@ import numpy as np
 from ..case.frame import PosedFrame
 from ..colour.lens_shading import LensShading
 from ..errors import InputError
+from ..images.pixel_values import SRGB
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 from .control_points import ControlPoints, neighbour_means
@@ -134,7 +135,8 @@ def correct_surface(
         Too few frames, or too near to one another; no texture; frames that show something else; residuals that no
         displacement explains; or a surface that is too coarse.
     """
-    run = _Run(mesh, [SurfaceFrame(frame) for frame in frames], light)
+    curve = light.curve if light else SRGB
+    run = _Run(mesh, [SurfaceFrame(frame, curve) for frame in frames], light)
     for number in range(ROUNDS):
         result = run.round(rng, SAMPLES if number == ROUNDS - 1 else 1)
         progress((number + 1) / (ROUNDS + 1))

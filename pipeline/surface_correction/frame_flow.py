@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 
 from ..case.frame import PosedFrame
-from ..colour.lens_shading import SHIFT, CornerNormals, LensShading, shifted_codes
+from ..colour.lens_shading import CornerNormals, LensShading, shifted_codes
+from ..images.pixel_values import SRGB, Transfer
 from ..light.local_mean import without_light
 from ..projection.rays import Hits, MeshRays
 from ..surface.mesh import TriangleMesh
@@ -34,10 +35,11 @@ BORDER_PX = 5
 class SurfaceFrame:
     """A frame, and what its image alone tells."""
 
-    def __init__(self, frame: PosedFrame) -> None:
+    def __init__(self, frame: PosedFrame, curve: Transfer = SRGB) -> None:
         self.camera, self.valid, self.start = frame.camera, frame.valid, frame.cam_from_model
         # in linear light to the power of the codes: a factor of light is one of these
-        self.codes = shifted_codes(cv2.cvtColor(frame.image.astype(np.float32), cv2.COLOR_RGB2GRAY)) + np.float32(SHIFT)
+        grey = cv2.cvtColor(frame.image.astype(np.float32), cv2.COLOR_RGB2GRAY)
+        self.codes = shifted_codes(grey, curve) + np.float32(curve.shift)
 
     @cached_property
     def grey(self) -> np.ndarray:

@@ -9,9 +9,9 @@ other --views, --steps or --seeds join the table; the chart shows errors relativ
 
 With --spoilt a network also sees spoilt photographs, as in the topic registration, beside registration itself.
 
-Needs PyTorch (pip install torch). Writes a table, FILE.csv, with a row for each photograph and training, FILE_bad.csv
-with the spoilt ones, and their charts; datasets go to a folder beside it, FILE/. Go on where it stopped with the same
-command.
+Needs PyTorch and onnx (pip install torch onnx). Writes a table, FILE.csv, with a row for each photograph and training,
+FILE_bad.csv with the spoilt ones, and their charts; datasets go to a folder beside it, FILE/. Go on where it stopped
+with the same command.
 """
 
 import argparse
@@ -19,7 +19,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from operator import attrgetter
 from pathlib import Path
@@ -31,6 +30,9 @@ from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.errors import RunError
 from oneframe.evaluation.conditions import current_conditions
+from oneframe.images.pixel_values import to_uint8
+from oneframe.learning.pose_network import PoseNetwork
+from oneframe.learning.view_crops import ViewCrops
 from oneframe.progress import Progress
 from oneframe.reader import View
 from oneframe.registration.register_frames import small_frame
@@ -50,7 +52,6 @@ from .learning.training_scenes import (
     bloster_scene,
     sample_scene,
 )
-from .learning.view_crops import ViewCrops
 
 ALL = [*DATASETS, FRAMES, PHOTOGRAPHS]
 QUICK = {"views": 4, "steps": 2, "seeds": [0, 1], "spoilt": True, "datasets": [NEUTRAL]}
@@ -74,9 +75,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Train and test; write the table after each training."""
     try:
-        from .learning.coordinate_network import network_pose, trained_network
+        from oneframe.learning.coordinate_network import onnx_file, trained_network
     except ImportError:
-        raise RunError("training: expected PyTorch, it is not installed; run pip install torch and try again") from None
+        raise RunError("training: expected PyTorch and onnx; run pip install torch onnx and try again") from None
     finished = read_rows(arguments.out, PoseTrial)[0] if arguments.out.is_file() else []
     spoilt = read_rows(_bad(arguments.out), RegistrationTrial)[0] if _bad(arguments.out).is_file() else []
     conditions = current_conditions({"seeds": " ".join(map(str, arguments.seeds))}, blender=bpy.app.version_string)
@@ -92,15 +93,15 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             rgb: Callable[[View], np.ndarray] = attrgetter("rgb")
             if training.dataset == PHOTOGRAPHS:
                 rgb = scene.photographed(views, loaded.surface.mesh_from_model)
-            crops = ViewCrops.of(views, mesh, rgb)
+            crops = ViewCrops.of(views, rgb)
             begin = time.process_time()
             with Progress(training.steps, "steps", stream=sys.stderr) as progress:
                 network = trained_network(crops, training.steps, training.seed, progress.advance)
             seconds = time.process_time() - begin
-            camera = loaded.case.camera.resized(*views.size_wh)
-            pose_by, trials = partial(network_pose, network, crops, camera), []
+            record = crops.record(views, training.steps, training.seed)
+            guess, trials = PoseNetwork(onnx_file(network, record), str(training)).pose, []
             for photograph in photographs:
-                pose = pose_by(photograph.image)
+                pose = guess(to_uint8(photograph.image), photograph.camera)
                 trials.append(PoseTrial(*training, seconds, photograph.path.name, *errors(pose, photograph, mesh)))
             finished = [trial for trial in finished if trial.training != training] + trials
             write_rows(arguments.out, finished, conditions)
@@ -109,7 +110,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 own = Scene(
                     scene.name, scene.real, replace(loaded, frames=(small_frame(loaded.frame),)), tuple(photographs)
                 )
-                spoilt += bad_photographs(own, known_views(loaded), pose_by, training.seed, quick=arguments.quick)
+                spoilt += bad_photographs(own, known_views(loaded), guess, training.seed, quick=arguments.quick)
                 write_rows(_bad(arguments.out), spoilt, conditions, "right")
 
 

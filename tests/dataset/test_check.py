@@ -218,7 +218,7 @@ MUTATIONS = {
     ),
     "fewer visible": (
         lambda root: replace_file(root, 1, "mask_visib", np.zeros(CAMERA.shape_hw, np.uint8)),
-        r"frame/000001\.json: px_count_visib is \d+, \S+mask_visib/000001_000000\.png has 0",
+        r"mask_visib/000001_000000\.png: \d+ px differ from the mask without what stands in front",
     ),
     "colour beyond the mask": (
         lambda root: replace_file(root, 1, "rgb", np.full((*CAMERA.shape_hw, 3), 9, np.uint8)),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from oneframe.dataset.options import (
     OPTIONS,
+    RIGHT,
     SAMPLERS,
     WRITTEN,
     DatasetOptions,
@@ -28,10 +29,10 @@ from oneframe.errors import InputError
 CASE = Path("folder/case.toml")
 
 
-def merged(table: dict, *argv: str) -> DatasetOptions:
+def merged(table: dict, *argv: str, lit: bool = False) -> DatasetOptions:
     parser = argparse.ArgumentParser(exit_on_error=False)
     add_option_arguments(parser)
-    return merged_options(table, parser.parse_args(argv), CASE)
+    return merged_options(table, parser.parse_args(argv), CASE, lit=lit)
 
 
 def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
@@ -41,9 +42,15 @@ def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
 
 
 def test_write_names_every_array_that_an_option_asks_for():
-    assert {truth.name: truth.option for truth in TRUTHS.values() if truth.option} == WRITTEN
+    asked = {truth.name: truth.option for truth in TRUTHS.values() if truth.option}
+    # what comes with an option that asks for more than an array
+    assert asked.pop("mask_occluder") == "occluders"
+    assert asked == WRITTEN
     assert merged({}, "--write", "points", "normals") == DatasetOptions(points=True, normals=True)
     assert merged({}, "--write", *WRITTEN, "--no-normals") == DatasetOptions(points=True, float_depth=True)
+    assert merged({"unseen": "neutral"}, "--for-training") == DatasetOptions(unseen="fill")
+    assert merged({}, "--for-training", lit=True) == DatasetOptions(unseen="fill", light="lens")
+    assert merged({}, "--unseen", "neutral", "--for-training", lit=True) == DatasetOptions(light="lens")
 
 
 def legal_and_not(entry: Option) -> tuple[list[object], list[object]]:
@@ -77,7 +84,10 @@ def test_a_later_option_is_in_a_description_only_if_it_is_not_at_its_default():
     assert set(content) == {name for name, entry in OPTIONS.items() if entry.is_content and not entry.since}
     for name, entry in OPTIONS.items():
         if entry.since:
-            assert name in dataclasses.replace(DatasetOptions(), **{name: not entry.default}).content()
+            # of a right eye alone
+            eye = {"eye": RIGHT} if entry.group == "stereo" else {}
+            assert name in dataclasses.replace(DatasetOptions(), **{name: not entry.default, **eye}).content()
+    assert DatasetOptions(stereo_mm=24.0, converge_mm=300.0).content() == content
 
 
 def test_a_sampler_is_a_class_that_takes_its_options_and_the_docs_list_it():

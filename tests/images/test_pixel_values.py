@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.images.pixel_values import among_centres, codes_from_linear, linear_from_codes, sample_bilinear, to_uint8
+from oneframe.images.pixel_values import (
+    TRANSFERS,
+    among_centres,
+    codes_from_linear,
+    linear_from_codes,
+    sample_bilinear,
+    to_uint8,
+)
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 
@@ -33,7 +40,14 @@ def test_nan_is_outside():
     assert sample_bilinear(np.ones((4, 4)), np.array([[np.nan, 1.0]])) == [0]
 
 
-def test_codes_and_light_go_both_ways():
+@pytest.mark.parametrize("curve", TRANSFERS.values(), ids=TRANSFERS)
+def test_codes_and_light_go_both_ways(curve):
     codes = np.arange(256) / 255
-    assert codes_from_linear(linear_from_codes(codes)) == pytest.approx(codes, abs=1e-7)
+    light = linear_from_codes(codes, curve)
+    assert codes_from_linear(light, curve) == pytest.approx(codes, abs=1e-7)
+    # the pieces meet, as far as the standards' digits go
+    around = linear_from_codes(np.array([curve.straight, curve.straight + 1e-9]), curve)
+    assert np.ptp(around) < 1e-4
+    assert light[0] == 0
+    assert light[-1] == pytest.approx(1)
     assert np.array_equal(to_uint8(codes), np.arange(256))

@@ -8,7 +8,7 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.frame import PosedFrame
 from oneframe.errors import InputError
-from oneframe.images.pixel_values import codes_from_linear
+from oneframe.images.pixel_values import TRANSFERS, codes_from_linear
 from oneframe.light.find_lamp import find_lamp, lamp_of
 from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.light.shaded_points import ShadedPoints
@@ -76,7 +76,7 @@ def sightings(mesh, law, gains=(1.0, 1.0, 1.0, 1.0), poses=POSES, albedo=albedo_
     )  # fmt: skip
 
 
-def photograph(mesh, law, pose):
+def photograph(mesh, law, pose, transfer="srgb"):
     raster = rasterise_depth(mesh, CAMERA, pose)
     shown = raster.face >= 0
     rays = CAMERA.rays_cam(CAMERA.pixel_grid()[shown])
@@ -87,7 +87,7 @@ def photograph(mesh, law, pose):
         * albedo_of(points) ** 0.3
         * law(points, smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points), pose)
     )
-    image[shown] = np.rint(255 * codes_from_linear(np.clip(linear, 0, 1)))[:, None] / 255
+    image[shown] = np.rint(255 * codes_from_linear(np.clip(linear, 0, 1), TRANSFERS[transfer]))[:, None] / 255
     return PosedFrame(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose)
 
 
@@ -141,12 +141,14 @@ def test_a_light_that_stands_still_is_refused(count):
     assert "explains" in found.objection
 
 
-def test_frames_of_a_lamp_show_it():
+@pytest.mark.parametrize("transfer", TRANSFERS)
+def test_frames_of_a_lamp_show_it(transfer):
     mesh = hills()
-    found = find_lamp(mesh, [photograph(mesh, lit_by(LAMP), pose) for pose in POSES])
+    found = find_lamp(mesh, [photograph(mesh, lit_by(LAMP), pose, transfer) for pose in POSES], transfer)
+    assert found.light.transfer == transfer
     assert_lamp(found, 1.5)
     # one alone tells it less well, or says so
-    alone = find_lamp(mesh, [photograph(mesh, lit_by(LAMP), POSES[0])])
+    alone = find_lamp(mesh, [photograph(mesh, lit_by(LAMP), POSES[0], transfer)], transfer)
     if not alone.objection:
         off = np.abs(np.subtract(alone.light.lamp_cam_mm, LAMP.lamp_cam_mm))[:2]
         assert (off < 3 * np.array(alone.deviation_mm[:2])).all()

@@ -64,6 +64,8 @@ def test_at_the_working_distance_a_surface_that_faces_the_lamp_gets_one_more_tha
         ({"falloff": 7}, "falloff: expected a number from 0 to 4"),
         ({"lamp": 1}, "unknown key 'lamp'; did you mean 'lamp_cam_mm'"),
         ({"method": 3}, "method: expected text"),
+        ({"transfer": 2.2}, "transfer: expected one of srgb, bt709, linear, found 2.2"),
+        ({"transfer": "gamma"}, "transfer: expected one of srgb, bt709, linear"),
         ({"standard_deviation_mm": [1, -1, 1]}, "standard_deviation_mm: expected three numbers"),
     ],
 )

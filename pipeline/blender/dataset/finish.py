@@ -70,7 +70,8 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     depth_scale = renderer.depth_scale
     description = read_description(out / RECORD)
     tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)
-    write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale)
+    occluded = job.job.options.occluders > 0
+    write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale, occluded=occluded)
     write_overlay(job, renderer)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
     images = [read_image(ViewPaths(out, int(index)).file("rgb"))[0] for index in chosen]

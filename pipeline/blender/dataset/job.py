@@ -18,12 +18,13 @@ from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
-from ...dataset.options import NO_LIGHT, SHADOWS, DatasetOptions
+from ...dataset.options import NO_LIGHT, RIGHT, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
+from ...poses.stereo import right_from_left
 from ...process.own_process import STDOUT
 from ..render.engines import reference_view_of
 from .view_renderer import ViewRenderer
@@ -144,6 +145,8 @@ def open_job(job: Job) -> OpenJob:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
+            if job.options.eye == RIGHT:
+                given_poses = right_from_left(job.options.stereo_mm, job.options.converge_mm) @ given_poses
     return OpenJob(job, loaded, given_poses, tuple(messages), {name: hashes[path] for name, path in files.items()})
 
 

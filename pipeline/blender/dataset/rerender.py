@@ -18,7 +18,6 @@ from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
 from ...dataset.run.run_folder import Shard
 from ...dataset.tables.dataset_info import write_dataset_info
-from ...dataset.view import RenderedSample
 from ...files.machine import available_cores
 from ..render.engines import engine_named
 from ..render.video import write_video
@@ -72,7 +71,7 @@ class CaseRenderer:
     def view(self, index: int) -> tuple[dict[str, bytes], dict[str, Any]]:
         """The files of a view, by kind, and the object of its record."""
         paths, planned = ViewPaths(Path(self._folder.name), index), self._renderer.plan(index)
-        sample = RenderedSample(planned, self._prover.render(planned.cam_from_model))
+        sample = self._renderer.sample(index, planned, self._prover.render(planned.cam_from_model))
         files, record = self._renderer.encode(paths, sample)
         return files, json.loads(json.dumps(record.to_json()))
 
@@ -88,6 +87,7 @@ class CaseRenderer:
             renderer.camera,
             renderer.reference.mesh,
             renderer.depth_scale,
+            occluded=self._opened.job.options.occluders > 0,
         )
         return {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}
 

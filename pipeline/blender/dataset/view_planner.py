@@ -1,15 +1,18 @@
 """The poses of a dataset's views, each from its number alone: independent of worker, shard and order."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...colour.reference_view import ReferenceView, limited_to_incidence
 from ...dataset.description import distribution_of, trajectory_of, view_camera
-from ...dataset.options import DatasetOptions
+from ...dataset.options import RIGHT, DatasetOptions
 from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, ReferencePose
+from ...poses.stereo import right_from_left
 from ..render.surface_tree import ViewProbe
 
 SAMPLED_VIEWS = 4
@@ -27,6 +30,8 @@ class ViewPlanner:
         Intrinsics of the views.
     depth_scale
         Millimetres per unit of the depth images.
+    probe
+        What poses show, and what meets the surface.
     messages
         Messages for the user.
     """
@@ -56,11 +61,16 @@ class ViewPlanner:
             if given_poses is None
             else Listed(reference=pose, poses=given_poses)
         )
+        self._right_from_left = np.eye(4)
+        if options.eye == RIGHT:
+            self._right_from_left = right_from_left(options.stereo_mm, options.converge_mm)
+        # listed poses are already those of the eye
+        self._is_beside = options.eye == RIGHT and given_poses is None
         self.depth_scale = depth_scale_for(self._distribution.farthest_mm(reference.mesh.radius))
-        self._probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
+        self.probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
         self._constraints = Constraints(
             min_surface=options.min_surface,
-            reference_surface=self._probe(loaded.frame.cam_from_model).surface_fraction,
+            reference_surface=self.probe(loaded.frame.cam_from_model).surface_fraction,
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )
@@ -83,8 +93,14 @@ class ViewPlanner:
         """
         fixed = self._distribution.fixed_pose(index, self._count)
         if fixed is not None:
-            return plan_given_pose(fixed, self._constraints, self._probe)
-        return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
+            planned = plan_given_pose(fixed, self._constraints, self.probe)
+        else:
+            seed = self._options.seed
+            planned = plan_pose(self._distribution, self._constraints, self.probe, seed=seed, index=index)
+        if not self._is_beside:
+            return planned
+        pose = self._right_from_left @ planned.cam_from_model
+        return replace(planned, cam_from_model=pose, statistics=self.probe(pose))
 
     def sampling_doubt(self) -> str:
         """A message if hardly any pose meets the constraints; empty otherwise.

@@ -12,7 +12,12 @@ from ...dataset.options import DatasetOptions
 from ...dataset.run.resume_record import ViewRecord
 from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
+from ...occlusion.compositing import Front, head_light
+from ...occlusion.occluders import draw_occluders
+from ...poses.constraints import PlannedPose
+from ...projection.rendered_view import RenderedView
 from ...projection.silhouette import SilhouetteEdges
+from ...transforms import inverse_rigid
 from ..render.engines import opened_engine
 from .view_planner import ViewPlanner
 
@@ -54,7 +59,11 @@ class ViewRenderer(ViewPlanner):
         colours, messages = colours_of(self.reference, options.colour)
         self.messages = (*self.messages, *messages)
         unseen = unseen_colours_of(self.reference, options.unseen)
-        surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model, reference.light)
+        # both eyes see everything by the left one's lamp
+        light = None if reference.light is None else reference.light.moved(self._right_from_left)
+        head = head_light(reference.pivot_model).moved(self._right_from_left)
+        surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model, light)
+        self._front = Front(self.camera, light or head, options.samples)
         self._resources = ExitStack()
         self.render = self._resources.enter_context(
             opened_engine(options.engine, surface, self.camera, samples=options.samples, threads=threads)
@@ -69,7 +78,16 @@ class ViewRenderer(ViewPlanner):
     def make(self, index: int) -> RenderedSample:
         """Plan and render view ``index``."""
         planned = self.plan(index)
-        return RenderedSample(planned, self.render(planned.cam_from_model))
+        return self.sample(index, planned, self.render(planned.cam_from_model))
+
+    def sample(self, index: int, planned: PlannedPose, rendered: RenderedView) -> RenderedSample:
+        """View ``index`` with what stands in front of the surface, by seed and number alone; the same for both eyes."""
+        mean, pose = self._options.occluders, planned.cam_from_model
+        if mean > 0:
+            left = inverse_rigid(self._right_from_left) @ pose
+            occluders = draw_occluders(mean, (self._options.seed, index), self.probe, self.camera, left)
+            rendered = self._front.composed(rendered, occluders, pose)
+        return RenderedSample(planned, rendered)
 
     def encode(self, paths: ViewPaths, sample: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
         """Encode a view's files, by kind, and its record; uses no Blender data, so any thread may call it."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...colour.lens_shading import POWER, SHIFT, LensShading, corner_normals
+from ...colour.lens_shading import LensShading, corner_normals
 from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import COVERED_LEAST, OBSERVED_LEAST, TextureAtlas
@@ -110,7 +110,7 @@ def _in_light(
     rgb: tuple | bpy.types.NodeSocket,
     backfacing: bpy.types.NodeSocket,
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket | None]:
-    """Colours in the light at the lens, plus :data:`SHIFT`: the law of :meth:`.LensShading.factors`.
+    """Colours in the light at the lens, plus their shift: the law of :meth:`.LensShading.factors`.
 
     With shadows they are those in its shadow, and the second is a shader with what the lamp adds where it reaches: a
     diffuse BSDF of the flat faces, from which their own cosine and the lamp's distance are taken out.
@@ -133,11 +133,11 @@ def _in_light(
     squared = nodes.math("MAXIMUM", vector("DOT_PRODUCT", lamp, lamp, result="Value"), 1e-6)
     nearness = nodes.math("POWER", squared, -(lens.light.falloff + 1) / 2)
     linear = nodes.math("MULTIPLY_ADD", nodes.math("MAXIMUM", along, 0.0), nearness, lens.light.ambient)
-    factor = nodes.math("POWER", nodes.math("MAXIMUM", linear, lens.least), POWER)
-    shifted = vector("ADD", rgb, (SHIFT,) * 3)
+    factor = nodes.math("POWER", nodes.math("MAXIMUM", linear, lens.least), 1 / lens.curve.gamma)
+    shifted = vector("ADD", rgb, (lens.curve.shift,) * 3)
     if not lens.shadows:
         return nodes.scaled(shifted, factor), None
-    shaded = max(lens.light.ambient, lens.least) ** POWER
+    shaded = max(lens.light.ambient, lens.least) ** (1 / lens.curve.gamma)
     mesh_object.data.shade_flat()
     face = nodes.add("ShaderNodeNewGeometry").outputs["True Normal"]
     cosine = nodes.math("MAXIMUM", vector("DOT_PRODUCT", face, vector("NORMALIZE", lamp), result="Value"), 1e-4)

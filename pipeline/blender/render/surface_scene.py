@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...colour.lens_shading import SHIFT, shown_codes
+from ...colour.lens_shading import shown_codes
 from ...colour.shading import ColouredSurface
 from ...projection.rendered_view import RenderedView
 from ..bridge.camera import new_camera, place_camera, set_clip
@@ -116,7 +116,9 @@ class SurfaceScene(ABC):
         flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
         rgb = combined[..., :3] if self._samples == 1 else _without_background(combined, depth)
         if self.surface.light is not None:
-            rgb = shown_codes((rgb - np.float32(SHIFT)).reshape(-1, 3)).reshape(rgb.shape) * (depth > 0)[..., None]
+            curve = self.surface.light.curve
+            shown = shown_codes((rgb - np.float32(curve.shift)).reshape(-1, 3), curve=curve)
+            rgb = shown.reshape(rgb.shape) * (depth > 0)[..., None]
         source = (flag > 0.5).astype(np.uint8)
         if SOURCE_PASS in passes:
             # at seams, several samples may be of several frames

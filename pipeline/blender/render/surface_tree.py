@@ -46,6 +46,20 @@ class ViewProbe:
         observed = self._observed(seen.points_model, seen.normals_model)
         return ViewStatistics(seen.image_fraction, float(observed.mean()), clearance)
 
+    def seen_point(self, pixel: np.ndarray, cam_from_model: np.ndarray) -> np.ndarray | None:
+        """As of :class:`.Room`."""
+        direction = cam_from_model[:3, :3].T @ self._camera.rays_cam(pixel)
+        hit = self._first_hit(camera_centre(cam_from_model).tolist(), direction.tolist())
+        if hit is None:
+            return None
+        point, normal = (np.array(each, float)[None] for each in hit)
+        return point[0] if self._observed(point, normal)[0] else None
+
+    def touches(self, mesh: TriangleMesh, others: Sequence[TriangleMesh]) -> bool:
+        """As of :class:`.Room`."""
+        tree = surface_tree(mesh)
+        return bool(tree.overlap(self._tree)) or any(bool(tree.overlap(surface_tree(other))) for other in others)
+
     def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
         point, normal, _, _ = self._tree.ray_cast(origin, direction)
         return None if point is None or normal is None else (point, normal)

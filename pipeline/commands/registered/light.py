@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ... import __version__
 from ...errors import InputError
+from ...images.pixel_values import TRANSFERS
 from ...process.own_process import own_output
 
 ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."
@@ -31,6 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the folder that oneframe register wrote (default: the frames of the case alone)",
     )  # fmt: skip
     parser.add_argument("--video", metavar="FILE", type=Path, help="the video, if FRAMES are of one")
+    parser.add_argument(
+        "--transfer", choices=TRANSFERS,
+        help="what the frames' code values are (default: as the case has it, else srgb)",
+    )  # fmt: skip
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="FILE", type=Path, help="write the case here, not over CASE.toml")
     output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
@@ -63,8 +68,9 @@ def run(arguments: argparse.Namespace) -> None:
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     accepted = accepted_frames(arguments.frames, arguments.video, loaded) if arguments.frames else None
     check_outputs(outputs, case.input_files() | (accepted.files if accepted else {}))
+    transfer = arguments.transfer or (case.light.transfer if case.light else "srgb")
     try:
-        found = find_lamp(loaded.surface.mesh, small_frames(loaded, accepted))
+        found = find_lamp(loaded.surface.mesh, small_frames(loaded, accepted), transfer)
     except InputError as error:
         raise InputError(f"{case.path.name}: {error}") from None
     if found.objection:

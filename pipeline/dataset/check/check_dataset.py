@@ -17,11 +17,11 @@ from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
-from ..identity import poses_hash
+from ..identity import OF_EYE, described, differences, poses_hash
 from ..layout import CASES, RECORD, SPLIT, WORK, ViewPaths, advice_without_record
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
-from .comparison import require_equal, require_rotation
+from .comparison import require_equal, require_pose, require_rotation
 from .contents import check_names, check_sums
 from .depth import DepthAgreement
 from .findings import Findings
@@ -187,6 +187,7 @@ class _Check:
                     progress.advance()
         if len(self._poses) == count and not unfinished:
             self._check_poses()
+            self._check_eyes()
             if mesh is not None and FOREIGN not in findings.counts:
                 check_tables(root, description, self._finest_scale, findings)
             if (root / "video").exists():
@@ -222,10 +223,10 @@ class _Check:
         if any(problems) or paths.index not in self._chosen:
             return
         with findings.collecting("images that disagree"):
-            depth = check_images(paths, record, description)
+            stored = check_images(paths, record, description)
             if surface is not None:
                 with findings.collecting("views whose pose does not fit the pixels"):
-                    self._compared.append(check_pose(paths, record, depth, surface, description))
+                    self._compared.append(check_pose(paths, record, stored, surface))
 
     def _check_poses(self) -> None:
         """Compare listed poses with their hash."""
@@ -235,6 +236,21 @@ class _Check:
         poses = np.stack([self._poses[index] for index in range(self._description.count)])
         if poses_hash(poses) != expected:
             self._findings.add(FOREIGN, f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed")
+
+    def _check_eyes(self) -> None:
+        """Compare a dataset of right eyes with that of the left ones, in whose folder it is."""
+        left, right_from_left = self._root.parent, self._description.right_from_left
+        if right_from_left is None or not (left / RECORD).is_file():
+            return
+        with self._findings.collecting("right eyes that differ from the left ones"):
+            its = read_description(left / RECORD)
+            changes = [each for each in differences(its.content, self._description.content) if each.key not in OF_EYE]
+            if changes:
+                raise InputError(f"{RECORD}: the left eyes are of another dataset: {'; '.join(described(changes))}")
+            for index, pose in self._poses.items():
+                paths = ViewPaths(left, index)
+                expected = right_from_left @ read_record(paths, with_mask=False).cam_from_model
+                require_pose(pose, expected, paths.relative("frame"), "the right eye of the left view")
 
 
 def _evenly_spaced(count: int, views: int) -> set[int] | range:

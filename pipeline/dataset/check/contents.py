@@ -20,6 +20,7 @@ from ..layout import (
     scene_count,
     scene_folder,
 )
+from ..options import RIGHT
 from .findings import Findings
 
 DAMAGED, STRAY = "damaged files", "stray files"
@@ -69,8 +70,9 @@ def check_names(root: Path, description: Description, findings: Findings, *, unf
     for folder, folders, files in os.walk(root):
         inside = Path(folder).relative_to(root).as_posix()
         if inside == ".":
-            # a run keeps its own files there, and programs theirs in hidden folders
-            folders[:] = [name for name in folders if not name.startswith(".")]
+            # a run keeps its own files there, and programs theirs in hidden folders; the right eye is checked by itself
+            right = {RIGHT} if (root / RIGHT / RECORD).is_file() else set()
+            folders[:] = [name for name in folders if not name.startswith(".") and name not in right]
         for path in (Path(folder) / base for base in (*folders, *files)):
             if path.is_symlink() and not path.resolve().is_relative_to(root.resolve()):
                 found = "found a link that leads out of the folder: put a copy in its place"

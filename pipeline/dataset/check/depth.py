@@ -111,8 +111,14 @@ def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.
     return SurfaceDepth(z, slope)
 
 
-def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, focal_px: float) -> DepthAgreement:
-    """Compare ``(H, W)`` uint16 depth in units of ``depth_scale`` mm with a surface."""
+def agreement(
+    depth: np.ndarray,
+    depth_scale: float,
+    surface: SurfaceDepth,
+    focal_px: float,
+    hidden: np.ndarray | bool = False,
+) -> DepthAgreement:
+    """Compare ``(H, W)`` uint16 depth in units of ``depth_scale`` mm with a surface; where ``hidden``, it has none."""
     seen, expected = depth > 0, surface.z > 0
     both = seen & expected
     z, slope = surface.z[both], surface.slope[:, both]
@@ -127,7 +133,7 @@ def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, foca
         median_dz_mm=float(np.median(np.abs(dz))) if len(dz) else 0.0,
         shift_px=shift,
         shift_error_px=error,
-        only_one=int((seen != expected).sum()),
+        only_one=int(((seen | hidden) != expected).sum()),
         outline=int(outline.sum()),
         elsewhere=int((_smooth(surface)[both] & (np.abs(dz) > 2 * tolerance)).sum()),
     )

@@ -19,12 +19,12 @@ from ..truths import MASK, TRUTHS, Stored
 from .depth import PIXELS_OF_ROUNDING, DepthAgreement, agreement, surface_depth
 
 
-def check_images(paths: ViewPaths, record: ViewRecord, description: Description) -> np.ndarray:
+def check_images(paths: ViewPaths, record: ViewRecord, description: Description) -> Stored:
     """Check the images of a view, whose files exist, against each other and its record.
 
     Returns
     -------
-    ``(H, W)`` uint16, the depth image.
+    What they hold.
 
     Raises
     ------
@@ -38,18 +38,16 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
         for wrong, clause in TRUTHS[kind].flaws(stored):
             _require_none(wrong, paths, kind, clause)
     _check_counts(images, paths, record)
-    return images["depth"]
+    return stored
 
 
-def check_pose(
-    paths: ViewPaths, record: ViewRecord, depth: np.ndarray, surface: SilhouetteEdges, description: Description
-) -> DepthAgreement:
+def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement:
     """Check that the depth image and the numbers of the silhouette are those of the surface at the view's pose.
 
     Parameters
     ----------
-    paths, record, depth, description
-        The view, its record, its ``(H, W)`` uint16 depth image and the dataset's description.
+    paths, record, stored
+        The view, its record, and what its images hold.
     surface
         The model with its edges.
 
@@ -58,19 +56,25 @@ def check_pose(
     InputError
         They are not.
     """
-    camera, pose = description.camera, record.cam_from_model
-    found = agreement(depth, record.depth_scale, surface_depth(surface.mesh, camera, pose), camera.fx)
+    camera, pose = stored.camera, stored.cam_from_model
+    occluder, projected = stored.occluder, surface_depth(surface.mesh, camera, pose)
+    depth = np.where(occluder, np.uint16(0), stored.arrays["depth"])
+    found = agreement(depth, record.depth_scale, projected, camera.fx, hidden=stored.mask & occluder)
     if found.misfit:
         where = paths.relative("depth")
         raise InputError(f"{where}: the surface projected with scene_gt and cam_K does not fit: {found.misfit}")
+    in_front = stored.arrays["depth"] * record.depth_scale < projected.z + record.depth_scale
+    behind = int(np.count_nonzero(occluder & (projected.z > 0) & ~in_front))
+    if behind > PIXELS_OF_ROUNDING + 1e-3 * np.count_nonzero(occluder):
+        raise InputError(f"{paths.relative('mask_occluder')}: {behind} px are behind the projected surface")
     # the numbers about what is outside the image, which no image shows
     info, where = record.gt_info, paths.relative("frame")
     silhouette = silhouette_statistics(surface, camera, pose)
-    visible = info.px_count_visib
-    whole = silhouette.px_count_all - silhouette.px_count_inside + visible
+    inside = info.px_count_valid
+    whole = silhouette.px_count_all - silhouette.px_count_inside + inside
     if abs(info.px_count_all - whole) > PIXELS_OF_ROUNDING + 1e-3 * whole:
         raise InputError(f"{where}: px_count_all is {info.px_count_all}, the surface covers {whole} px")
-    box = silhouette.bbox_obj if visible else (-1, -1, -1, -1)
+    box = silhouette.bbox_obj if inside else (-1, -1, -1, -1)
     if np.abs(np.subtract(info.bbox_obj, box)).max() > 1:
         raise InputError(f"{where}: bbox_obj is {info.bbox_obj}, that of the projected surface is {box}")
     return found
@@ -100,7 +104,7 @@ def _check_counts(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewR
     visible, info, where = images["mask_visib"] > 0, record.gt_info, paths.relative("frame")
     counts = {
         "px_count_visib": (info.px_count_visib, int(visible.sum()), "mask_visib"),
-        "px_count_valid": (info.px_count_valid, int((images["depth"] > 0).sum()), "depth"),
+        "px_count_valid": (info.px_count_valid, int((images["mask"] > 0).sum()), "mask"),
         "bbox_visib": (info.bbox_visib, _box(images["mask_visib"]), "mask_visib"),
         "px_count_observed": (record.px_count_observed, int((images["mask_observed"] > 0).sum()), "mask_observed"),
     }

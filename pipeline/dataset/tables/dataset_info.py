@@ -17,7 +17,7 @@ The layout is that of BOP. `dataset.json` holds what the dataset was made from.
 - **Poses** (`cam_R_m2c`, `cam_t_m2c`) hold for the mesh in `models/`, in mm, with OpenCV axes.
 - **Origin**: the mean of the vertices. BOP's own models have it in the centre of their 3D box, which is at
   ({centre}) mm here: `box_centre_mm` in `models_info.json`. No tool needs the two to be the same.
-- **Symmetries**: none. **Occlusion**: none; `visib_fract` is below 1 where the image cuts the surface.
+- **Symmetries**: none. **Occlusion**: {occlusion}; `visib_fract` is below 1 where the image cuts the surface.
 - **Depth**: value x {depth_scale:g} = mm along the optical axis. A view that reaches farther has its own
   `depth_scale` in `scene_camera.json`.
 
@@ -56,8 +56,18 @@ It needs no options: `scale` and `offset` in `transforms.json` put the surface i
 """
 
 
+OCCLUDED = "instruments in front of the surface, `mask_occluder`, which `mask` and `px_count_all` leave out of account"
+
+
 def write_dataset_info(
-    root: Path, object_name: str, count: int, camera: PinholeCamera, mesh: TriangleMesh, depth_scale: float
+    root: Path,
+    object_name: str,
+    count: int,
+    camera: PinholeCamera,
+    mesh: TriangleMesh,
+    depth_scale: float,
+    *,
+    occluded: bool = False,
 ) -> None:
     """Write ``dataset_info.md``.
 
@@ -69,6 +79,8 @@ def write_dataset_info(
         The surface in the model frame, mm.
     depth_scale
         Millimetres per unit of the depth images.
+    occluded
+        Whether instruments stand in front of the surface.
     """
     split, split_type = SPLIT.split("_")
     scenes = scene_count(count)
@@ -83,6 +95,7 @@ def write_dataset_info(
         height=camera.height,
         centre=", ".join(f"{value:.3f}" for value in mesh.bounds.mean(axis=0)),
         depth_scale=depth_scale,
+        occlusion=OCCLUDED if occluded else "none",
         split=split,
         split_type=split_type,
     )

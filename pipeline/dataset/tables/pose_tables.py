@@ -72,7 +72,8 @@ def _nerf_frame(root: Path, record: ViewRecord, depth_scale: float) -> dict[str,
     frame: dict[str, object] = {
         "file_path": paths.relative("rgb"),
         "depth_file_path": paths.relative("depth"),
-        "mask_path": paths.relative("mask"),
+        # of what is in the picture
+        "mask_path": paths.relative("mask_visib" if paths.relative("mask_occluder") in record.files else "mask"),
         "transform_matrix": (inverse_rigid(record.cam_from_model) @ CAM_FROM_OPENGL_CAM).tolist(),
     }
     if record.depth_scale == depth_scale:

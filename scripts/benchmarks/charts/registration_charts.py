@@ -12,7 +12,7 @@ from oneframe.registration.verdict import LEAST_ACCEPTED
 
 from ..alignment.registration_trials import RegistrationTrial, share
 from ..figures import conditions_note
-from ..learning.bad_photographs import NETWORK, REFINED, REGISTERED
+from ..learning.bad_photographs import LOCATED, NETWORK, REFINED, REGISTERED
 from ..sweeps.degradations import CLEAN, DEGRADATIONS, WRONG
 from .panels import (
     PARTS,
@@ -59,10 +59,10 @@ SMALL = (
     "Share of all frames that is accepted and right; bands: 95 %, by a bootstrap over sources. Wrong: accepted, but "
     "off by more than 2°, 2 % of the distance or 5 px at 640 px."
 )
-METHODS = {NETWORK: "o", REFINED: "D", REGISTERED: "s"}
+METHODS = {NETWORK: "o", REFINED: "D", REGISTERED: "s", LOCATED: "^"}
 SMALL_BAD = (
-    "Right: within 2°, 2 % of the distance and 5 px at 640 px; registered ones must be accepted too. The network sees "
-    "128 (bloster: 256) px, and has no verdict: what is not right it gives all the same."
+    "Right: within 2°, 2 % of the distance and 5 px at 640 px; registered and located ones must be accepted too. The "
+    "network sees 128 (bloster: 256) px, and has no verdict: what is not right it gives all the same."
 )
 
 

@@ -1,35 +1,37 @@
-"""The same spoilt photographs by a network, refined from there by render and flow, and registered without training."""
+"""The same spoilt photographs by a network, refined from there, registered without training, and by both together."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from oneframe.images.pixel_values import to_uint8
 from oneframe.registration.known_views import KnownViews
+from oneframe.registration.register_frames import Guess
 from oneframe.registration.verdict import ACCEPTED, REFUSED
 
 from ..alignment.registration_trials import NO_ERROR, Registration, RegistrationTrial, Scene, spread
 from ..sweeps.degradations import CLEAN, DEGRADATIONS
 from .pose_trials import refined
 
-NETWORK, REFINED, REGISTERED = "network alone", "then refined by render and flow", "registered without training"
+NETWORK, REFINED = "network alone", "then refined by render and flow"
+REGISTERED, LOCATED = "registered without training", "located: both together"
 MOST_PHOTOGRAPHS = 6
 
 
 def bad_photographs(
     scene: Scene,
     known: KnownViews,
-    pose_by: Callable[[np.ndarray], np.ndarray | None],
+    guess: Guess,
     seed: int,
     *,
     quick: bool,
 ) -> Iterator[RegistrationTrial]:
-    """Three trials for each photograph and degradation; ``part`` is the method.
+    """Four trials for each photograph and degradation; ``part`` is the method.
 
-    ``pose_by`` gives the network's pose, if it finds one, of an image ``(H, W, 3)`` float32. It has no verdict: every
-    pose counts as accepted.
+    ``guess`` is the network's. It has no verdict: every pose of it alone, or refined, counts as accepted.
     """
-    registration = Registration(scene, REGISTERED)
+    registration, location = Registration(scene, REGISTERED), Registration(scene, LOCATED, guess)
     for place in spread(len(scene.photographs), MOST_PHOTOGRAPHS):
         frame = scene.photographs[place]
         spoilt = [(CLEAN, 0.0, frame.image)]
@@ -40,8 +42,9 @@ def bad_photographs(
                     spoilt.append((kind, amount, how.spoil(frame.image, amount, rng)))
         for kind, amount, image in spoilt:
             registered = registration.trial(frame, kind, amount, image=image)
-            pose = pose_by(image)
+            pose = guess(to_uint8(image), frame.camera)
             yield registered
+            yield location.trial(frame, kind, amount, image=image)
             for method, found in (
                 (NETWORK, pose),
                 (REFINED, refined(known, replace(frame, image=image), pose)),

@@ -5,11 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
-from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.frame import PosedFrame, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.colour.reference_view import colouring_view_of
@@ -18,20 +15,15 @@ from oneframe.registration.known_views import KnownViews, grey_codes
 from oneframe.registration.pose_list import read_photographs
 from oneframe.registration.register_frames import small_frame
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.transforms import camera_centre, rigid, rotation_from_vector
+from oneframe.transforms import camera_centre
 
 from ..alignment.refinement_scenes import visible_points
 from ..alignment.registration_trials import pose_errors
 
 FARTHEST_DEG = 60
 """Between the directions from which frame and photograph look; farther ones show too little that the frame saw."""
-FEWEST, SUREST = 12, 0.7
-"""Points without which there is no pose, and the part of them that is used."""
-NEAREST_MM = 1.0
 RESAMPLES = 2000
 """Bootstrap samples of seeds and photographs."""
-OUTLIER = 3.0
-"""Times the median of the stated errors."""
 
 
 class Training(NamedTuple):
@@ -135,32 +127,3 @@ def median_errors(
     found = medians(training) / (1.0 if beside is None else medians(beside))
     low, high = np.quantile(found[1:], [0.025, 0.975], method="nearest")
     return float(found[0]), float(low), float(high)
-
-
-def pose_of(points: np.ndarray, pixels: np.ndarray, errors_mm: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
-    """``cam_from_model`` from ``(N, 3)`` points, mm, at ``(N, 2)`` pixels, with ``(N,)`` the errors they state."""
-    sure = errors_mm <= np.quantile(errors_mm, SUREST) if len(points) else np.zeros(0, bool)
-    if np.count_nonzero(sure) < FEWEST:
-        return None
-    points, pixels, errors_mm = points[sure], pixels[sure], errors_mm[sure]
-    pivot = points.mean(axis=0)
-    extent = np.linalg.norm(points - pivot, axis=1).mean() / np.linalg.norm(pixels - pixels.mean(axis=0), axis=1).mean()
-    found, turn, position, _ = cv2.solvePnPRansac(
-        points - pivot, pixels, camera.k, np.zeros(0),
-        reprojectionError=float(max(OUTLIER * np.median(errors_mm) / extent, 1.0)),
-        iterationsCount=1000, confidence=0.9999, flags=cv2.SOLVEPNP_SQPNP,
-    )  # fmt: skip
-    if not found:
-        return None
-    rotation, position = cv2.Rodrigues(turn)[0], position[:, 0]
-
-    def residuals(twist: np.ndarray) -> np.ndarray:
-        placed = (points - pivot) @ (rotation_from_vector(twist[3:]) @ rotation).T + position + twist[:3]
-        # outliers may lie behind the camera
-        placed[:, 2] = np.maximum(placed[:, 2], NEAREST_MM)
-        scale_px = errors_mm * camera.fx / placed[:, 2]
-        return ((camera.project(placed) - pixels) / scale_px[:, None]).ravel()
-
-    twist = least_squares(residuals, np.zeros(6), loss="soft_l1", x_scale=[1, 1, 10, 0.1, 0.1, 0.1]).x
-    rotation, position = rotation_from_vector(twist[3:]) @ rotation, position + twist[:3]
-    return rigid(rotation, position - rotation @ pivot)

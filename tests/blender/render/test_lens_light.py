@@ -15,7 +15,7 @@ from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.description import describe
 from oneframe.dataset.options import COLOURS, DatasetOptions
 from oneframe.errors import InputError
-from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
+from oneframe.images.pixel_values import TRANSFERS, codes_from_linear, linear_from_codes
 from oneframe.light.lens_light import LensLight
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
@@ -48,11 +48,18 @@ def ball(subdivisions: int) -> TriangleMesh:
     return TriangleMesh(np.array(shape.vertices), shape.faces.astype(np.int32))
 
 
-@pytest.mark.parametrize("engine", ["raster", "cycles", pytest.param("eevee", marks=pytest.mark.gl)])
-def test_a_grey_ball_is_lit_as_the_law_says(engine):
+@pytest.mark.parametrize(
+    ("engine", "transfer"),
+    [
+        ("raster", "srgb"), ("raster", "bt709"), ("raster", "linear"), ("cycles", "srgb"), ("cycles", "linear"),
+        pytest.param("eevee", "srgb", marks=pytest.mark.gl),
+    ],
+)  # fmt: skip
+def test_a_grey_ball_is_lit_as_the_law_says(engine, transfer):
     """From the pixels' rays and the ball's equation alone; Eevee shows a point up to a hundredth of a pixel away."""
+    lens, curve = replace(LENS, light=replace(LIGHT, transfer=transfer)), TRANSFERS[transfer]
     pose = rigid(rotation_from_vector(np.array([0.4, -1.0, 0.3])), np.array([2.0, -1.0, 250.0]))
-    with opened_engine(engine, ColouredSurface(ball(5), light=LENS), CAMERA) as render:
+    with opened_engine(engine, ColouredSurface(ball(5), light=lens), CAMERA) as render:
         view = render(pose)
     rays = CAMERA.rays_cam(CAMERA.pixel_grid().reshape(-1, 2))
     points = rays * view.depth_mm.reshape(-1, 1)
@@ -60,11 +67,26 @@ def test_a_grey_ball_is_lit_as_the_law_says(engine):
     towards = np.array(LIGHT.lamp_cam_mm) - points
     r = np.linalg.norm(towards, axis=1)
     cosine = np.maximum((normals * towards).sum(axis=1) / r, 0)
-    expected = linear_from_codes(0.5) * (0.08 + cosine * (np.linalg.norm(pose[:3, 3]) / r) ** 2)
+    expected = linear_from_codes(0.5, curve) * (0.08 + cosine * (np.linalg.norm(pose[:3, 3]) / r) ** 2)
     inside = view.mask.ravel() & ((normals * rays).sum(axis=1) / np.linalg.norm(rays, axis=1) < -0.3)
     assert inside.sum() > 500
-    off = np.abs(view.rgb.reshape(-1, 3) - codes_from_linear(expected)[:, None])[inside]
+    off = np.abs(view.rgb.reshape(-1, 3) - codes_from_linear(expected, curve)[:, None])[inside]
     assert off.max() < 1.5 / 255
+
+
+@pytest.mark.parametrize("transfer", TRANSFERS)
+def test_a_frame_comes_back_whatever_its_codes_are(transfer, bumpy_mesh, frontal_pose, sharp_image, lit_case):
+    light = replace(LIGHT, transfer=transfer)
+    loaded = lit_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, light=light)
+    reference = albedo_of(loaded)
+    colours, _ = colours_of(reference, "projective")
+    with opened_engine(
+        "raster", ColouredSurface(reference.mesh, tuple(colours), light=reference.light), CAMERA
+    ) as render:
+        view = render(loaded.frame.cam_from_model)
+    off = np.abs(view.rgb - loaded.frame.image)[view.observed]
+    assert off.size > 500
+    assert off.max() < 1e-4
 
 
 @pytest.mark.parametrize("mode", COLOURS)

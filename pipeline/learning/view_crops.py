@@ -4,23 +4,23 @@ In held-out photographs the light moves with the lens, and nothing is cut out of
 zoomed, relit, blurred, partly hidden, and lie on random backgrounds. Needs ``cv2``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import cv2
 import numpy as np
 
-from oneframe.reader import Dataset, View
-from oneframe.surface.mesh import TriangleMesh
-from oneframe.transforms import inverse_rigid, transform_points
-
-STRIDE = 8
-"""Pixels from one cell of the network to the next."""
-MULTIPLE = 2 * STRIDE
-"""Width and height of what the network sees are multiples of this."""
+from ..camera.pinhole import PinholeCamera
+from ..errors import InputError
+from ..reader import View
+from ..transforms import inverse_rigid, transform_points
+from .pose_network import MULTIPLE, STRIDE, NetworkRecord
 
 CROP_WH = 128, 96
 """Largest crop, px."""
+MUCH_LARGER = 1.25
+"""Views in which the surface is larger than a crop by this factor are made smaller."""
 
 FULL = 32000
 """Code of the farthest surface from the middle of its box; codes are signed."""
@@ -30,7 +30,7 @@ NOTHING = -32768
 
 @dataclass(frozen=True)
 class ViewCrops:
-    """Views in memory.
+    """Views in memory, so small that a crop holds what they show of the surface.
 
     Attributes
     ----------
@@ -40,6 +40,8 @@ class ViewCrops:
         ``(N, H, W, 3)`` int16: the surface's point at each pixel, from the middle of its box, or :data:`NOTHING`.
     middles
         ``(N, 2)`` px: the middle of what each view shows of the surface.
+    camera
+        Of the views at this size.
     centre_model, reach_mm
         ``(3,)`` mm the middle of the surface's box, and what :data:`FULL` stands for.
     """
@@ -47,33 +49,74 @@ class ViewCrops:
     rgba: np.ndarray
     codes: np.ndarray
     middles: np.ndarray
+    camera: PinholeCamera
     centre_model: np.ndarray
     reach_mm: float
 
     @classmethod
-    def of(cls, views: Dataset, mesh: TriangleMesh, rgb: Callable[[View], np.ndarray]) -> "ViewCrops":
-        """Read views of a surface (model frame), and colours ``(H, W, 3)`` uint8 for each."""
-        least, most = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    def of(
+        cls,
+        views: Sequence[View],
+        rgb: Callable[[View], np.ndarray] = attrgetter("rgb"),
+        advance: Callable[[], None] = lambda: None,
+    ) -> "ViewCrops":
+        """Read views of one dataset, and colours ``(H, W, 3)`` uint8 for each; after each ``advance`` is called.
+
+        Raises
+        ------
+        InputError
+            They are too small.
+        """
+        files, boxes = views[0].files, np.array([view.boxes.bbox_visib for view in views])
+        camera = files.description.camera
+        too_large = float((np.median(boxes[:, 2:], axis=0) / CROP_WH).max())
+        if too_large > MUCH_LARGER:
+            camera = camera.resized(round(camera.width / too_large), round(camera.height / too_large))
+        if min(camera.size_wh) < 2 * MULTIPLE:
+            raise InputError(
+                f"expected views of at least {2 * MULTIPLE} px, found {camera.width}x{camera.height}; render larger"
+            )
+        least, most = files.mesh.bounds
         centre, reach_mm = (least + most) / 2, float((most - least).max() / 2)
-        width, height = views.size_wh
-        pixels = np.stack([*np.meshgrid(np.arange(width), np.arange(height)), np.ones((height, width))], axis=-1)
-        rgba = np.zeros((len(views), height, width, 4), np.uint8)
-        codes = np.full((len(views), height, width, 3), NOTHING, np.int16)
+        rays = camera.rays_cam(camera.pixel_grid())
+        rgba = np.zeros((len(views), *camera.shape_hw, 4), np.uint8)
+        codes = np.full((len(views), *camera.shape_hw, 3), NOTHING, np.int16)
         middles = np.zeros((len(views), 2))
         for place, view in enumerate(views):
-            seen, rays = view.mask, pixels @ np.linalg.inv(view.k).T
-            points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * view.depth_mm[seen][:, None])
+            mask, nearest = view.mask.astype(np.uint8), cv2.INTER_NEAREST_EXACT
+            depth_mm = cv2.resize(view.depth_mm * mask, camera.size_wh, interpolation=nearest)
+            shown = np.dstack([rgb(view), np.full_like(mask, 255)]) * mask[..., None]
+            small = cv2.resize(shown, camera.size_wh, interpolation=cv2.INTER_AREA)
+            seen = (depth_mm > 0) & (small[..., 3] > 0)
+            points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
-            rgba[place][seen, :3] = rgb(view)[seen]
-            rgba[place][seen, 3] = 255
-            middles[place] = pixels[seen][:, :2].mean(axis=0)
-        return cls(rgba, codes, middles, centre, reach_mm)
+            # what is beside the surface does not count
+            rgba[place][seen] = np.rint(255.0 * small[seen] / small[seen][:, 3:]).clip(0, 255)
+            middles[place] = np.argwhere(seen)[:, ::-1].mean(axis=0)
+            advance()
+        return cls(rgba, codes, middles, camera, centre, reach_mm)
 
     @property
     def crop_wh(self) -> tuple[int, int]:
         """Width and height of the crops."""
-        height, width = self.rgba.shape[1:3]
+        width, height = self.camera.size_wh
         return min(width, CROP_WH[0]) // MULTIPLE * MULTIPLE, min(height, CROP_WH[1]) // MULTIPLE * MULTIPLE
+
+    def record(self, views: Sequence[View], steps: int, seed: int) -> NetworkRecord:
+        """What a network belongs to that was trained on the crops of these views."""
+        description, (width, height) = views[0].files.description, self.camera.size_wh
+        return NetworkRecord(
+            surface=str(description.content["geometry_sha256"]),
+            dataset=description.identity,
+            views=len(views),
+            steps=steps,
+            seed=seed,
+            width=width,
+            height=height,
+            fx=self.camera.fx,
+            centre_model=tuple(self.centre_model.tolist()),
+            reach_mm=self.reach_mm,
+        )
 
     def crop(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """A random crop ``(h, w, 3)`` uint8 of a random view, and ``(h / 8, w / 8, 3)`` codes at its cells."""

@@ -1,30 +1,26 @@
 """The network: for each cell of 8x8 px, the point of the surface that it shows, how sure, and whether it shows any.
 
-Scene coordinates (Shotton et al., CVPR 2013) by a convolutional network (Brachmann and Rother, TPAMI 2022). Needs
-PyTorch.
+Scene coordinates by a convolutional network (Brachmann and Rother, TPAMI 2022). Needs PyTorch and ``onnx``.
 """
 
+import io
+import warnings
 from collections.abc import Callable
 
-import cv2
 import numpy as np
+import onnx
 import torch
 from torch import nn
 from torch.nn import functional
 
-from oneframe.camera.pinhole import PinholeCamera
-from oneframe.images.pixel_values import to_uint8
-
-from .pose_trials import pose_of
-from .view_crops import FULL, MULTIPLE, NOTHING, STRIDE, ViewCrops
+from .pose_network import KEY, MULTIPLE, NetworkRecord, network_input
+from .view_crops import FULL, NOTHING, ViewCrops
 
 BATCH = 8
 LARGEST_RATE = 3e-3
 WIDTHS = 24, 48, 64, 128
 """Channels at a half, a quarter, an eighth and a sixteenth of the image's size."""
 BLOCKS = 3
-TURNS_DEG = (-12, -4, 4, 12)
-"""Of the copies of a photograph: their errors partly cancel."""
 
 
 class CoordinateNetwork(nn.Module):
@@ -80,40 +76,23 @@ def trained_network(crops: ViewCrops, steps: int, seed: int, advance: Callable[[
     return network.eval()
 
 
-def network_pose(
-    network: CoordinateNetwork, crops: ViewCrops, camera: PinholeCamera, image: np.ndarray
-) -> np.ndarray | None:
-    """``cam_from_model`` of an image ``(H, W, 3)`` float32 of any size, seen by the network at the camera's."""
-    codes = to_uint8(cv2.resize(image, camera.size_wh, interpolation=cv2.INTER_AREA))
-    pixels, points, errors = np.split(predicted(network, codes), [2, 5], axis=1)
-    return pose_of(points * crops.reach_mm + crops.centre_model, pixels, errors[:, 0] * crops.reach_mm, camera)
-
-
-def predicted(network: CoordinateNetwork, image: np.ndarray) -> np.ndarray:
-    """What the network sees in an image ``(H, W, 3)`` uint8 and in turned copies, where it shows the surface.
-
-    Returns
-    -------
-    ``(N, 6)``: pixel, coordinates, and the error that the network states of them.
-    """
-    height, width = image.shape[:2]
-    padded_wh = -(-width // MULTIPLE) * MULTIPLE, -(-height // MULTIPLE) * MULTIPLE
-    v, u = STRIDE * np.mgrid[: padded_wh[1] // STRIDE, : padded_wh[0] // STRIDE] + (STRIDE - 1) / 2
-    found = []
-    for turn_deg in TURNS_DEG:
-        copy_from_image = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), turn_deg, 1.0)
-        copy = cv2.warpAffine(image, copy_from_image, padded_wh, borderMode=cv2.BORDER_REPLICATE)
-        with torch.no_grad():
-            output = _output(network, copy[None])[0].permute(1, 2, 0).numpy()
-        pixels = cv2.transform(np.stack([u, v], axis=-1), cv2.invertAffineTransform(copy_from_image))
-        shown = (output[..., 4] > 1) & ((pixels >= 0) & (pixels <= (width - 1, height - 1))).all(axis=-1)
-        found.append(np.concatenate([pixels, output[..., :3], np.exp(output[..., 3:4])], axis=-1)[shown])
-    return np.concatenate(found)
+def onnx_file(network: CoordinateNetwork, record: NetworkRecord) -> bytes:
+    """The network as ONNX, for images of any size, with what it belongs to in its metadata."""
+    content, image = io.BytesIO(), torch.zeros(1, 3, 2 * MULTIPLE, 2 * MULTIPLE)
+    sizes = {name: {0: "images", 2: f"{name} rows", 3: f"{name} columns"} for name in ("image", "cells")}
+    with warnings.catch_warnings():
+        # of the exporter's age: the newer one needs a further package
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            network, (image,), content, dynamo=False, input_names=["image"], output_names=["cells"], dynamic_axes=sizes
+        )
+    model = onnx.load_from_string(content.getvalue())
+    onnx.helper.set_model_props(model, {KEY: record.text()})
+    return model.SerializeToString()
 
 
 def _output(network: CoordinateNetwork, images: np.ndarray) -> torch.Tensor:
-    pixels = torch.from_numpy(images).permute(0, 3, 1, 2).to(torch.float32) / 64 - 2
-    return network(pixels)
+    return network(torch.from_numpy(network_input(images)))
 
 
 def _loss(output: torch.Tensor, codes: torch.Tensor) -> torch.Tensor:

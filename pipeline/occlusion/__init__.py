@@ -1,0 +1,1 @@
+"""What stands in front of the surface in a view: instruments, where they are held, and the view with them."""

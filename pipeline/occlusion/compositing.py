@@ -1,0 +1,128 @@
+"""A view with what stands in front of the surface: one step after any engine, so that all have the same masks.
+
+A z-buffer in double precision finds the instruments at the pixels' centres, in any Blender, and the nearer of surface
+and instrument is seen. The lamp at the lens lights them as it does the surface, or else one in the lens' centre.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..colour.lens_shading import CornerNormals, LensShading, shifted_codes, shown_codes
+from ..light.lens_light import LensLight
+from ..projection.edge_pixels import pixel_pattern
+from ..projection.rendered_view import RenderedView
+from ..projection.z_buffer import DepthRaster, inverse_depth_map, rasterise_depth
+from ..transforms import camera_centre
+from .occluders import Occluders
+
+HEAD_LIGHT = LensLight((0.0, 0.0, 0.0), 0.1)
+MOST_SAMPLES = 8
+"""Rays in a pixel at an instrument's edge, each of which takes a z-buffer of its own."""
+LEAST = 0.02
+"""Shading that a part of an instrument gets at least."""
+
+
+def head_light(pivot_model: np.ndarray) -> LensShading:
+    """A lamp in the lens' centre, for what no light of a case shines on; exposed for a pivot (3,), model frame, mm."""
+    x, y, z = pivot_model.tolist()
+    return LensShading(HEAD_LIGHT, LEAST, middle_model=(x, y, z))
+
+
+@dataclass(frozen=True)
+class Front:
+    """What the views of a dataset share to be composed.
+
+    Attributes
+    ----------
+    camera
+        Intrinsics of the views.
+    light
+        The light at the lens, or :func:`head_light`.
+    samples
+        Rays in a pixel that an edge crosses.
+    """
+
+    camera: PinholeCamera
+    light: LensShading
+    samples: int = 1
+
+    def composed(self, view: RenderedView, occluders: Occluders | None, cam_from_model: np.ndarray) -> RenderedView:
+        """A view of a pose (4x4, mm) with instruments in front of it, or none."""
+        if occluders is None:
+            return replace(view, occluder_mm=np.zeros_like(view.depth_mm))
+        surface = inverse_depth_map(view.depth_mm)
+        shade = self._shader(occluders, cam_from_model)
+        raster = rasterise_depth(occluders.mesh, self.camera, cam_from_model)
+        shown = raster.inverse_depth > surface
+        rgb = view.rgb.copy()
+        rgb[shown] = shade(raster, shown, np.zeros(2))
+        if self.samples > 1:
+            self._smooth_edges(rgb, view, shown, surface, occluders, cam_from_model)
+        return replace(
+            view,
+            rgb=rgb,
+            source=np.where(shown, np.uint8(0), view.source),
+            occluder_mm=np.where(shown, raster.depth_mm, 0).astype(np.float32),
+        )
+
+    def _smooth_edges(
+        self,
+        rgb: np.ndarray,
+        view: RenderedView,
+        shown: np.ndarray,
+        surface: np.ndarray,
+        occluders: Occluders,
+        cam_from_model: np.ndarray,
+    ) -> None:
+        """Mix the colours of pixels that an instrument covers in part; those whose centre shows nothing stay black."""
+        shade = self._shader(occluders, cam_from_model)
+        offsets = pixel_pattern(samples := min(self.samples, MOST_SAMPLES))
+        rasters = [
+            rasterise_depth(
+                occluders.mesh,
+                replace(self.camera, cx=self.camera.cx - right, cy=self.camera.cy - down),
+                cam_from_model,
+            )
+            for right, down in offsets.tolist()
+        ]
+        hits = [raster.inverse_depth > surface for raster in rasters]
+        count = np.sum(hits, axis=0)
+        edges = (count > 0) & ((count < samples) | ~shown) & (shown | view.mask)
+        total = np.zeros_like(rgb)
+        for raster, hit, offset in zip(rasters, hits, offsets, strict=True):
+            part = hit & edges
+            total[part] += shade(raster, part, offset)
+        # beside the background, the mean over what shows the instrument, as of the surface there
+        cover = np.where(view.mask, count / samples, 1.0)[edges, None].astype(np.float32)
+        rgb[edges] = cover * (total[edges] / count[edges, None]) + (1 - cover) * view.rgb[edges]
+
+    def _shader(
+        self, occluders: Occluders, cam_from_model: np.ndarray
+    ) -> Callable[[DepthRaster, np.ndarray, np.ndarray], np.ndarray]:
+        """From a raster, the ``(H, W)`` bool pixels that count and the place in them to ``(N, 3)`` code values."""
+        mesh, normals_of = occluders.mesh, CornerNormals(occluders.mesh)
+        centre = camera_centre(cam_from_model)
+        lamp = self.light.at(cam_from_model)[0].place_model(cam_from_model)
+        front = mesh.front_facing(centre)
+
+        def shade(raster: DepthRaster, pixels: np.ndarray, offset: np.ndarray) -> np.ndarray:
+            v, u = np.nonzero(pixels)
+            faces, rays_cam = raster.face[pixels], self.camera.rays_cam(np.stack([u, v], axis=1) + offset)
+            away = (rays_cam @ cam_from_model[:3, :3]) / raster.inverse_depth[pixels][:, None]
+            points = (centre + away).astype(np.float32)
+            normals = normals_of.at(faces, points, front[faces])
+            rgb = shifted_codes(occluders.rgb[faces])
+            shown_codes(rgb, self.light.factors(points, normals, cam_from_model))
+            halfway = _unit(-away) + _unit(lamp - points)
+            gloss, sharpness = occluders.shine[faces].T
+            shine = gloss * np.maximum((normals * _unit(halfway)).sum(axis=1), 0) ** sharpness
+            return np.clip(rgb + shine[:, None], 0, 1).astype(np.float32)
+
+        return shade
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)

@@ -1,0 +1,139 @@
+"""Datasets with instruments in front of the surface: exact masks, by any engine, and never through the surface."""
+
+import dataclasses
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from oneframe.blender.dataset import run as dataset_run
+from oneframe.blender.dataset.job import Job
+from oneframe.blender.dataset.rerender import CaseRenderer
+from oneframe.blender.render.surface_tree import ViewProbe
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
+from oneframe.dataset.check.rerendered import Rerendering
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
+from oneframe.images.png import encode_png
+from oneframe.occlusion.occluders import draw_occluders
+from oneframe.packing.pack import pack_dataset
+from oneframe.projection.rays import MeshRays
+from oneframe.reader import open_dataset
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid
+from tests.conftest import OFFSET, tiny_surface
+from tests.dataset.sealing import sealed
+from tests.tree import tree
+
+pytestmark = pytest.mark.render
+
+VIEWS = 6
+OPTIONS = DatasetOptions(
+    count=VIEWS, seed=5, engine="raster", occluders=2.0, float_depth=True, points=True, normals=True
+)
+CAMERA = PinholeCamera(640, 480, fx=3200.0, fy=3180.0, cx=304.5, cy=259.5)
+POSE = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
+
+
+def render(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard | None = None) -> Path:
+    job = Job(read_case(case), out, options, shard or Shard())
+    dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
+    return out
+
+
+def checked(root: Path, case: Path) -> CheckReport:
+    """The report of the check, with all views rendered again by Cycles."""
+    loaded = read_case(case)
+    again = Rerendering(lambda description: CaseRenderer(loaded, description.content, None), views=0)
+    return check_dataset(root, case=loaded, rerendering=again, stream=io.StringIO())
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory, write_tiny_case) -> Path:
+    return write_tiny_case(tmp_path_factory.mktemp("occluded case"))
+
+
+@pytest.fixture(scope="module")
+def occluded(case, tmp_path_factory) -> Path:
+    return render(case, tmp_path_factory.mktemp("occluded") / "dataset")
+
+
+def test_instruments_change_what_is_seen_and_nothing_else(case, occluded, tmp_path):
+    plain = open_dataset(render(case, tmp_path / "plain", dataclasses.replace(OPTIONS, occluders=0.0)))
+    assert "occluders" not in plain[0].files.description.content["options"]
+    assert not plain[0].mask_occluder.any()
+    covered = 0
+    for view, without in zip(open_dataset(occluded), plain, strict=True):
+        front = view.mask_occluder
+        covered += front.any()
+        assert (view.mask_whole == without.mask_whole).all()
+        assert (view.mask_visib == (without.mask & ~front)).all()
+        assert (view.observed == (without.observed & ~front)).all()
+        for name in ("rgb", "depth_mm", "points_model", "normals"):
+            one, other = getattr(view, name)[~front], getattr(without, name)[~front]
+            np.testing.assert_array_equal(one, other)
+        assert (view.depth_mm[front & view.mask_whole] < without.depth_mm[front & view.mask_whole]).all()
+        assert np.isnan(view.points_model[front]).all()
+        assert not view.normals[front].any()
+        whole = without.boxes.bbox_obj
+        assert view.boxes.bbox_obj == whole
+        assert view.visib_fract == pytest.approx(without.visib_fract * view.mask.sum() / without.mask.sum())
+    assert covered >= VIEWS / 2
+
+
+def test_cycles_proves_the_masks_and_the_check_finds_damage(case, occluded, tmp_path):
+    report = checked(occluded, case)
+    assert not report.findings, report.findings.shown()
+    assert report.rerendered == VIEWS
+    index = next(view.index for view in open_dataset(occluded) if view.mask_occluder.any())
+    paths = ViewPaths(occluded, index)
+    for kind, change in (
+        ("mask_occluder", lambda image: 0 * image),
+        ("mask_visib", lambda image: cv2.erode(image, np.ones((3, 3)))),
+        ("depth", lambda image: np.where(image > 0, image + 3000, 0).astype(np.uint16)),
+    ):
+        before = paths.file(kind).read_bytes()
+        image = cv2.imread(str(paths.file(kind)), cv2.IMREAD_UNCHANGED)
+        try:
+            paths.file(kind).write_bytes(encode_png(change(image)))
+            sealed(occluded)
+            assert checked(occluded, case).findings
+        finally:
+            paths.file(kind).write_bytes(before)
+            sealed(occluded)
+
+
+def test_shards_and_packs_hold_the_same(case, occluded, tmp_path):
+    for number in (1, 0):
+        render(case, tmp_path / "shards", shard=Shard(number, 2))
+    render(case, tmp_path / "shards")
+    assert tree(tmp_path / "shards") == tree(occluded)
+    pack_dataset(occluded, tmp_path / "pack")
+    for packed, view in zip(open_dataset(tmp_path / "pack"), open_dataset(occluded), strict=True):
+        for name in ("mask_visib", "mask_whole", "mask_occluder", "depth_mm", "rgb"):
+            np.testing.assert_array_equal(getattr(packed, name), getattr(view, name))
+
+
+def test_no_instrument_goes_through_the_surface():
+    """No side of a face of the one leads through the other, as Embree's rays tell."""
+    surface = tiny_surface().moved(-OFFSET)
+    probe = ViewProbe(surface, CAMERA, lambda points, normals: np.ones(len(points), bool))
+    drawn = [draw_occluders(3.0, (seed, 0), probe, CAMERA, POSE) for seed in range(12)]
+    meshes = [each.mesh for each in drawn if each is not None]
+    assert len(meshes) > 8
+    for mesh in meshes:
+        assert not pierced(mesh, surface)
+        assert not pierced(surface, mesh)
+        assert pierced(mesh.moved(np.array([0, 0, -12.0])), surface)
+
+
+def pierced(edges_of: TriangleMesh, at: TriangleMesh) -> bool:
+    start = edges_of.vertices[edges_of.faces].reshape(-1, 3)
+    end = edges_of.vertices[edges_of.faces[:, [1, 2, 0]]].reshape(-1, 3)
+    hits = MeshRays(at).first_hits(start.astype(np.float32), (end - start).astype(np.float32))
+    return bool(((hits.face >= 0) & (hits.distance < 1)).any())

@@ -1,0 +1,104 @@
+"""The right eye of each view: where it stands, what it sees, and that it is a dataset and a pack as the left one is."""
+
+import numpy as np
+import pytest
+
+from oneframe.colour.lens_shading import LensShading
+from oneframe.commands.__main__ import dispatch
+from oneframe.errors import InputError
+from oneframe.light.lens_light import LensLight
+from oneframe.poses.stereo import right_from_left
+from oneframe.reader import open_dataset
+from oneframe.transforms import camera_centre, transform_points
+from tests.tree import tree
+
+pytestmark = pytest.mark.render
+
+EYES = ("--stereo-mm", 8.0)
+RENDERED = ("--count", 3, "--engine", "raster", "--float-depth", "--workers", 1)
+
+
+def oneframe(*words: object) -> int:
+    return dispatch([str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory, write_tiny_case):
+    return write_tiny_case(tmp_path_factory.mktemp("stereo") / "case")
+
+
+@pytest.fixture(scope="module")
+def pairs(case):
+    out = case.parent / "pairs"
+    assert oneframe("render", case, "--out", out, *RENDERED, *EYES) == 0
+    return out
+
+
+def test_disparity_is_focal_length_times_distance_of_the_eyes_over_depth(pairs):
+    for view in open_dataset(pairs):
+        seen, z = view.mask, view.depth_mm
+        flow_px, visible = view.flow_to(view.right)
+        np.testing.assert_allclose(-flow_px[seen][:, 0] * z[seen], view.k[0, 0] * EYES[1], rtol=1e-3)
+        assert np.abs(flow_px[seen][:, 1]).max() < 1e-3
+        # what the right eye shows there, between two pixels of the same row, where inverse depths are linear
+        v, u = np.nonzero(visible & (np.arange(seen.shape[1]) + flow_px[..., 0] < seen.shape[1] - 1))
+        there = u + flow_px[v, u, 0]
+        left = np.floor(there).astype(int)
+        near, far = (view.right.depth_mm[v, left + step].astype(float) for step in (0, 1))
+        shown = (near > 0) & (far > 0)
+        inverse = (left + 1 - there)[shown] / near[shown] + (there - left)[shown] / far[shown]
+        off = np.abs(1 / inverse - z[v, u][shown])
+        # on one face; others have an edge between
+        assert (off < 1e-3).mean() > 0.3
+        assert np.median(off) < 0.02
+        assert len(off) > 500
+
+
+@pytest.mark.parametrize("distance_mm", [60.0, 300.0])
+def test_axes_that_converge_meet_before_both_eyes(distance_mm):
+    pose = right_from_left(24.0, distance_mm)
+    assert np.linalg.norm(camera_centre(pose)) == pytest.approx(24.0)
+    assert camera_centre(pose)[0] > 0
+    meeting = np.array([[0.0, 0.0, distance_mm]])
+    np.testing.assert_allclose(transform_points(pose, meeting), meeting, atol=1e-9)
+
+
+def test_the_left_eye_is_the_dataset_without_a_right_one_and_shards_make_the_same(case, pairs, tmp_path):
+    assert oneframe("render", case, "--out", tmp_path / "alone", *RENDERED) == 0
+    of_pairs = tree(pairs)
+    left = {name: data for name, data in of_pairs.items() if not name.startswith("right/")}
+    assert tree(tmp_path / "alone") == left
+    for shard in ("--shard=1/2", "--shard=0/2", "--shard=0/1"):
+        assert oneframe("render", case, "--out", tmp_path / "shards", *RENDERED, *EYES, shard) == 0
+    assert tree(tmp_path / "shards") == of_pairs
+
+
+def test_both_eyes_are_checked_rendered_again_and_packed(case, pairs, tmp_path, capfd):
+    assert oneframe("check", pairs, "--case", case, "--rerender", 2) == 0
+    assert capfd.readouterr().out.count("2 views rendered again from the case are the same") == 2
+    for words in (("pack", pairs), ("pack", pairs, "--verify"), ("pack", "--verify")):
+        assert oneframe(*words, "--out", tmp_path / "packed") == 0
+    with open_dataset(tmp_path / "packed") as packed:
+        for one, other in zip(packed, open_dataset(pairs), strict=True):
+            assert (one.right.rgb == other.right.rgb).all()
+            assert (one.right.cam_from_model == other.right.cam_from_model).all()
+
+
+def test_a_right_eye_of_other_views_is_found(case, pairs, tmp_path, capfd):
+    assert oneframe("render", case, "--out", tmp_path / "d", *RENDERED, "--seed", 5) == 0
+    with pytest.raises(InputError, match="expected the folder right in it, found none; render with --stereo-mm"):
+        _ = open_dataset(tmp_path / "d")[0].right
+    (pairs / "right").rename(tmp_path / "d" / "right")
+    try:
+        with pytest.raises(InputError, match=r"right eyes of these views: options\.seed was 5, is 0"):
+            _ = open_dataset(tmp_path / "d")[0].right
+        assert oneframe("check", tmp_path / "d") == 1
+        assert "the left eyes are of another dataset: options.seed was 5, is 0" in capfd.readouterr().out
+    finally:
+        (tmp_path / "d" / "right").rename(pairs / "right")
+
+
+def test_both_eyes_see_the_surface_by_the_lamp_of_the_left_one(oblique_pose):
+    lens, beside = LensShading(LensLight((30.0, -20.0, -5.0), 0.1), 0.1), right_from_left(24.0, 300.0)
+    (left, _), (right, _) = lens.at(oblique_pose), lens.moved(beside).at(beside @ oblique_pose)
+    np.testing.assert_allclose(right.place_model(beside @ oblique_pose), left.place_model(oblique_pose), atol=1e-9)

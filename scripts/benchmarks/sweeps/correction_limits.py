@@ -122,8 +122,7 @@ def photographs(mesh: TriangleMesh, setting: Setting, rng: np.random.Generator) 
     longer, frames = 1 + setting.k_percent / 100, []
     camera = replace(CAMERA, fx=CAMERA.fx * longer, fy=CAMERA.fy * longer)
     for turn in turns:
-        pose = rigid(rotation_from_vector([np.pi, 0, 0]) @ rotation_from_vector(turn), [0, 0, DISTANCE_MM])
-
+        pose = rigid(np.diag([1.0, -1.0, -1.0]) @ rotation_from_vector(turn), np.array([0.0, 0.0, DISTANCE_MM]))
         raster = rasterise_depth(mesh, CAMERA, pose)
         shown = raster.face >= 0
         rays = CAMERA.rays_cam(CAMERA.pixel_grid()[shown])
@@ -131,13 +130,13 @@ def photographs(mesh: TriangleMesh, setting: Setting, rng: np.random.Generator) 
         normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
         paint = 0.3 * np.exp(setting.contrast * np.cos(points @ waves.T + phases).sum(axis=1) / 12)
         linear = paint * shading(lamp, points, normals, pose, working_distance_mm(pose, np.zeros(3)))
-        image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
+        image: np.ndarray = np.zeros((*CAMERA.shape_hw, 3), np.float32)
         image[shown] = codes_from_linear(np.clip(linear, 0, 1))[:, None]
         image += setting.noise * rng.normal(size=image.shape[:2])[..., None]
         while (image[..., 1] < 0).mean() < setting.blood:
             centre = tuple(rng.integers(0, CAMERA.size_wh).tolist())
             cv2.circle(image, centre, int(rng.integers(*PATCH_PX)), (0.3, -1.0, -1.0), -1)
-        image = np.clip(np.rint(255 * image), 0, 255).astype(np.float32) / 255
+        image = (np.clip(np.rint(255 * image), 0, 255) / 255).astype(np.float32)
         known = pose if not setting.aligned else rigid(pose[:3, :3], pose[:3, 3] * longer)
         frames.append(PosedFrame(image, np.ones(CAMERA.shape_hw, bool), camera, known))
     return frames, lamp

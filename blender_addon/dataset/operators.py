@@ -30,7 +30,6 @@ PREVIEW_KEY, PREVIEW_SUMMARY = "oneframe_key", "oneframe_summary"
 """Custom properties of the preview's image: the key of everything it depends on, and its summary."""
 
 THUMBNAIL_PX = 256
-CONTACT_SHEET = "contact_sheet.png"
 POPUP_CHARACTERS = 90
 
 
@@ -100,25 +99,6 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
         return *messages, summary
 
 
-class ONEFRAME_OT_show_contact_sheet(Reporting):
-    """Show the sheet of the dataset's views in an Image Editor"""
-
-    bl_label = "Contact Sheet"
-    bl_options = {"REGISTER"}
-
-    needs = (lambda context: _has_sheet(context.scene), "A run makes it after the last view, for Blender's window")
-
-    def run(self, context: bpy.types.Context) -> None:
-        path = output_folder(context.scene) / CONTACT_SHEET
-        image = bpy.data.images.load(str(path), check_existing=True)
-        # a later run has written over it
-        image.reload()
-        shown = (area for _window, area in areas("IMAGE_EDITOR") if area.spaces.active.image == image)
-        area = next(shown, None) or _new_image_editor(context)
-        area.spaces.active.image = image
-        area.tag_redraw()
-
-
 class ONEFRAME_OT_render_dataset(_AboutOptions):
     """Render the dataset in the background; continues a stopped run, and extends a dataset if Views has grown"""
 
@@ -169,11 +149,6 @@ def result_folder(scene: bpy.types.Scene) -> Path | None:
     return path if path is not None and path.is_dir() else None
 
 
-def _has_sheet(scene: bpy.types.Scene) -> bool:
-    folder = None if bpy.app.background else result_folder(scene)
-    return folder is not None and (folder / CONTACT_SHEET).is_file()
-
-
 def output_folder(scene: bpy.types.Scene) -> Path:
     """The dataset's folder: the chosen one, or the usual one."""
     chosen = scene.oneframe.dataset_out
@@ -218,14 +193,6 @@ def _put_preview(name: str, rgb: np.ndarray, key: str, summary: str) -> bpy.type
     thumbnail.image_pixels_float.foreach_set(small.ravel())
     image[PREVIEW_KEY], image[PREVIEW_SUMMARY] = key, summary
     return image
-
-
-def _new_image_editor(context: bpy.types.Context) -> bpy.types.Area:
-    """An Image Editor in a window of its own: the view of the frame stays as large as it is."""
-    bpy.ops.wm.window_new()
-    area = context.window_manager.windows[-1].screen.areas[0]
-    area.ui_type = "IMAGE_EDITOR"
-    return area
 
 
 def _show_in_image_editors(image: bpy.types.Image) -> None:

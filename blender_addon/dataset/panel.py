@@ -12,6 +12,8 @@ from ..ui.step_panel import PartPanel, StepPanel
 from . import background_job, operators, pose_preview
 from .wording import in_window_words
 
+CONTACT_SHEET = "contact_sheet.png"
+
 
 class ONEFRAME_PT_dataset(StepPanel):
     """Render a dataset of posed views"""
@@ -123,7 +125,8 @@ class ONEFRAME_PT_dataset_run(PartPanel):
         if folder is not None:
             row = layout.row(align=True)
             row.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = str(folder)
-            row.operator("oneframe.show_contact_sheet", icon="IMAGE_REFERENCE")
+            if (sheet := folder / CONTACT_SHEET).is_file():
+                row.operator("wm.path_open", text="Contact Sheet", icon="IMAGE_REFERENCE").filepath = str(sheet)
 
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:

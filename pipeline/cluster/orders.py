@@ -16,7 +16,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from distributed import CancelledError, Future
+from distributed import CancelledError, Client, Future
 from distributed.scheduler import KilledWorker
 
 from .. import __version__
@@ -24,7 +24,7 @@ from ..dataset.run.work_folder import run_token
 from ..errors import InputError, RunError
 from ..progress import Progress
 from .on_worker import OnWorker, admit, do_order, leave
-from .scheduler import Scheduler, losing_scheduler
+from .scheduler import losing_scheduler
 
 ORDER_SECONDS = 20.0
 FIRST_ITEMS, MOST_ITEMS = 2, 1000
@@ -55,14 +55,14 @@ class Orders:
 
     def __init__(
         self,
-        scheduler: Scheduler,
+        client: Client,
         plugin: OnWorker,
         items: Iterable[int],
         progress: Progress,
         case: Mapping[str, bytes] | None = None,
     ) -> None:
         """Prepare to do items by a plugin on workers, which get the files of a case if there are any."""
-        self._address, self._no_workers, self._client = scheduler.address, scheduler.no_workers, scheduler.client
+        self._address, self._client = client.scheduler.address, client
         self._plugin, self._todo, self._progress = plugin, deque(items), progress
         self._case = case
         self._scattered: Future | None = None
@@ -136,7 +136,8 @@ class Orders:
         elif now - self._useful > NO_WORKER_SECONDS:
             if there:
                 raise RunError(f"all workers are refused: {'; '.join(dict.fromkeys(self._refused.values()))}")
-            self._progress.note(f"no worker is connected to {self._address}: waiting; {self._no_workers}")
+            start = f"start one on any machine: dask worker {self._address}"
+            self._progress.note(f"no worker is connected to {self._address}: waiting; {start}")
             self._useful = math.inf
         self._progress.update(self._progress.count, self.state())
 

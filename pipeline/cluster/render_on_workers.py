@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from distributed import Worker
+from distributed import Client, Worker
 
 from ..case.case_file import read_case
 from ..dataset.identity import description_bytes
@@ -30,8 +30,6 @@ from ..process.command_line import blender_command
 from ..progress import Progress
 from .on_worker import LostError, OnWorker
 from .orders import Orders
-from .own_workers import FOUND_IN
-from .scheduler import Scheduler
 
 IDLE_SECONDS = 120.0
 VIEW_SECONDS = 1800.0
@@ -40,7 +38,11 @@ GATHERED_BYTES = 64_000_000
 """About the largest result of an order."""
 CASE_FOLDER = "<case>"
 """Stands in arguments for the folder of the files that were sent."""
-_SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SCRIPTS = _PACKAGE.parent / "scripts"
+_FOUND_IN = _PACKAGE.parent if _PACKAGE.name == "oneframe" else _SCRIPTS
+"""Where the package is found by its name: in a checkout by ``scripts/oneframe.py``."""
+_RENDER: tuple[str, ...] = (sys.executable, "-m", "oneframe.commands", "render")
 
 
 @dataclass
@@ -51,10 +53,8 @@ class RenderOnWorker(OnWorker):
     ----------
     arguments
         Of the render command: case and options.
-    command
-        Starts the render command; empty for the worker's own Python.
     blender
-        A Blender program that renders, instead.
+        A Blender program that renders, instead of the worker's own Python.
     identity, kinds
         The dataset's identity, and the kinds of files of a view.
     damaged
@@ -64,7 +64,6 @@ class RenderOnWorker(OnWorker):
     """
 
     arguments: tuple[str, ...]
-    command: tuple[str, ...]
     blender: str | None
     identity: str
     kinds: tuple[str, ...]
@@ -78,9 +77,9 @@ class RenderOnWorker(OnWorker):
         self._lock, self._idle, self._is_closed = threading.RLock(), threading.Timer(0, print), False
         self._own, self._out = own_folder, Path(self.folder)
         self.check("choose one that all machines see (--out), or let the views be fetched (--gather)")
-        start = [*self.command] or [sys.executable, "-m", "oneframe.commands", "render"]
+        start = _RENDER
         if self.blender is not None:
-            start = [*blender_command(self.blender, str(_SCRIPT))]
+            start = (*blender_command(self.blender, str(_SCRIPTS / "render_dataset.py")),)
         sent = {f"case/{name}": content for name, content in (case or {}).items()}
         if self.description is not None:
             self._out = own_folder / "dataset"
@@ -134,7 +133,7 @@ class RenderOnWorker(OnWorker):
 
     def _started(self) -> RenderProcess:
         # the same OneFrame as the worker, which may be that of a checkout
-        scripts = [str(FOUND_IN)] if (FOUND_IN / "oneframe.py").is_file() else []
+        scripts = [str(_FOUND_IN)] if (_FOUND_IN / "oneframe.py").is_file() else []
         paths = os.pathsep.join(filter(None, [*scripts, os.environ.get("PYTHONPATH", "")]))
         try:
             process = RenderProcess(self._start, environment={"PYTHONPATH": paths})
@@ -179,16 +178,15 @@ class RenderPool:
 
     Attributes
     ----------
-    scheduler, own_command
-        The workers, and what starts the render command on this machine, for workers on it.
+    client
+        Connected to the scheduler of the workers.
     send_case, gather
         Whether workers get the case, and whether they render into folders of their own, from which the views come here.
     blender
         A Blender program on the workers' machines that renders there.
     """
 
-    scheduler: Scheduler
-    own_command: Sequence[str]
+    client: Client
     send_case: bool = False
     gather: bool = False
     blender: str | None = None
@@ -207,14 +205,13 @@ class RenderPool:
             run=secrets.token_hex(8),
             folder="" if self.gather else out,
             arguments=(case, *option_arguments(options), "--threads=1"),
-            command=tuple(self.own_command) if self.scheduler.on_this_machine else (),
             blender=self.blender,
             identity=missing.identity,
             kinds=missing.kinds,
             damaged=missing.damaged,
             description=missing.description if self.gather else None,
         )
-        orders = Orders(self.scheduler, plugin, missing.views, progress, files)
+        orders = Orders(self.client, plugin, missing.views, progress, files)
         rendered = 0
         with closing(orders.outcomes()) as outcomes:
             for count, done in enumerate(outcomes, 1):

@@ -1,4 +1,4 @@
-"""Where workers come from: a running scheduler, or processes on this machine."""
+"""The connection with a running scheduler of Dask."""
 
 import logging
 import re
@@ -6,85 +6,43 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from ipaddress import ip_address
 
 from distributed import Client
-from distributed.security import Security
 
 from ..errors import InputError, RunError
-from .own_workers import own_workers
 
 CONNECT_SECONDS = 10.0
 
 
-@dataclass(frozen=True)
-class Scheduler:
-    """A scheduler, and what is known about its workers.
-
-    Attributes
-    ----------
-    client
-        Connected to the scheduler.
-    address
-        The scheduler's address.
-    about, no_workers
-        One line about it for the user, and what to do if no worker is connected.
-    on_this_machine
-        Whether all workers are on this machine, where they may start what this process starts.
-    """
-
-    client: Client
-    address: str
-    about: str
-    no_workers: str
-    on_this_machine: bool = False
-
-
 @contextmanager
-def open_scheduler(where: str, *, insecure: bool = False) -> Iterator[Scheduler]:
-    """Workers from the value of ``--cluster``; those that were started for it end with the context.
+def open_scheduler(address: str, *, insecure: bool = False) -> Iterator[Client]:
+    """A client of the scheduler at an address, with the certificates of Dask's configuration.
 
     ``insecure`` takes a scheduler of another machine that admits anyone.
 
     Raises
     ------
     InputError
-        The value is no address and not ``local:N``, or it is not secure.
+        The value is no address, or it is not secure.
     RunError
-        There is no scheduler at the address, or none can be started.
+        There is no scheduler at the address.
     """
+    _check_address(address, insecure=insecure)
     # whatever matters to the user is said in OneFrame's words
     logging.disable(logging.CRITICAL)
     try:
-        with warnings.catch_warnings(), _scheduler(where, insecure=insecure) as scheduler:
+        with warnings.catch_warnings(), _connected(address) as client:
             warnings.filterwarnings("ignore", module=r"distributed\b.*")
-            yield scheduler
+            yield client
     finally:
         logging.disable(logging.NOTSET)
-
-
-@contextmanager
-def _scheduler(where: str, *, insecure: bool) -> Iterator[Scheduler]:
-    kind, _, number = where.partition(":")
-    if kind == "local":
-        if not number.isdecimal() or not 1 <= int(number) <= 1024:
-            raise InputError(f"--cluster: expected local:N with N from 1 to 1024, found {where}")
-        with own_workers(int(number)) as started, _connected(*started) as client:
-            about, again = f"{number} workers on this machine", "they are started again by themselves"
-            yield Scheduler(client, started[0], about, again, on_this_machine=True)
-    else:
-        _check_address(where, insecure=insecure)
-        with _connected(where) as client:
-            about, start = f"workers of the scheduler {where}", f"start one on any machine: dask worker {where}"
-            yield Scheduler(client, where, about, start)
 
 
 def _check_address(address: str, *, insecure: bool) -> None:
     if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/]+):[0-9]+/?", address):
         raise InputError(
-            f"--cluster: expected the address of a Dask scheduler, such as tls://host:8786, or local:N, "
-            f"found {address!r}"
+            f"--cluster: expected the address of a Dask scheduler, such as tls://host:8786, found {address!r}"
         )
     scheme, _, place = address.rpartition("://")
     host = place.rpartition(":")[0].strip("[]")
@@ -99,13 +57,12 @@ def _check_address(address: str, *, insecure: bool) -> None:
 
 
 @contextmanager
-def _connected(address: str, security: Security | None = None) -> Iterator[Client]:
-    """A client of a scheduler, with the certificates of Dask's configuration if none are given."""
+def _connected(address: str) -> Iterator[Client]:
     found: list[Client | Exception] = []
 
     def connect() -> None:
         try:
-            found.append(Client(address, timeout=CONNECT_SECONDS, security=security, set_as_default=False))
+            found.append(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
         except Exception as error:  # whatever Dask makes of the answer; reported below
             found.append(error)
 

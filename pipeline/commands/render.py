@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_cluster_arguments(machines)
     machines.add_argument(
-        "--blender-on-workers", metavar="PROGRAM", help="with --cluster ADDRESS: the Blender program that renders on "
+        "--blender-on-workers", metavar="PROGRAM", help="with --cluster: the Blender program that renders on "
         "the workers' machines (default: the bpy module in the workers' Python)"
     )  # fmt: skip
     machines.add_argument(
@@ -214,6 +214,6 @@ def _elsewhere(arguments: argparse.Namespace, output: TextIO) -> "Iterator[Elsew
     from ..cluster.render_on_workers import RenderPool
     from ..cluster.scheduler import open_scheduler
 
-    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as scheduler:
-        output.write(f"{scheduler.about}\n")
-        yield RenderPool(scheduler, own_command(), arguments.send_case, arguments.gather, arguments.blender_on_workers)
+    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as client:
+        output.write(f"workers of the scheduler {arguments.cluster}\n")
+        yield RenderPool(client, arguments.send_case, arguments.gather, arguments.blender_on_workers)

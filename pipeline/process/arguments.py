@@ -18,8 +18,6 @@ PACKAGES = {
     "skimage": "scikit-image",
 }
 """Modules that pip installs -> their names in messages."""
-DASK = "distributed cryptography"
-"""What --cluster needs, for pip."""
 
 
 class ArgumentParser(argparse.ArgumentParser):
@@ -120,7 +118,7 @@ def _explained_imports() -> Iterator[None]:
     except ModuleNotFoundError as error:
         if error.name in ("dask", "distributed"):
             raise RunError(
-                f"--cluster: expected Dask, this Python ({sys.executable}) has none; install it: pip install {DASK}"
+                f"--cluster: expected Dask, this Python ({sys.executable}) has none: pip install distributed"
             ) from None
         if (error.name or "").endswith(".cluster"):
             raise RunError(
@@ -147,11 +145,11 @@ def resumable() -> Iterator[None]:
 def add_cluster_arguments(group: argparse._ArgumentGroup) -> None:
     """Add the options of a command that gives its work to a Dask cluster."""
     group.add_argument(
-        "--cluster", metavar="ADDRESS|local:N", help="render on the workers of a Dask cluster: the address "
-        "of its scheduler, such as tls://host:8786, or N workers on this machine"
+        "--cluster", metavar="ADDRESS", help="render on the workers of a Dask cluster: the address "
+        "of its scheduler, such as tls://host:8786"
     )  # fmt: skip
     group.add_argument(
-        "--insecure", action="store_true", help="with --cluster ADDRESS: take a scheduler on another machine without "
+        "--insecure", action="store_true", help="with --cluster: take a scheduler on another machine without "
         "TLS, though everybody in its network can run programs as you"
     )  # fmt: skip
 
@@ -165,5 +163,5 @@ def check_cluster_arguments(arguments: argparse.Namespace, *others: str) -> None
     if arguments.cluster is not None and arguments.workers:
         raise InputError(
             f"command line: --cluster: expected without --workers, found --workers {arguments.workers}; the cluster's "
-            "workers do the work: leave --workers out, or use --cluster local:N"
+            "workers do the work: leave --workers out"
         )

@@ -28,7 +28,7 @@ from oneframe.files.temporary import temporary_folder
 from oneframe.registration.pose_list import read_photographs
 from oneframe.registration.register_frames import CaseRegistrar, small_frame
 from oneframe.sample.film import disturbance, film_poses
-from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
+from oneframe.sample.temporal_bone import MICROSCOPE, SPACING_MM, sample_surface
 from oneframe.surface.deviation import deviation
 from oneframe.surface_correction.correct_surface import LONGER_SIDE_PX
 
@@ -47,7 +47,7 @@ from .sweeps.surface_correction import (
 )
 
 TABLE, SUMMARY = "correction.csv", "correction.json"
-QUICK = {"seeds": [0], "surfaces": [WRONG[0]], "width": 160}
+QUICK = {"seeds": [0], "surfaces": [WRONG[0]], "width": 160, "spacing_mm": 0.6}
 STEP, LEFT_OUT = 4, 12
 """Every fourth frame of the film is registered; every twelfth, between them, is compared with views if it is clear."""
 BONE_PHOTOGRAPHS, BLOSTER_PHOTOGRAPHS = slice(2, None, 5), (slice(1, None, 6), slice(3, None, 6), slice(5, None, 6))
@@ -73,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", metavar="N", nargs="+", type=int, default=[10, 11, 12], help="default 10 11 12")
     parser.add_argument("--surfaces", nargs="+", choices=(TRUE, *WRONG), default=(TRUE, *WRONG), help="of the sample")
     parser.add_argument("--width", metavar="PX", type=int, default=MICROSCOPE.width, help="of the sample's frame")
+    parser.add_argument("--spacing-mm", metavar="MM", type=float, default=SPACING_MM, help="of the sample's surface")
     parser.add_argument("--no-sample", action="store_true", help="leave out the sample case")
     parser.add_argument("--bones", metavar="FOLDER", type=Path, help="CTs and labels of temporal bones")
     parser.add_argument("--bloster", metavar="FOLDER", type=Path, help="photographs of a cushion")
@@ -106,7 +107,7 @@ def draw(out: Path) -> list[Path]:
 def trials_of(arguments: argparse.Namespace, folder: Path) -> Iterator[CorrectionTrial]:
     """All trials; ``folder`` is for temporary files."""
     if not arguments.no_sample:
-        film = film_scene(folder / "sample", arguments.width)
+        film = film_scene(folder / "sample", arguments.width, arguments.spacing_mm)
         true = film.loaded.surface.mesh
         for seed in arguments.seeds:
             scene = frames_of(film, seed)
@@ -128,9 +129,10 @@ def trials_of(arguments: argparse.Namespace, folder: Path) -> Iterator[Correctio
             yield correction_trial(scene, "as published", fold.start, scene.loaded.surface.mesh, None)
 
 
-def film_scene(folder: Path, width: int) -> FilmedScene:
+def film_scene(folder: Path, width: int, spacing_mm: float) -> FilmedScene:
     """The sample in the light of its lamp, and all frames of its film."""
-    surface, camera = sample_surface(), MICROSCOPE.resized(width, width * MICROSCOPE.height // MICROSCOPE.width)
+    surface = sample_surface(spacing_mm=spacing_mm)
+    camera = MICROSCOPE.resized(width, width * MICROSCOPE.height // MICROSCOPE.width)
     for _ in (
         *write_sample_case(folder, surface, camera=camera, held_out=False),
         *write_sample_film(folder, surface, camera=camera),

@@ -50,6 +50,7 @@ from .learning.training_scenes import (
     PHOTOGRAPHS,
     TrainingScene,
     bloster_scene,
+    bone_scene,
     sample_scene,
 )
 
@@ -64,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="another scene: CASE.toml and its PHOTOGRAPHS.json, as for oneframe evaluate",
     )  # fmt: skip
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
+    parser.add_argument("--bones", metavar="DIR", type=Path, help="another scene: the drilled bone LT143")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
     parser.add_argument("--views", metavar="N", type=int, default=800, help="to train on (default %(default)s)")
     parser.add_argument("--datasets", nargs="+", choices=ALL, default=ALL)
@@ -134,6 +136,8 @@ def _scenes(arguments: argparse.Namespace) -> Iterator[TrainingScene]:
     for case, photographs in arguments.case:
         name = case.resolve().parent.name
         yield TrainingScene(name, case, photographs, data / name)
+    if arguments.bones:
+        yield bone_scene(arguments.bones, data / "LT143", "LT143")
     if arguments.bloster:
         yield bloster_scene(arguments.bloster, data / "bloster")
 

@@ -24,7 +24,6 @@ from hypothesis import strategies as st
 from oneframe.cluster import orders
 from oneframe.cluster.on_worker import LostError, OnWorker
 from oneframe.cluster.orders import MOST_ITEMS, ORDER_SECONDS, Orders, order_size
-from oneframe.cluster.scheduler import Scheduler
 from oneframe.errors import InputError, RunError
 from oneframe.progress import Progress
 from tests.waiting import wait_until
@@ -79,9 +78,8 @@ class Run:
 
     def __init__(self, cluster: LocalCluster, plugin: OnWorker | None = None) -> None:
         self.client, self.text = Client(cluster, set_as_default=False), StringIO()
-        scheduler = Scheduler(self.client, cluster.scheduler_address, "", "start one")
         progress = Progress(len(ITEMS), "views", stream=self.text)
-        self.orders = Orders(scheduler, plugin or StandIn("0" * 16, ""), ITEMS, progress)
+        self.orders = Orders(self.client, plugin or StandIn("0" * 16, ""), ITEMS, progress)
 
     @property
     def notes(self) -> list[str]:
@@ -232,7 +230,8 @@ def test_orders_outlive_all_workers_that_could_do_them(cluster):
     DO[0] = do
     assert {*run.finish()} == {*ITEMS}
     thread.join()
-    assert run.notes[0] == f"no worker is connected to {cluster.scheduler_address}: waiting; start one"
+    start = f"start one on any machine: dask worker {cluster.scheduler_address}"
+    assert run.notes[0] == f"no worker is connected to {cluster.scheduler_address}: waiting; {start}"
 
 
 def test_a_scheduler_that_goes_ends_the_run(cluster, monkeypatch):

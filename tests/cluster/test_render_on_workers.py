@@ -23,6 +23,7 @@ STAND_IN = Path(__file__).with_name("stand_in_process.py")
 def opened(tmp_path, monkeypatch):
     """Opens a run on a worker, whose stand-in fails in a certain way."""
     monkeypatch.setattr(on_worker, "LOOK_SECONDS", 0.3)
+    monkeypatch.setattr(render_on_workers, "_RENDER", (sys.executable,))
     plugins = []
 
     def make(fails: str = "none", **changes) -> RenderOnWorker:
@@ -33,7 +34,6 @@ def opened(tmp_path, monkeypatch):
             folder=str(tmp_path),
             # what follows is ignored
             arguments=(str(STAND_IN), fails, str(tmp_path)),
-            command=(sys.executable,),
             blender=None,
             identity="ab" * 32,
             kinds=("rgb",),

@@ -14,7 +14,7 @@ import pytest
 
 distributed = pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
-from tests.cluster.watching import descendants, records, render_processes
+from tests.cluster.watching import records, render_processes
 from tests.tree import different_files
 from tests.waiting import wait_until
 
@@ -64,9 +64,9 @@ def started(command: list[str]) -> subprocess.Popen:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
-def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, render_command, rng):
-    out = tmp_path / "out"
-    process = started(render_command(case, "--out", out, "--count", VIEWS, "--cluster", "local:2"))
+def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, scheduler, render_command, rng):
+    out, (address, holder) = tmp_path / "out", scheduler
+    process = started(render_command(case, "--out", out, "--count", VIEWS, "--cluster", address))
     first_seen: dict[str, tuple[int, int]] = {}
     watching = threading.Event()
 
@@ -80,8 +80,8 @@ def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, 
     kills = 0
     try:
         for least, victim in ((10, "process"), (VIEWS // 3, "worker")):
-            wait_until(lambda least=least: len(records(out)) >= least and render_processes(process.pid), process)
-            running = render_processes(process.pid)
+            wait_until(lambda least=least: len(records(out)) >= least and render_processes(holder), process)
+            running = render_processes(holder)
             if running and process.poll() is None:
                 pid = int(rng.choice([*(running if victim == "process" else running.values())]))
                 os.kill(pid, signal.SIGKILL)
@@ -100,7 +100,7 @@ def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, 
     # what the killed worker's process had in work may be finished by it and by another
     again = [name for name, state in records(out).items() if first_seen.get(name, state) != state]
     assert len(again) <= AHEAD
-    assert descendants(process.pid) == {}
+    wait_until(lambda: not render_processes(holder))
 
 
 def test_a_killed_run_goes_on_and_renders_next_to_nothing_twice(
@@ -125,26 +125,28 @@ def test_a_killed_run_goes_on_and_renders_next_to_nothing_twice(
     wait_until(lambda: not render_processes(holder))
 
 
-def test_ctrl_c_ends_workers_of_its_own(case, tmp_path, render_command):
-    run = started(render_command(case, "--out", tmp_path / "out", "--count", 5000, "--cluster", "local:2"))
-    wait_until(lambda: len(render_processes(run.pid)) == 2, run)
-    others = {*descendants(run.pid)}
+def test_ctrl_c_ends_what_workers_do(case, tmp_path, scheduler, render_command):
+    address, holder = scheduler
+    run = started(render_command(case, "--out", tmp_path / "out", "--count", 5000, "--cluster", address))
+    wait_until(lambda: len(render_processes(holder)) == 2, run)
     run.send_signal(signal.SIGINT)
     _, errors = run.communicate()
     assert "stopped; run the same command again to continue" in errors
-    wait_until(lambda: not [number for number in others if Path(f"/proc/{number}").exists()])
+    wait_until(lambda: not render_processes(holder))
 
 
-def test_gathered_views_are_those_of_one_machine_though_a_worker_dies(case, reference, tmp_path, render_command):
+def test_gathered_views_are_those_of_one_machine_though_a_worker_dies(
+    case, reference, tmp_path, scheduler, render_command
+):
     # paths of this machine are of no use to the workers
     moved = tmp_path / "moved/case"
     shutil.copytree(case.parent, moved)
-    out = tmp_path / "out"
-    flags = ("--count", VIEWS, "--cluster", "local:2", "--gather", "--send-case")
+    out, (address, holder) = tmp_path / "out", scheduler
+    flags = ("--count", VIEWS, "--cluster", address, "--gather", "--send-case")
     run = started(render_command(moved / case.name, "--out", out, *flags))
     try:
         running: dict[int, int] = {}
-        wait_until(lambda: records(out) and (running.update(render_processes(run.pid)) or running), run)
+        wait_until(lambda: records(out) and (running.update(render_processes(holder)) or running), run)
         commands = [path.read_bytes() for pid in running if (path := Path(f"/proc/{pid}/cmdline")).exists()]
         assert commands
         assert not [text for text in commands if os.fsencode(moved) in text or os.fsencode(out) in text]

@@ -20,7 +20,7 @@ from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.verdict import ACCEPTED, REFUSED
 from oneframe.transforms import inverse_rigid, rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from tests.alignment.test_refinement import hills
-from tests.evaluation.test_distribution_distance import described, node, number, part, tensor
+from tests.learning.onnx_by_hand import described, node, number, part, tensor
 from tests.registration import test_registration as registration
 
 CAMERA = PinholeCamera(128, 96, 150.0, 150.0, 63.5, 47.5)

@@ -1,4 +1,4 @@
-"""From nothing, in the unit of another program; then keys that are Blender's, the brush's, and the contact sheet."""
+"""From nothing, in the unit of another program; then keys that are Blender's, and the brush's."""
 
 import bpy
 import numpy as np
@@ -57,20 +57,6 @@ def scenario(user):
     top = user.window.height - header.y - header.height
     assert around.any(), "the ring"
     assert changed[top : top + header.height].any(), "the number in the header"
-
-    # the sheet of a dataset, in a window of Blender's
-    scene.oneframe.dataset_out = str(user.case.parent)
-    with user.context():
-        assert not bpy.ops.oneframe.show_contact_sheet.poll()
-        (user.case.parent / "contact_sheet.png").write_bytes((user.case.parent / "frame.png").read_bytes())
-        for _ in range(2):
-            bpy.ops.oneframe.show_contact_sheet()
-            yield 0.5
-    editors = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    shown = [area.spaces.active.image for area in editors if area.type == "IMAGE_EDITOR"]
-    assert [image.name for image in shown] == ["contact_sheet.png"]
-    yield from user.picture("2_contact_sheet")
-    close_second_window()
 
 
 def choose(user, tool):

@@ -4,7 +4,7 @@ Intact in the light of a sun at the lens, or drilled in that of a lamp beside it
 """
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from oneframe.blender.bridge.data_blocks import new_mesh_object, set_vertex_colo
 from oneframe.blender.bridge.versions import new_node_material
 from oneframe.blender.render.surface_scene import LAMP_WATT_PER_MM2
 from oneframe.blender.sample.photograph import add_ambient_light, set_path_tracing
+from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import UnreadFrame
 from oneframe.case.loaded_case import load_case
@@ -99,11 +100,8 @@ def lit_bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[
     """
     written = []
     for name, lamp in LAMPS.items():
-        volume = read_volume(folder / f"{name}_pseudoct_semisynthetic.nii.gz")
-        labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume, resampled=False))
-        plan = read_drill_plan(PLANS / f"drill_{name.lower()}.toml")
-        shown = _drilled(volume, labels, plan)
-        cavity = np.concatenate([stroke.points for stroke in plan.strokes]).mean(axis=0)
+        volume, labels, plan = _planned(folder, name)
+        shown, cavity = _drilled(volume, labels, plan), _cavity(plan)
         photographs = _photographed(name, shown, cavity, out, lamp, most)
         for kind, mesh in (("true", shown), ("ct", _drilled(_coarser(volume), labels, plan))):
             path = out / f"{name}_{kind}.ply"
@@ -125,17 +123,46 @@ def misdrilled_bones(folder: Path, out: Path) -> Iterator[tuple[CaseFiles, Trian
     The case has the surface and the lamp of its photographs. Parameters and errors as for :func:`bone_cases`.
     """
     for name, lamp in LAMPS.items():
-        volume = read_volume(folder / f"{name}_pseudoct_semisynthetic.nii.gz")
-        labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume, resampled=False))
-        plan = read_drill_plan(PLANS / f"drill_{name.lower()}.toml")
+        volume, labels, plan = _planned(folder, name)
         others = (Stroke(OTHER_RADIUS * each.radius_mm, each.points + OTHER_MM) for each in plan.strokes)
         shown, planned = (_drilled(volume, labels, each) for each in (plan, replace(plan, strokes=tuple(others))))
-        cavity = np.concatenate([stroke.points for stroke in plan.strokes]).mean(axis=0)
-        photographs = _photographed(name, shown, cavity, out, lamp, None, AROUND_DEG)
-        path = out / f"{name}.ply"
-        write_ply(path, shown)
-        case = Case(path.with_suffix(".toml"), 1.0, photographs[0][0], CAMERA, None, path, photographs[0][1])
-        yield written_case(replace(case, light=lamp), photographs[1:]), planned
+        yield _lit_bone(name, shown, _cavity(plan), out, lamp), planned
+
+
+def photographed_bone(folder: Path, out: Path, name: str) -> tuple[CaseFiles, Callable[..., Iterator[Path]]]:
+    """A drilled bone's case with many photographs, and what takes more of them, as :func:`.take_photographs` does."""
+    volume, labels, plan = _planned(folder, name)
+    shown, cavity = _drilled(volume, labels, plan), _cavity(plan)
+
+    def photographer(
+        camera: PinholeCamera, shots: Sequence[tuple[np.ndarray, Path]], *, samples: int
+    ) -> Iterator[Path]:
+        bone, poses = shown.moved(-cavity), [pose @ rigid(translation=cavity) for pose, _ in shots]
+        images = traced_photographs(bone, _paint(bone), poses, LAMPS[name], camera, samples)
+        for image, (_, file) in zip(images, shots, strict=True):
+            write_bytes_atomically(file, encode_png(to_uint8(image)))
+            yield file
+
+    return _lit_bone(name, shown, cavity, out, LAMPS[name]), photographer
+
+
+def _lit_bone(name: str, shown: TriangleMesh, cavity: np.ndarray, out: Path, lamp: LensLight) -> CaseFiles:
+    photographs = _photographed(name, shown, cavity, out, lamp, None, AROUND_DEG)
+    path = out / f"{name}.ply"
+    write_ply(path, shown)
+    case = Case(path.with_suffix(".toml"), 1.0, photographs[0][0], CAMERA, None, path, photographs[0][1])
+    return written_case(replace(case, light=lamp), photographs[1:])
+
+
+def _planned(folder: Path, name: str) -> tuple[Volume, LabelMap, DrillPlan]:
+    volume = read_volume(folder / f"{name}_pseudoct_semisynthetic.nii.gz")
+    labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume, resampled=False))
+    return volume, labels, read_drill_plan(PLANS / f"drill_{name.lower()}.toml")
+
+
+def _cavity(plan: DrillPlan) -> np.ndarray:
+    middle: np.ndarray = np.concatenate([stroke.points for stroke in plan.strokes]).mean(axis=0)
+    return middle
 
 
 def _drilled(volume: Volume, labels: LabelMap, plan: DrillPlan) -> TriangleMesh:
@@ -164,13 +191,9 @@ def _photographed(
     tilts_deg: Sequence[float] = TILTS_DEG,
 ) -> list[tuple[Path, np.ndarray]]:
     """Photographs of a painted bone around a point, and their poses; the first is from lateral."""
-    side, rng, bone = BONES[name], np.random.default_rng(0), mesh.moved(-centre)
+    side, bone = BONES[name], mesh.moved(-centre)
     forward, down = np.array([-side, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
     lateral = rigid(np.stack([np.cross(down, forward), down, forward]), np.array([0.0, 0.0, DISTANCE_MM]))
-    lengths = np.geomspace(*WAVES_MM, WAVES)
-    waves = rng.normal(size=(WAVES, 3)) * (2 * np.pi / np.sqrt(3) / lengths)[:, None]
-    paint = np.tanh(np.cos(bone.vertices @ waves.T + rng.uniform(0, 2 * np.pi, WAVES)).sum(axis=1) / np.sqrt(WAVES))
-    albedo = np.array([0.5, 0.4, 0.3]) * (0.65 + 0.3 * paint[:, None])
     turns = 2 * np.pi * np.arange(len(tilts_deg)) / len(tilts_deg)
     reference = ReferencePose(lateral, np.zeros(3))
     poses = [
@@ -179,17 +202,31 @@ def _photographed(
             np.radians(tilts_deg), np.radians(np.resize(ROLLS_DEG, len(tilts_deg))), turns, strict=True
         )
     ][: None if most is None else most + 1]
-    photographs = []
+    files = [out / f"{name}_{number}.png" for number in range(len(poses))]
     out.mkdir(parents=True, exist_ok=True)
-    for number, image in enumerate(traced_photographs(bone, albedo, poses, lamp)):
-        file = out / f"{name}_{number}.png"
-        write_bytes_atomically(file, encode_png(to_uint8(image)))
-        photographs.append((file, poses[number] @ rigid(translation=-centre)))
-    return photographs
+    missing = [number for number, file in enumerate(files) if not file.is_file()]
+    images = traced_photographs(bone, _paint(bone), [poses[number] for number in missing], lamp)
+    for number, image in zip(missing, images, strict=True):
+        write_bytes_atomically(files[number], encode_png(to_uint8(image)))
+    return [(file, pose @ rigid(translation=-centre)) for file, pose in zip(files, poses, strict=True)]
+
+
+def _paint(bone: TriangleMesh) -> np.ndarray:
+    """``(V, 3)`` linear RGB of waves in all directions."""
+    rng, lengths = np.random.default_rng(0), np.geomspace(*WAVES_MM, WAVES)
+    waves = rng.normal(size=(WAVES, 3)) * (2 * np.pi / np.sqrt(3) / lengths)[:, None]
+    paint = np.tanh(np.cos(bone.vertices @ waves.T + rng.uniform(0, 2 * np.pi, WAVES)).sum(axis=1) / np.sqrt(WAVES))
+    albedo: np.ndarray = np.array([0.5, 0.4, 0.3]) * (0.65 + 0.3 * paint[:, None])
+    return albedo
 
 
 def traced_photographs(
-    mesh: TriangleMesh, albedo: np.ndarray, poses: Sequence[np.ndarray], lamp: LensLight | None
+    mesh: TriangleMesh,
+    albedo: np.ndarray,
+    poses: Sequence[np.ndarray],
+    lamp: LensLight | None,
+    camera: PinholeCamera = CAMERA,
+    samples: int = SAMPLES,
 ) -> Iterator[np.ndarray]:
     """``(H, W, 3)`` float32 sRGB 0..1 at each pose: sun or lamp, sky, cast shadows and one bounce of light.
 
@@ -197,7 +234,7 @@ def traced_photographs(
     """
     with temporary_data(), temporary_folder() as folder:
         scene = bpy.data.scenes.new("bone")
-        set_path_tracing(scene, SAMPLES, depth="16")
+        set_path_tracing(scene, samples, depth="16")
         if lamp is None:
             add_ambient_light(scene, SKY_COLOR, SKY_STRENGTH)
         else:
@@ -210,7 +247,7 @@ def traced_photographs(
             source.data.energy = LAMP_STRENGTH * LAMP_WATT_PER_MM2 * DISTANCE_MM**2
             source.data.shadow_soft_size = LAMP_RADIUS_MM
         scene.collection.objects.link(source)
-        camera_object = new_camera(scene, CAMERA, clip_mm=(10.0, 2000.0))
+        camera_object = new_camera(scene, camera, clip_mm=(10.0, 2000.0))
         for number, pose in enumerate(poses):
             place_camera(camera_object, pose)
             if lamp is None:

@@ -27,6 +27,7 @@ from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 from oneframe.transforms import inverse_rigid
 from oneframe.video.film_reader import WIDEST, Film
 
+from ..alignment.bone_photographs import CAMERA, photographed_bone
 from ..evaluation import lit_case
 from ..published import bloster_cases
 
@@ -146,6 +147,13 @@ def sample_scene(folder: Path) -> TrainingScene:
     return TrainingScene(
         "sample", lit, listed, folder, (scale,), real=False, film=case / FILM, photographer=photographer
     )
+
+
+def bone_scene(data: Path, folder: Path, name: str) -> TrainingScene:
+    """A drilled bone of ``data`` in the light of a lamp, with path-traced photographs all around."""
+    (case, listed), photographer = photographed_bone(data, folder / "case", name)
+    scale = f"--scale={VIEW_WIDTH / CAMERA.width!r}"
+    return TrainingScene(name, case, listed, folder, (scale,), real=False, photographer=photographer)
 
 
 def bloster_scene(data: Path, folder: Path) -> TrainingScene:

@@ -238,7 +238,7 @@ def renderer_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -
 
 def correction_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
     """What is left of a surface's error, and how much of it is confirmed."""
-    y, panels = Axis("error left (px); dotted: part confirmed", ends=(0.0, 1.5)), list[Panel]()
+    y, panels = Axis("error (px); dotted: confirmed", ends=(0.0, 1.5)), list[Panel]()
     for sweep, label in CORRECTION.items():
         own = in_sweep(cells, sweep)
         panel = with_lines(

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end, listening
-from ..pipeline.blender.dataset.job import light_of
+from ..pipeline.blender.dataset.job import light_of, own_instruments
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.dataset.options import LIGHTS
@@ -85,7 +85,11 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
         if index >= count:
             raise InputError(f"view {index}: expected a view of the dataset, 0 to {count - 1}; choose a smaller number")
         with ViewRenderer(
-            loaded, reference_view_of(loaded, options.engine, light_of(loaded, options)), options, listed
+            loaded,
+            reference_view_of(loaded, options.engine, light_of(loaded, options)),
+            options,
+            listed,
+            own_instruments(options),
         ) as renderer:
             view = renderer.make(index)
             messages = renderer.messages

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..pipeline.dataset.options import LENS, NO_LIGHT, SAMPLERS, SHADOWS, option_groups
+from ..pipeline.dataset.options import LENS, NO_LIGHT, PATHS, SAMPLERS, SHADOWS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.known_case import lamp_of
@@ -96,7 +96,7 @@ class ONEFRAME_PT_dataset_options(PartPanel):
         for title in ("constraints on poses", "views"):
             column = layout.column(align=True)
             for option in groups[title]:
-                if option.key != "count":
+                if option.key not in {"count", *PATHS}:
                     column.prop(options, option.key)
         column.prop(options, "stereo_mm")
         if options.stereo_mm:  # type: ignore[attr-defined]  # from DatasetOptions

@@ -13,6 +13,7 @@ from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.case.case_file import Case, case_from_text
 from ..pipeline.case.case_writer import case_text
 from ..pipeline.case.frame import UnreadFrame
+from ..pipeline.dataset.options import PATHS
 from ..pipeline.light.lens_light import LensLight
 
 UNNAMED = Path("/case.toml")
@@ -67,8 +68,8 @@ def part_from_case(scene: bpy.types.Scene, *, surface: bool = False) -> None:
     if known is None:
         return
     dataset = dict(known.dataset)
-    if isinstance(dataset.get("poses"), str):
+    for key in PATHS & dataset.keys():
         # which was relative to that file
-        dataset["poses"] = str(known.path.parent / str(dataset["poses"]))
+        dataset[key] = str(known.path.parent / str(dataset[key]))
     name = None if surface else known.object_name
     keep_known(scene, replace(known, path=UNNAMED, dataset=dataset, frames=(), object_name=name))

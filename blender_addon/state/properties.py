@@ -19,7 +19,7 @@ from bpy.props import (
 
 from ..class_registration import attached, prop
 from ..pipeline.camera.pinhole import PixelOrigin
-from ..pipeline.dataset.options import OPTIONS
+from ..pipeline.dataset.options import OPTIONS, PATHS
 from . import events
 
 UNITS = [("mm", "Millimetres", "The mesh's numbers are millimetres"), ("m", "Metres", "The mesh's numbers are metres")]
@@ -88,7 +88,7 @@ def _dataset_annotations() -> dict:
     """One property for every option of a dataset, with the same name, limits and description."""
     annotations: dict[str, Any] = {}
     for option in OPTIONS.values():
-        if option.key == "poses":
+        if option.key in PATHS:
             continue
         given: dict[str, Any] = {
             "name": option.label,

@@ -21,7 +21,7 @@ from distributed import Client, Worker
 from ..case.case_file import read_case
 from ..dataset.identity import description_bytes
 from ..dataset.layout import RECORD, ViewPaths
-from ..dataset.options import option_arguments
+from ..dataset.options import PATHS, option_arguments
 from ..dataset.run.elsewhere import CASE, MissingViews, case_parcel, gather_view
 from ..dataset.run.render_processes import AHEAD, RenderProcess
 from ..dataset.run.survey import is_finished
@@ -198,9 +198,14 @@ class RenderPool:
         if self.send_case:
             parcel = case_parcel(read_case(missing.case), options)
             files, case = parcel.files, f"{CASE_FOLDER}/{CASE}"
-            options = replace(options, poses=None if parcel.poses is None else f"{CASE_FOLDER}/{parcel.poses}")
-        elif options.poses is not None:
-            options = replace(options, poses=os.path.abspath(options.poses))
+            options = replace(
+                options,
+                poses=None if parcel.poses is None else f"{CASE_FOLDER}/{parcel.poses}",
+                occluder_meshes=None if parcel.instruments is None else f"{CASE_FOLDER}/{parcel.instruments}",
+            )
+        else:
+            named = {name: getattr(options, name) for name in PATHS}
+            options = replace(options, **{name: os.path.abspath(path) for name, path in named.items() if path})
         plugin = RenderOnWorker(
             run=secrets.token_hex(8),
             folder="" if self.gather else out,

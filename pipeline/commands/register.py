@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
-    """Register the frames, where features fail from the poses that the network of a file finds."""
+    """Register the frames, from the poses that the network of a file finds, if there is one."""
     from ..case.case_file import read_case
     from ..case.case_folder import remove_unnamed
     from ..case.case_update import other_inputs

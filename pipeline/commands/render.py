@@ -154,8 +154,9 @@ def _job(arguments: argparse.Namespace) -> "Job":
 
 def _read_by(job: "Job") -> dict[str, Path]:
     """What a job reads, by what it is."""
-    poses = {} if job.options.poses is None else {"poses": Path(job.options.poses)}
-    return job.case.input_files() | poses
+    from ..dataset.description import input_files
+
+    return job.case.input_files() | input_files(job.case, job.options)
 
 
 def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:

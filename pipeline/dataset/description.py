@@ -22,6 +22,9 @@ from .truths import depth_scale_for
 
 POSES = "poses"
 """Name of the list of poses among the input files."""
+INSTRUMENT = "instrument "
+"""The names of instruments among them begin with it."""
+MESHES = (".ply", ".obj", ".stl")
 
 
 def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
@@ -31,7 +34,23 @@ def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
     comments or a video.
     """
     files = {name: path for name, path in case.input_files().items() if name != "case"}
-    return files if options.poses is None else files | {POSES: Path(options.poses)}
+    if options.poses is not None:
+        files[POSES] = Path(options.poses)
+    return files if options.occluder_meshes is None else files | instrument_files(Path(options.occluder_meshes))
+
+
+def instrument_files(folder: Path) -> dict[str, Path]:
+    """The meshes of a folder of instruments by neutral names, in the order of their own.
+
+    Raises
+    ------
+    InputError
+        No such folder, or none in it.
+    """
+    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESHES) if folder.is_dir() else []
+    if not found:
+        raise InputError(f"{folder}: expected a folder with meshes of instruments ({', '.join(MESHES)}), found none")
+    return {f"{INSTRUMENT}{number}": path for number, path in enumerate(found, start=1)}
 
 
 def inputs_sha256(files: Mapping[str, Path]) -> dict[str, str]:

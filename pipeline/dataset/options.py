@@ -195,6 +195,10 @@ class DatasetOptions:
         "own; mask_visib is without what they cover, mask_occluder they alone", name="Instruments", least=0, most=10,
         since="0.2.0",
     )  # fmt: skip
+    occluder_meshes: str | None = _option(
+        None, "folder of your own instruments in place of the built-in ones: .ply, .obj, .stl in mm, the tip in the "
+        "origin, the shaft along +z and longer than what the image shows", is_content=False,
+    )  # fmt: skip
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     stereo_mm: float = _stereo(
@@ -248,6 +252,8 @@ OPTIONS: dict[str, Option] = {
     for entry in dataclasses.fields(DatasetOptions)
 }
 """Every option, by its name, in their order."""
+PATHS = {"poses", "occluder_meshes"}
+"""Those that name files, in a case from its folder; the window has none of them."""
 
 
 def option_groups() -> dict[str, list[Option]]:
@@ -388,8 +394,8 @@ def merged_options(
         As :func:`checked_options`.
     """
     from_table = _checked_values(table, f"{case_path.name}: [dataset]")
-    if "poses" in from_table:
-        from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
+    for name in PATHS & from_table.keys():
+        from_table[name] = str(case_path.parent / str(from_table[name]))
     given = {name: getattr(arguments, name) for name in OPTIONS if hasattr(arguments, name)}
     if hasattr(arguments, "for_training"):
         given = {name: value for name, value in FOR_TRAINING.items() if lit or name != "light"} | given

@@ -10,7 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..errors import InputError
 from ..surface.mesh import TriangleMesh
+
+STEP_MM, LONGEST_MM = 5.0, 2000.0
+"""Steps of the lengths that an instrument may have, and the most."""
 
 SIDES = 32
 """Corners of a tube's cross-section."""
@@ -52,6 +56,12 @@ class Tube:
     endless: bool = False
     is_flat: bool = False
 
+    @property
+    def ends(self) -> tuple[np.ndarray, float]:
+        """``(N, 3)`` where its last point may be, from the nearest on, and how wide it is there at most, mm."""
+        z = np.arange(self.path[-2, 1] + STEP_MM, LONGEST_MM, STEP_MM)
+        return np.stack([np.full(len(z), self.path[-1, 0]), 0 * z, z], axis=1), float(self.half_widths.max())
+
     def reaching(self, length_mm: float) -> "Tube":
         """The tube of an instrument of this length."""
         if not self.endless:
@@ -84,6 +94,24 @@ class Tube:
 
 
 @dataclass(frozen=True)
+class Solid:
+    """A part of fixed shape, of somebody's own."""
+
+    mesh: TriangleMesh
+    finish: Finish
+
+    @property
+    def ends(self) -> tuple[np.ndarray, float]:
+        """As of :class:`Tube`: the one where it ends."""
+        low, high = self.mesh.bounds
+        return np.array([[*(low + high)[:2] / 2, high[2]]]), float(np.linalg.norm(high[:2] - low[:2]) / 2)
+
+    def reaching(self, _length_mm: float) -> "Solid":
+        """Itself."""
+        return self
+
+
+@dataclass(frozen=True)
 class Instrument:
     """An instrument and how it is held.
 
@@ -98,7 +126,7 @@ class Instrument:
         from anywhere.
     """
 
-    tubes: tuple[Tube, ...]
+    tubes: tuple[Tube | Solid, ...]
     tilt_deg: tuple[float, float] = (20.0, 60.0)
     from_side: bool = False
 
@@ -168,6 +196,23 @@ def finger(rng: np.random.Generator) -> Instrument:
 
 KINDS: tuple[Callable[[np.random.Generator], Instrument], ...] = (burr, suction, hook, blade, finger)
 """What makes an instrument of random sizes, each as often as another."""
+
+
+def own_instrument(mesh: TriangleMesh, name: str) -> Instrument:
+    """An instrument of steel from a mesh, mm; ``name`` is that of its file.
+
+    Raises
+    ------
+    InputError
+        It does not lie along +z.
+    """
+    low, high = mesh.bounds
+    if high[2] <= 4 * max(-low[2], 0.0):
+        raise InputError(
+            f"{name}: expected an instrument with its tip in the origin and its shaft along +z, found z from "
+            f"{low[2]:.4g} to {high[2]:.4g} mm; move and turn the mesh"
+        )
+    return Instrument((Solid(mesh, Finish((0.45, 0.45, 0.46), 0.7, 12.0)),))
 
 
 def _steel(rng: np.random.Generator, grey: float = 0.45) -> Finish:

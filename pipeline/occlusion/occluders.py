@@ -10,7 +10,7 @@ from ..camera.pinhole import PinholeCamera
 from ..projection.z_buffer import is_within_limits
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
-from .instruments import KINDS, Finish, Instrument
+from .instruments import KINDS, STEP_MM, Finish, Instrument
 
 STREAM = 1
 """Third number of the seed of a view's instruments, beside the dataset's seed and the view's number."""
@@ -25,8 +25,8 @@ NEARLY_MM = 0.3
 RETREATS_MM = 0.0, 1.0, 3.0, 6.0
 """By how much an instrument that would meet the surface is drawn back along its shaft, one after the other."""
 
-STEP_MM, BEYOND_MM = 5.0, 60.0
-"""Steps of a shaft's length, and how much longer it is than what leaves the image: a right eye sees more of it."""
+BEYOND_MM = 60.0
+"""How much longer a shaft is than what leaves the image: a right eye sees more of it."""
 NEAREST = 0.3
 """Part of the tip's depth at which a shaft ends at the latest."""
 ROLL_DEG = 25.0
@@ -161,10 +161,8 @@ def _place(instrument: Instrument, rng: np.random.Generator, camera: PinholeCame
 
 def _length_mm(instrument: Instrument, camera: PinholeCamera, cam_from_tool: np.ndarray) -> float | None:
     """The length that takes the instrument out of the image; ``None`` if it would come too near to the lens before."""
-    path, radius = instrument.tubes[-1].path, max(float(tube.half_widths.max()) for tube in instrument.tubes)
-    # the path's last point at growing lengths
-    z = np.arange(path[-2, 1] + STEP_MM, 2000.0, STEP_MM)
-    points = transform_points(cam_from_tool, np.stack([np.full(len(z), path[-1, 0]), 0 * z, z], axis=1))
+    ends, radius = instrument.tubes[-1].ends
+    z, points = ends[:, 2], transform_points(cam_from_tool, ends)
     near = points[:, 2] < NEAREST * cam_from_tool[2, 3]
     first_near = int(np.argmax(near)) if near.any() else len(z)
     pixels, radius_px = camera.project(points[:first_near]), radius * camera.fx / np.maximum(points[:first_near, 2], 1)

@@ -218,7 +218,7 @@ class Registrar:
         near
             ``(4, 4)`` a pose that may be near, such as the frame's before.
         guess
-            Asked for another such pose where features do not find one that is accepted.
+            Asked for another such pose, before the features, which take longer.
 
         Raises
         ------
@@ -229,14 +229,14 @@ class Registrar:
             registered = self._judged(refined_by_flow(self._views, grey, valid, near), None)
             if registered.verdict.state == ACCEPTED:
                 return registered
+        guessed = None if guess is None else guess()
+        other = None if guessed is None else self._judged(refined_by_flow(self._views, grey, valid, guessed), None)
+        if other is not None and other.verdict.state == ACCEPTED:
+            return other
         found = localised(self._bank, self.camera, grey, valid)
         fit = None if found is None else refined_by_flow(self._views, grey, valid, found.cam_from_model)
         registered = self._judged(fit, found)
-        guessed = None if guess is None or registered.verdict.state == ACCEPTED else guess()
-        if guessed is None:
-            return registered
-        other = self._judged(refined_by_flow(self._views, grey, valid, guessed), None)
-        return max(registered, other, key=lambda each: each.verdict.probability)
+        return registered if other is None else max(registered, other, key=lambda each: each.verdict.probability)
 
     def _judged(self, fit: FlowFit | None, found: Localised | None) -> RegisteredFrame:
         verdict, uncertainty = judge(fit, found, self._pivot_model)

@@ -83,7 +83,7 @@ class CaseRegistrar:
     """Registers frames to a case."""
 
     def __init__(self, loaded: LoadedCase, guess: Guess | None = None) -> None:
-        """Prepare a case at its pose; frames in which features fail start where ``guess`` puts them.
+        """Prepare a case at its pose; ``guess`` is asked before the features.
 
         Raises
         ------

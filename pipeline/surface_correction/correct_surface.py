@@ -26,8 +26,11 @@ FADING_PX = 12.0
 ROUNDS, REFERENCES = 3, 3
 SHARP = 0.8
 """Textured part of a frame, relative to the middle one's, below which the others are not compared with it."""
-SOURCE_PRIOR, FRAME_PRIOR = (0.05, 0.0005), (2.0, 0.02)
-"""Standard deviations of the shift, mm, and of the rotation, rad, of the poses: only the case's is taken for right."""
+SOURCE_PRIOR, FRAME_PRIOR = (0.005, 0.00005), (2.0, 0.02)
+"""Standard deviations of the shift, mm, and of the rotation, rad, of the poses: only the case's is taken for right, or
+all poses would follow where the surface is wrong."""
+SOURCE_MM = 0.05
+"""Standard deviation of what all displacements share, as poses and surface trade."""
 LEAST_FRAMES, MOST_FRAMES, LEAST_ANGLE_DEG = 10, 15, 15.0
 """Fewer, or nearer to one another, do not tell surface from poses; more take longer."""
 LEAST_TEXTURED = 0.1
@@ -48,7 +51,9 @@ MOST_MOVED = 0.4
 """Part of what is confirmed: more of it is off where the case's pose or K is wrong, not its surface."""
 SAMPLES = 60
 FLOOR_PX = 1.25
-"""Standard deviation, and disagreement with the sweep, up to which a place is confirmed, in pixels on the surface."""
+"""Standard deviation up to which a place is confirmed, in pixels on the surface."""
+AGREES_PX = 1.0
+"""Disagreement with the sweep up to which it is, in these pixels."""
 
 
 @dataclass(frozen=True)
@@ -237,13 +242,14 @@ class _Run:
         floor_mm = FLOOR_PX * self._now.pixel_mm
         laid = [(view.frame, view.pose) for view in self._views]
         sweeps = [(self._views[each], laid[:each] + laid[each + 1 :]) for each in self._references]
-        confirmed = known & (std_mm < floor_mm) & is_confirmed(points.normals, self._surface.mesh, sweeps, floor_mm)
+        confirmed = known & (std_mm < floor_mm)
+        confirmed &= is_confirmed(points.normals, self._surface.mesh, sweeps, AGREES_PX * self._now.pixel_mm)
         means, share = neighbour_means(self._given), confirmed.astype(float)
         for _ in range(int(np.clip(FADING_PX * self._now.pixel_mm / self._given.median_edge, 1, 40))):
             share = np.maximum(confirmed, means @ share)
         deviation_mm = share * (weights @ result.heights_mm)
         mesh = replace(self._given, vertices=self._given.vertices + points.normals * deviation_mm[:, None])
-        std_mm[~known] = np.nan
+        std_mm = np.where(known, np.hypot(std_mm, SOURCE_MM), np.nan)
         count = len(self._frames) - 1
         return SurfaceCorrection(
             mesh, deviation_mm, std_mm, confirmed, count, self._left_out, self._angle_deg, floor_mm

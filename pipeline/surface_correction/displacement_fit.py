@@ -22,8 +22,9 @@ LEAST_COS = 0.2
 """Cosine between ray and face, and between face and smooth normal, below which a displacement has no certain effect."""
 FLOW_PX, ROBUST_PX, PIXELS_TOGETHER = 0.25, 0.7, 2.0
 """Least standard deviation of flow, residual from which weights fall, and how many pixels of the grid err together."""
-SMOOTH_PX, FAR_PX = 0.5, 4.0
-"""Standard deviations of a point against its neighbours, and from its place (Cauchy), in pixels on the surface."""
+SMOOTH_PX, FAR_PX = 0.5, 1.0
+"""Standard deviations of a point against its neighbours, and from its place (Cauchy), in pixels on the surface: little
+holds what is far off, but the rest must not drift with the poses, of which flow hardly tells."""
 STEPS = 2
 MOST_SQUARE = 4.0
 """px²: one far residual does not tell of a place."""

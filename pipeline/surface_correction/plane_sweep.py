@@ -16,7 +16,10 @@ from .frame_flow import TOLERANCE_PX, SurfaceFrame, SurfaceView
 
 STEP_PX, STEPS = 1.6, 6
 """Between the depths, in pixels on the surface, and how many there are on each side."""
-WINDOW = 9, 9
+WINDOW_PX, FINE_PX = 9, 5
+"""Sides of the windows that are compared: of the check, and to confirm, where a wide one is as smooth as an error."""
+MOST_PX = 4.0
+"""Disagreement that counts, in pixels on the surface: one far one does not tell of a place."""
 BORDER_PX = 8
 LEAST_LIKE = 0.7
 """Correlation below which a depth says nothing."""
@@ -31,9 +34,10 @@ Sweep = tuple[SurfaceView, Sequence[Laid]]
 
 
 def is_confirmed(normals: np.ndarray, mesh: TriangleMesh, sweeps: Sequence[Sweep], most_mm: float) -> np.ndarray:
-    """``(V,)`` bool: most sweeps find a vertex where the surface has it, to ``most_mm`` along ``(V, 3)`` normals.
+    """``(V,)`` bool: most sweeps find the surface around a vertex where it is, to ``most_mm`` along normals ``(V, 3)``.
 
-    The mesh is the surface that the views are of.
+    That is the root mean square over a place, so relief that is finer than what moves is not confirmed in the mean. The
+    mesh is the surface that the views are of.
     """
     votes = np.zeros(len(normals), int)
     for view, others in sweeps:
@@ -43,16 +47,21 @@ def is_confirmed(normals: np.ndarray, mesh: TriangleMesh, sweeps: Sequence[Sweep
         inside = ((places >= BORDER_PX) & (places < np.array(camera.size_wh) - BORDER_PX)).all(axis=1)
         u, v = np.where(inside[:, None], places, 0).T
         inside &= np.abs(points_cam[:, 2] - view.depth_mm[v, u]) < TOLERANCE_PX * view.pixel_mm
-        off_mm, says = swept_depths(view, others, STEP_PX * view.pixel_mm)
-        agrees = np.abs(off_mm[v, u] * (view.rays[v, u] * normals).sum(axis=1)) < most_mm
+        off_mm, says = swept_depths(view, others, STEP_PX * view.pixel_mm, FINE_PX)
+        np.clip(off_mm, -MOST_PX * view.pixel_mm, MOST_PX * view.pixel_mm, out=off_mm)
+        off_mm = np.sqrt(cv2.blur(off_mm**2, (WINDOW_PX, WINDOW_PX)))
+        agrees = off_mm[v, u] * np.abs((view.rays[v, u] * normals).sum(axis=1)) < most_mm
         votes += np.where(inside & says[v, u], np.where(agrees, 1, -1), 0)
     return votes > 0
 
 
-def swept_depths(view: SurfaceView, others: Sequence[Laid], step_mm: float) -> tuple[np.ndarray, np.ndarray]:
+def swept_depths(
+    view: SurfaceView, others: Sequence[Laid], step_mm: float, window_px: int = WINDOW_PX
+) -> tuple[np.ndarray, np.ndarray]:
     """``(H, W)`` by how many mm of depth the surface is nearer than where frames agree, and bool: whether they do."""
+    window = window_px, window_px
     own, details = view.frame.detail, [frame.detail for frame, _ in others]
-    mean, deviation = _moments(own)
+    mean, deviation = _moments(own, window)
     shape = (3, *own.shape)
     starts = [transform_points(pose, view.points.reshape(-1, 3)).T.reshape(shape) for _, pose in others]
     ways = [(pose[:3, :3] @ view.rays.reshape(-1, 3).T).reshape(shape) for _, pose in others]
@@ -64,8 +73,8 @@ def swept_depths(view: SurfaceView, others: Sequence[Laid], step_mm: float) -> t
             camera = other.camera
             u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
             laid = cv2.remap(detail, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR)
-            laid_mean, laid_deviation = _moments(laid)
-            likes.append((cv2.boxFilter(own * laid, -1, WINDOW) - mean * laid_mean) / (deviation * laid_deviation))
+            laid_mean, laid_deviation = _moments(laid, window)
+            likes.append((cv2.boxFilter(own * laid, -1, window) - mean * laid_mean) / (deviation * laid_deviation))
         half = len(likes) // 2
         values[:] = np.partition(np.array(likes), half, axis=0)[half:].mean(axis=0)
     best = np.clip(curve.argmax(axis=0), 1, 2 * STEPS - 1)
@@ -73,10 +82,10 @@ def swept_depths(view: SurfaceView, others: Sequence[Laid], step_mm: float) -> t
     bend = most - (nearer + farther) / 2
     # the vertex of the parabola through all three
     beside = np.clip((farther - nearer) / np.maximum(4 * bend, 1e-6), -1, 1)
-    off_mm = cv2.medianBlur(((best - STEPS + beside) * step_mm).astype(np.float32), 5)
-    return off_mm, view.shown & (most > LEAST_LIKE) & (bend > LEAST_BEND)
+    says = view.shown & (most > LEAST_LIKE) & (bend > LEAST_BEND)
+    return ((best - STEPS + beside) * step_mm).astype(np.float32), says
 
 
-def _moments(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    mean = cv2.boxFilter(image, -1, WINDOW)
-    return mean, np.sqrt(np.maximum(cv2.boxFilter(image * image, -1, WINDOW) - mean * mean, 1))
+def _moments(image: np.ndarray, window: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    mean = cv2.boxFilter(image, -1, window)
+    return mean, np.sqrt(np.maximum(cv2.boxFilter(image * image, -1, window) - mean * mean, 1))

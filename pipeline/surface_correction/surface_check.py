@@ -102,6 +102,7 @@ def check_surface(
     halves, told = list[np.ndarray](), _places(view.shown).all(axis=-1)
     for half in (laid[::2], laid[1::2]):
         off_mm, says = swept_depths(view, half, STEP_PX * view.pixel_mm)
+        off_mm = cv2.medianBlur(off_mm, 5)
         told &= _places(says).mean(axis=-1) > LEAST_TOLD
         halves.append(np.ma.median(np.ma.array(_places(off_mm * along), mask=~_places(says)), axis=-1).filled(0.0))
     one, other = halves

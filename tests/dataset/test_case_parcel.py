@@ -55,6 +55,9 @@ cone_deg = 30
     assert there.keys() == here.keys()
     assert all(there[name].read_bytes() == here[name].read_bytes() for name in there if name != "case")
     assert (tmp_path / "there" / parcel.poses).read_bytes() == b"../list.npy"
+    tools = DatasetOptions(occluders=1.0, occluder_meshes=str(path.parent))
+    sent = {name for name in case_parcel(case, tools).files if name.startswith("instruments/")}
+    assert sent == {f"instruments/{number:06d}.ply" for number in range(len([*path.parent.glob("*.ply")]))}
     moved = replace(case, path=tmp_path / "elsewhere.toml")
     assert case_parcel(moved, DatasetOptions()).files[CASE] == parcel.files[CASE]
     assert case_from_text(parcel.files[CASE], tmp_path / "x.toml").dataset == {}

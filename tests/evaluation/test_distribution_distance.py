@@ -6,6 +6,7 @@ from scipy.linalg import sqrtm
 
 from oneframe.evaluation.scores.distribution_distance import frechet_distance, kernel_distance
 from oneframe.evaluation.scores.inception import FEATURES, SIDE_PX, Inception
+from tests.learning.onnx_by_hand import described, node, number, part, tensor
 
 
 def features(rng: np.random.Generator, count: int, size: int, shift: float = 0.0) -> np.ndarray:
@@ -46,48 +47,6 @@ def test_kid_is_that_of_a_double_loop(rng):
     assert found.kid == pytest.approx(distance(a, b), rel=1e-10)
     left_out = [distance(np.delete(a, i, 0), np.delete(b, i, 0)) for i in range(9)]
     assert found.standard_error == pytest.approx(np.sqrt(8 / 9 * ((left_out - np.mean(left_out)) ** 2).sum()), rel=1e-8)
-
-
-# --- a network as an ONNX file, by hand: fields of protocol buffers, as onnx.proto numbers them ---
-
-
-def number(field: int, value: int) -> bytes:
-    return varint(field << 3) + varint(value)
-
-
-def part(field: int, data: bytes | str) -> bytes:
-    data = data.encode() if isinstance(data, str) else data
-    return varint(field << 3 | 2) + varint(len(data)) + data
-
-
-def varint(value: int) -> bytes:
-    digits = []
-    while value > 127:
-        digits.append(value & 127 | 128)
-        value >>= 7
-    return bytes([*digits, value])
-
-
-def attribute(name: str, value: int | list[int]) -> bytes:
-    if isinstance(value, int):
-        return part(5, part(1, name) + number(3, value) + number(20, 2))
-    return part(5, part(1, name) + b"".join(number(8, each) for each in value) + number(20, 7))
-
-
-def node(kind: str, inputs: list[str], output: str, **attributes: int | list[int]) -> bytes:
-    named = part(4, kind) + part(3, output) + part(2, output)
-    listed = b"".join(attribute(name, value) for name, value in attributes.items())
-    return part(1, b"".join(part(1, each) for each in inputs) + named + listed)
-
-
-def tensor(name: str, values: np.ndarray) -> bytes:
-    sizes = b"".join(number(1, size) for size in values.shape)
-    return part(5, sizes + number(2, 1) + part(8, name) + part(9, values.astype("<f4").tobytes()))
-
-
-def described(field: int, name: str, shape: tuple[int, ...]) -> bytes:
-    sizes = b"".join(part(1, number(1, size)) for size in shape)
-    return part(field, part(1, name) + part(2, part(1, number(1, 1) + part(2, sizes))))
 
 
 def tiny_network(weights: np.ndarray, counted: int | None, producer: str = "pytorch") -> bytes:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -35,7 +36,7 @@ def test_a_network_learns_points_and_finds_the_pose_of_what_it_trained_on():
     pytest.importorskip("onnx", reason="onnx is not installed")
     from oneframe.learning.coordinate_network import onnx_file, trained_network
 
-    views, rng = textured_plane(np.random.default_rng(0)), np.random.default_rng(1)
+    views, rng = ViewCrops.of([plane_view(CAMERA, np.random.default_rng(0))]), np.random.default_rng(1)
     trained = trained_network(views, 120, 0, lambda: None)
     network = PoseNetwork(onnx_file(trained, RECORD), "network.onnx")
     assert network.record == RECORD
@@ -135,16 +136,37 @@ def test_a_network_of_something_else_is_refused(coded_case, what):
     assert not (folder / "located").exists()
 
 
-def textured_plane(rng: np.random.Generator) -> ViewCrops:
-    """One view of a square of coarse patches, as :meth:`.ViewCrops.of` reads it."""
-    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
-    rays = CAMERA.rays_cam(np.stack([u, v], axis=-1).astype(float))
+def test_larger_views_are_made_smaller_and_show_the_same_points():
+    rng = np.random.default_rng(0)
+    large = ViewCrops.of([plane_view(CAMERA.resized(640, 480), rng)])
+    assert max(large.camera.size_wh) < 160
+    small = ViewCrops.of([plane_view(large.camera, rng)])
+    assert small.camera == large.camera
+    seen = [crops.codes[0, ..., 0] != NOTHING for crops in (large, small)]
+    assert (seen[0] != seen[1]).mean() < 0.01
+    both = seen[0] & seen[1]
+    assert np.abs(large.codes[0][both] / FULL - small.codes[0][both] / FULL).max() * 60 < 0.3
+
+
+def plane_view(camera: PinholeCamera, rng: np.random.Generator) -> SimpleNamespace:
+    """A view of a square of coarse patches."""
+    rays = camera.rays_cam(camera.pixel_grid())
     normal = POSE[:3, 2]
-    points_cam = rays * ((normal @ POSE[:3, 3]) / (rays @ normal))[..., None]
-    points = transform_points(np.linalg.inv(POSE), points_cam.reshape(-1, 3)).reshape(points_cam.shape)
-    seen = np.abs(points).max(axis=-1) < 60
+    depth_mm = (normal @ POSE[:3, 3]) / (rays @ normal)
+    points = transform_points(inverse_rigid(POSE), (rays * depth_mm[..., None]).reshape(-1, 3)).reshape(rays.shape)
+    mask = np.abs(points).max(axis=-1) < 60
     texture = cv2.resize(rng.integers(0, 255, (12, 12, 3)).astype(np.uint8), (121, 121))
     rgb = cv2.remap(texture, *np.float32(points[..., :2] + 60).transpose(2, 0, 1), cv2.INTER_LINEAR)
-    codes = np.where(seen[..., None], np.rint(points * FULL / 60), NOTHING).astype(np.int16)
-    rgba = np.where(seen[..., None], np.dstack([rgb, np.full(seen.shape, 255, np.uint8)]), 0).astype(np.uint8)
-    return ViewCrops(rgba[None], codes[None], np.array([[63.5, 47.5]]), CAMERA, np.zeros(3), 60.0)
+    v, u = np.nonzero(mask)
+    return SimpleNamespace(
+        rgb=rgb * mask[..., None],
+        mask=mask,
+        mask_occluder=np.zeros_like(mask),
+        depth_mm=np.where(mask, depth_mm, 0).astype(np.float32),
+        cam_from_model=POSE,
+        boxes=SimpleNamespace(bbox_visib=(u.min(), v.min(), np.ptp(u), np.ptp(v))),
+        files=SimpleNamespace(
+            mesh=SimpleNamespace(bounds=np.array([[-60.0] * 3, [60.0] * 3])),
+            description=SimpleNamespace(camera=camera),
+        ),
+    )

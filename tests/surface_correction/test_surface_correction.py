@@ -16,9 +16,10 @@ from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.projection.overlay_scene import smooth_normals
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface_correction.control_points import ControlPoints
-from oneframe.surface_correction.correct_surface import correct_surface
+from oneframe.surface_correction.correct_surface import AGREES_PX, correct_surface
 from oneframe.surface_correction.displacement_fit import observed
 from oneframe.surface_correction.frame_flow import Flow, Surface, SurfaceFrame
+from oneframe.surface_correction.plane_sweep import is_confirmed
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.conftest import grid_mesh
 
@@ -108,6 +109,21 @@ def test_a_true_surface_stays_and_mirrored_frames_are_left_out(true_surface, fra
     assert np.mean(off < 2 * found.std_mm[found.confirmed]) > 0.95
     with pytest.raises(InputError, match="accepted frames that show"):
         corrected(true_surface, [frames[0], *mirrored])
+
+
+def test_relief_finer_than_what_moves_is_not_confirmed_in_the_mean(true_surface, frames):
+    x, y, _ = true_surface.vertices.T
+    waves = 1.6 * np.sin(2 * np.pi * x / 6) * np.sin(2 * np.pi * y / 6)
+    wrong = replace(true_surface, vertices=true_surface.vertices + waves[:, None] * [0, 0, 1])
+    source, *others = [SurfaceFrame(frame) for frame in frames]
+
+    def confirmed(mesh):
+        view = Surface(mesh, None).view(source, POSES[0])
+        sweeps = [(view, list(zip(others, POSES[1:], strict=True)))]
+        return is_confirmed(true_surface.vertex_normals, mesh, sweeps, AGREES_PX * view.pixel_mm)
+
+    assert confirmed(true_surface).mean() > 0.4
+    assert confirmed(wrong)[np.abs(height_error(wrong, true_surface)) > 0.6].mean() < 0.3
 
 
 def test_a_wrong_k_is_suspected_where_most_of_the_surface_would_move(true_surface, frames):

@@ -15,17 +15,19 @@ from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, load_case
 from ...colour.lens_shading import LensShading, lens_shading_of
 from ...dataset import layout
-from ...dataset.description import POSES, describe, input_files, object_name
+from ...dataset.description import POSES, describe, input_files, instrument_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import NO_LIGHT, RIGHT, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
-from ...errors import RunError
+from ...errors import InputError, RunError
 from ...files.content import hashed_reading
+from ...occlusion.instruments import Instrument, own_instrument
 from ...poses.pose_file import read_poses
 from ...poses.stereo import right_from_left
 from ...process.own_process import STDOUT
+from ...surface.mesh_reader import read_mesh
 from ..render.engines import reference_view_of
 from .view_renderer import ViewRenderer
 
@@ -71,6 +73,8 @@ class OpenJob:
         Messages about what was corrected.
     inputs_sha256
         SHA-256 of the bytes that were read of each input, by its name.
+    instruments
+        The user's own, if there are any.
     """
 
     job: Job
@@ -78,6 +82,7 @@ class OpenJob:
     given_poses: np.ndarray | None
     messages: tuple[str, ...]
     inputs_sha256: Mapping[str, str]
+    instruments: tuple[Instrument, ...] = ()
 
     @property
     def count(self) -> int:
@@ -98,7 +103,15 @@ class OpenJob:
         """Create the renderer of this job's views, with this number of render threads."""
         options = self.job.options
         reference = reference_view_of(self.loaded, options.engine, light_of(self.loaded, options))
-        return ViewRenderer(self.loaded, reference, options, self.given_poses, identity=self.identity, threads=threads)
+        return ViewRenderer(
+            self.loaded,
+            reference,
+            options,
+            self.given_poses,
+            self.instruments,
+            identity=self.identity,
+            threads=threads,
+        )
 
     @cached_property
     def identity(self) -> str:
@@ -140,14 +153,31 @@ def open_job(job: Job) -> OpenJob:
     given_poses: np.ndarray | None = None
     messages: list[str] = []
     with hashed_reading() as hashes:
-        loaded = load_case(case)
+        loaded, instruments = load_case(case), own_instruments(job.options)
         if POSES in files:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
             if job.options.eye == RIGHT:
                 given_poses = right_from_left(job.options.stereo_mm, job.options.converge_mm) @ given_poses
-    return OpenJob(job, loaded, given_poses, tuple(messages), {name: hashes[path] for name, path in files.items()})
+    read = {name: hashes[path] for name, path in files.items()}
+    return OpenJob(job, loaded, given_poses, tuple(messages), read, instruments)
+
+
+def own_instruments(options: DatasetOptions) -> tuple[Instrument, ...]:
+    """The user's instruments that options name.
+
+    Raises
+    ------
+    InputError
+        One cannot be used, there is none, or none is asked for.
+    """
+    if options.occluder_meshes is None:
+        return ()
+    if not options.occluders:
+        raise InputError("--occluder-meshes: expected --occluders above 0 beside it, found 0; say how many, on average")
+    files = instrument_files(Path(options.occluder_meshes)).values()
+    return tuple(own_instrument(read_mesh(path)[0], path.name) for path in files)
 
 
 def render_views(

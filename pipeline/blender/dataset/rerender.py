@@ -103,6 +103,8 @@ class CaseRenderer:
 def _options(case: Case, content: Mapping[str, Any], poses: Path | None) -> DatasetOptions:
     values = {name: value for name, value in content["options"].items() if name != "views"}
     options = checked_options({**values, "count": content["count"]}, "dataset.json: options")
+    if options.occluders and "occluder_meshes" in case.dataset:
+        options = replace(options, occluder_meshes=str(case.path.parent / str(case.dataset["occluder_meshes"])))
     if POSES_HASH not in content:
         return options
     if poses is None and "poses" in case.dataset:

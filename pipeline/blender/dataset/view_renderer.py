@@ -1,5 +1,6 @@
 """One view of a dataset from its number: pose, render, ground truth."""
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 
 import numpy as np
@@ -13,6 +14,7 @@ from ...dataset.run.resume_record import ViewRecord
 from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
 from ...occlusion.compositing import Front, head_light
+from ...occlusion.instruments import KINDS, Instrument
 from ...occlusion.occluders import draw_occluders
 from ...poses.constraints import PlannedPose
 from ...projection.rendered_view import RenderedView
@@ -37,6 +39,7 @@ class ViewRenderer(ViewPlanner):
         reference: ReferenceView,
         options: DatasetOptions,
         given_poses: np.ndarray | None,
+        instruments: Sequence[Instrument] = (),
         *,
         identity: str = "",
         threads: int = 0,
@@ -47,6 +50,8 @@ class ViewRenderer(ViewPlanner):
         ----------
         loaded, reference, options, given_poses
             As of :class:`ViewPlanner`.
+        instruments
+            The user's own, in place of the built-in ones.
         identity
             Identity of the dataset, for the records of the views.
         threads
@@ -54,6 +59,7 @@ class ViewRenderer(ViewPlanner):
         """
         super().__init__(loaded, reference, options, given_poses)
         self._identity = identity
+        self._instruments = [lambda _rng, each=each: each for each in instruments] or KINDS
         self._kinds = written_truths(options.content(), len(loaded.frames))
         self._edges = SilhouetteEdges.of(reference.mesh)
         colours, messages = colours_of(self.reference, options.colour)
@@ -85,7 +91,8 @@ class ViewRenderer(ViewPlanner):
         mean, pose = self._options.occluders, planned.cam_from_model
         if mean > 0:
             left = inverse_rigid(self._right_from_left) @ pose
-            occluders = draw_occluders(mean, (self._options.seed, index), self.probe, self.camera, left)
+            seed = self._options.seed, index
+            occluders = draw_occluders(mean, seed, self.probe, self.camera, left, self._instruments)
             rendered = self._front.composed(rendered, occluders, pose)
         return RenderedSample(planned, rendered)
 

@@ -5,14 +5,14 @@ from pathlib import Path
 
 from .. import register
 
-ABOUT = "Find the pose of further frames as oneframe register does, and by a trained network where features fail."
+ABOUT = "Find the pose of further frames by a trained network, and as oneframe register does where it fails."
 EPILOG = """examples:
   %(prog)s network.onnx case.toml surgery.mp4 --out located
   %(prog)s network.onnx case.toml frames --out located
 
-MODEL is what oneframe train wrote, of views of this surface. A frame in which features find no pose that is accepted
-starts at the network's, is refined and judged like any other, and DIR gets what oneframe register writes. No PyTorch
-is needed.
+MODEL is what oneframe train wrote, of views of this surface. A frame starts at the network's pose, is refined and
+judged like any other; where that is not accepted, features are tried as in oneframe register, and the more probable
+pose counts. DIR gets what oneframe register writes. No PyTorch is needed.
 """
 
 

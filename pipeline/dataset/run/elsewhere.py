@@ -15,6 +15,7 @@ from ...files.content import create_folder, write_bytes_atomically
 from ...files.tables import parsed_json
 from ...progress import Progress
 from ..checksums import sum_of
+from ..description import instrument_files
 from ..layout import ViewPaths
 from ..options import DatasetOptions
 from .resume_record import ViewRecord
@@ -73,10 +74,13 @@ class CaseParcel:
         Content of each file by its name in the parcel, with forward slashes; the case file is :data:`CASE`.
     poses
         Name of the list of poses in the parcel; ``None`` if the poses are drawn.
+    instruments
+        Name of the folder of the user's own instruments in it; ``None`` if there is none.
     """
 
     files: Mapping[str, bytes]
     poses: str | None
+    instruments: str | None = None
 
 
 def case_parcel(case: Case, options: DatasetOptions) -> CaseParcel:
@@ -104,6 +108,11 @@ def case_parcel(case: Case, options: DatasetOptions) -> CaseParcel:
     if options.poses is not None:
         poses = _name("poses", Path(options.poses))
         files[poses] = Path(options.poses)
+    instruments = None
+    if options.occluder_meshes is not None:
+        instruments = "instruments"
+        for number, path in enumerate(instrument_files(Path(options.occluder_meshes)).values()):
+            files[f"{instruments}/{number:06d}{path.suffix}"] = path
     moved = replace(
         case,
         path=Path(CASE),
@@ -117,7 +126,7 @@ def case_parcel(case: Case, options: DatasetOptions) -> CaseParcel:
         video=None,
     )
     text = encoded(case.path, case_text(moved.path, moved))
-    return CaseParcel({CASE: text, **{name: _content(path) for name, path in files.items()}}, poses)
+    return CaseParcel({CASE: text, **{name: _content(path) for name, path in files.items()}}, poses, instruments)
 
 
 def _name(kind: str, path: Path) -> str:

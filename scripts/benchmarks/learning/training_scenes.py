@@ -40,6 +40,7 @@ DATASETS: Mapping[str, tuple[str, ...]] = {
     "lens": ("--light", "lens"),
     "shadows": ("--light", "shadows"),
     "fill-lens": ("--unseen", "fill", "--light", "lens"),
+    "occluders": ("--unseen", "fill", "--light", "lens", "--occluders", "1.5"),
     "cone10": ("--cone-deg", "10"),
     "cone35": ("--cone-deg", "35"),
 }

@@ -1,5 +1,6 @@
 """Datasets with instruments in front of the surface: exact masks, by any engine, and never through the surface."""
 
+import argparse
 import dataclasses
 import io
 from pathlib import Path
@@ -17,14 +18,17 @@ from oneframe.case.case_file import read_case
 from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
 from oneframe.dataset.check.rerendered import Rerendering
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.options import DatasetOptions, merged_options
 from oneframe.dataset.run.run_folder import Shard
+from oneframe.errors import InputError
 from oneframe.images.png import encode_png
+from oneframe.occlusion.instruments import burr
 from oneframe.occlusion.occluders import draw_occluders
 from oneframe.packing.pack import pack_dataset
 from oneframe.projection.rays import MeshRays
 from oneframe.reader import open_dataset
 from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid
 from tests.conftest import OFFSET, tiny_surface
 from tests.dataset.sealing import sealed
@@ -117,6 +121,31 @@ def test_shards_and_packs_hold_the_same(case, occluded, tmp_path):
     for packed, view in zip(open_dataset(tmp_path / "pack"), open_dataset(occluded), strict=True):
         for name in ("mask_visib", "mask_whole", "mask_occluder", "depth_mm", "rgb"):
             np.testing.assert_array_equal(getattr(packed, name), getattr(view, name))
+
+
+def test_instruments_of_ones_own_are_inputs_of_the_dataset(case, tmp_path, write_tiny_case):
+    """The case names their folder; the file counts, its name does not."""
+    own = write_tiny_case(tmp_path / "own")
+    folder = own.parent / "tools"
+    with pytest.raises(InputError, match="expected a folder with meshes of instruments"):
+        render(own, tmp_path / "none", dataclasses.replace(OPTIONS, occluder_meshes=str(folder)))
+    with pytest.raises(InputError, match="expected --occluders above 0"):
+        render(own, tmp_path / "none", dataclasses.replace(OPTIONS, occluders=0.0, occluder_meshes=str(case.parent)))
+    folder.mkdir()
+    mesh = burr(np.random.default_rng(0)).tubes[0].reaching(0).mesh
+    long = TriangleMesh(mesh.vertices * [1, 1, 30], mesh.faces)
+    write_ply(folder / "Jane Doe.ply", long)
+    own.write_text(own.read_text() + f'[dataset]\noccluder_meshes = "{folder.name}"\noccluders = 2.0\n')
+    options = merged_options(read_case(own).dataset, argparse.Namespace(count=3, engine="raster"), own)
+    out = render(own, tmp_path / "dataset", options)
+    assert any(view.mask_occluder.any() for view in open_dataset(out))
+    assert "Doe" not in (out / "dataset.json").read_text()
+    assert not checked(out, own).findings
+    write_ply(folder / "Jane Doe.ply", long.scaled(1.1))
+    assert "is not the instrument 1" in "".join(checked(out, own).findings.shown())
+    write_ply(folder / "Jane Doe.ply", long.flipped().moved(np.array([0, 0, -100.0])))
+    with pytest.raises(InputError, match=r"Jane Doe\.ply: expected an instrument with its tip in the origin"):
+        render(own, tmp_path / "none", options)
 
 
 def test_no_instrument_goes_through_the_surface():

@@ -56,7 +56,7 @@ It needs no options: `scale` and `offset` in `transforms.json` put the surface i
 """
 
 
-OCCLUDED = "instruments in front of the surface, `mask_occluder`; `mask` and `px_count_all` are as if they were not there"
+OCCLUDED = "instruments in front of the surface, `mask_occluder`; `mask` and `px_count_all` are as without them"
 
 
 def write_dataset_info(

@@ -54,7 +54,7 @@ def test_a_case_from_a_ct(tmp_path):
 
 def test_everything_public_is_documented_and_found_late():
     page = PAGE.read_text()
-    assert set(re.findall(r"auto(?:function|exception):: (\w+)", page)) == set(oneframe.__all__)
+    assert set(re.findall(r"auto(?:function|exception):: (\w+)$", page, re.M)) == set(oneframe.__all__)
     assert all(getattr(oneframe, name).__doc__ for name in oneframe.__all__)
     with pytest.raises(AttributeError):
         oneframe.no_such_name  # noqa: B018

@@ -15,7 +15,7 @@ import numpy as np
 from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
-from ..images.pixel_values import SRGB, Transfer
+from ..images.transfer import SRGB, Transfer
 from ..light.lens_light import LensLight, power_of, shading, working_distance_mm
 from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InputError
-from ..images.pixel_values import TRANSFERS
+from ..images.transfer import TRANSFERS
 from ..surface.mesh import TriangleMesh
 from .lens_light import PHYSICAL, LensLight
 from .shaded_points import Image, ShadedPoints, shaded_points

@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import InputError
 from ..files.keys import check_keys
 from ..files.numbers import is_number
-from ..images.pixel_values import SRGB, TRANSFERS, Transfer
+from ..images.transfer import SRGB, TRANSFERS, Transfer
 
 PHYSICAL = 2.0
 """The falloff of a small lamp."""

@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import SRGB, Transfer, linear_from_codes, sample_bilinear
+from ..images.pixel_values import linear_from_codes, sample_bilinear
+from ..images.transfer import SRGB, Transfer
 from ..projection.overlay_scene import smooth_normals
 from ..projection.visible_surface import central_point
 from ..projection.z_buffer import DepthRaster, inverse_depth_of, rasterise_depth

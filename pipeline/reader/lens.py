@@ -142,7 +142,7 @@ class Exposure:
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Noise of light and of the sensor, of variance ``shot`` × light + ``read``²; white is 1.
+    """Noise of light and of the sensor, of variance ``shot`` × light + ``read`` squared; white is 1.
 
     Attributes
     ----------

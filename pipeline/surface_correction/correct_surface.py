@@ -9,7 +9,7 @@ import numpy as np
 from ..case.frame import PosedFrame
 from ..colour.lens_shading import LensShading
 from ..errors import InputError
-from ..images.pixel_values import SRGB
+from ..images.transfer import SRGB
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 from .control_points import ControlPoints, neighbour_means

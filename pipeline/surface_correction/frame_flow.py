@@ -13,7 +13,7 @@ import numpy as np
 
 from ..case.frame import PosedFrame
 from ..colour.lens_shading import CornerNormals, LensShading, shifted_codes
-from ..images.pixel_values import SRGB, Transfer
+from ..images.transfer import SRGB, Transfer
 from ..light.local_mean import without_light
 from ..projection.rays import Hits, MeshRays
 from ..surface.mesh import TriangleMesh

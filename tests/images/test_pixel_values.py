@@ -5,14 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.images.pixel_values import (
-    TRANSFERS,
-    among_centres,
-    codes_from_linear,
-    linear_from_codes,
-    sample_bilinear,
-    to_uint8,
-)
+from oneframe.images.pixel_values import among_centres, codes_from_linear, linear_from_codes, sample_bilinear, to_uint8
+from oneframe.images.transfer import TRANSFERS
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 

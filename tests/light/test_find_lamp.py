@@ -8,7 +8,8 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.frame import PosedFrame
 from oneframe.errors import InputError
-from oneframe.images.pixel_values import TRANSFERS, codes_from_linear
+from oneframe.images.pixel_values import codes_from_linear
+from oneframe.images.transfer import TRANSFERS
 from oneframe.light.find_lamp import find_lamp, lamp_of
 from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.light.shaded_points import ShadedPoints

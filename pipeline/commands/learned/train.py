@@ -9,9 +9,10 @@ from ...process.own_process import own_output
 
 ABOUT = "Train a network on the views of a dataset, which finds first poses of frames: see oneframe locate."
 EPILOG = """examples:
-  oneframe render case.toml --out dataset --for-training --count 300 --scale 0.2
   %(prog)s dataset --out network.onnx
   %(prog)s dataset --out network.onnx --steps 6000
+
+Views for it: oneframe render case.toml --out dataset --for-training --count 300 --scale 0.2
 
 It learns from the views alone which point of the surface is seen where; crops of them are turned, zoomed, relit, partly
 hidden and put on random backgrounds meanwhile. Views are made as small as the network needs them, and of more than

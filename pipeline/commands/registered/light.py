@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ... import __version__
 from ...errors import InputError
-from ...images.pixel_values import TRANSFERS
+from ...images.transfer import TRANSFERS
 from ...process.own_process import own_output
 
 ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."

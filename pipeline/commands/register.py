@@ -71,7 +71,6 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
     from ..case.case_writer import write_case
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs, check_own_folder, write_output, writing
-    from ..learning.pose_network import PoseNetwork
     from ..progress import ShareProgress
     from ..registration.pose_list import ESTIMATES, POSES
     from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
@@ -93,7 +92,11 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
             f"choose another folder"
         )
     loaded, comment = load_case(case).with_shown_structures(), ""
-    guess = None if model is None else PoseNetwork.read(model, loaded).pose
+    guess = None
+    if model is not None:
+        from ..learning.pose_network import PoseNetwork
+
+        guess = PoseNetwork.read(model, loaded).pose
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
         loaded, comment = _corrected(arguments, loaded, output)

@@ -92,6 +92,11 @@ def differences(found: Mapping[str, object], asked: Mapping[str, object]) -> lis
     return sorted(changes, key=lambda difference: (difference.of_input is None, difference.key))
 
 
+def eyes_apart(left: Mapping[str, object], right: Mapping[str, object]) -> str:
+    """What keeps two descriptions from being those of both eyes of the same views, in words; empty if nothing does."""
+    return "; ".join(described([each for each in differences(left, right) if each.key not in OF_EYE]))
+
+
 def described(changes: list[Difference]) -> list[str]:
     """The differences as clauses, each once: files and versions first, as others may follow from them."""
     return sorted({*map(_clause, changes)}, key=lambda text: (not text.startswith(("the file", "versions.")), text))

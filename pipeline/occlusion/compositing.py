@@ -4,7 +4,6 @@ A z-buffer in double precision finds the instruments at the pixels' centres, in 
 and instrument is seen. The lamp at the lens lights them as it does the surface, or else one in the lens' centre.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,13 +53,13 @@ class Front:
         if occluders is None:
             return replace(view, occluder_mm=np.zeros_like(view.depth_mm))
         surface = inverse_depth_map(view.depth_mm)
-        shade = self._shader(occluders, cam_from_model)
-        raster = rasterise_depth(occluders.mesh, self.camera, cam_from_model)
+        seen = _Seen(occluders, self.camera, cam_from_model, self.light)
+        raster = seen.raster(np.zeros(2))
         shown = raster.inverse_depth > surface
         rgb = view.rgb.copy()
-        rgb[shown] = shade(raster, shown, np.zeros(2))
+        rgb[shown] = seen.colours(raster, shown, np.zeros(2))
         if self.samples > 1:
-            self._smooth_edges(rgb, view, shown, surface, occluders, cam_from_model)
+            self._smooth_edges(rgb, view, shown, surface, seen)
         return replace(
             view,
             rgb=rgb,
@@ -69,59 +68,53 @@ class Front:
         )
 
     def _smooth_edges(
-        self,
-        rgb: np.ndarray,
-        view: RenderedView,
-        shown: np.ndarray,
-        surface: np.ndarray,
-        occluders: Occluders,
-        cam_from_model: np.ndarray,
+        self, rgb: np.ndarray, view: RenderedView, shown: np.ndarray, surface: np.ndarray, seen: "_Seen"
     ) -> None:
         """Mix the colours of pixels that an instrument covers in part; those whose centre shows nothing stay black."""
-        shade = self._shader(occluders, cam_from_model)
         offsets = pixel_pattern(samples := min(self.samples, MOST_SAMPLES))
-        rasters = [
-            rasterise_depth(
-                occluders.mesh,
-                replace(self.camera, cx=self.camera.cx - right, cy=self.camera.cy - down),
-                cam_from_model,
-            )
-            for right, down in offsets.tolist()
-        ]
+        rasters = [seen.raster(offset) for offset in offsets]
         hits = [raster.inverse_depth > surface for raster in rasters]
         count = np.sum(hits, axis=0)
         edges = (count > 0) & ((count < samples) | ~shown) & (shown | view.mask)
         total = np.zeros_like(rgb)
         for raster, hit, offset in zip(rasters, hits, offsets, strict=True):
             part = hit & edges
-            total[part] += shade(raster, part, offset)
+            total[part] += seen.colours(raster, part, offset)
         # beside the background, the mean over what shows the instrument, as of the surface there
         cover = np.where(view.mask, count / samples, 1.0)[edges, None].astype(np.float32)
         rgb[edges] = cover * (total[edges] / count[edges, None]) + (1 - cover) * view.rgb[edges]
 
-    def _shader(
-        self, occluders: Occluders, cam_from_model: np.ndarray
-    ) -> Callable[[DepthRaster, np.ndarray, np.ndarray], np.ndarray]:
-        """From a raster, the ``(H, W)`` bool pixels that count and the place in them to ``(N, 3)`` code values."""
-        mesh, normals_of = occluders.mesh, CornerNormals(occluders.mesh)
-        centre = camera_centre(cam_from_model)
-        lamp = self.light.at(cam_from_model)[0].place_model(cam_from_model)
-        front = mesh.front_facing(centre)
 
-        def shade(raster: DepthRaster, pixels: np.ndarray, offset: np.ndarray) -> np.ndarray:
-            v, u = np.nonzero(pixels)
-            faces, rays_cam = raster.face[pixels], self.camera.rays_cam(np.stack([u, v], axis=1) + offset)
-            away = (rays_cam @ cam_from_model[:3, :3]) / raster.inverse_depth[pixels][:, None]
-            points = (centre + away).astype(np.float32)
-            normals = normals_of.at(faces, points, front[faces])
-            rgb = shifted_codes(occluders.rgb[faces])
-            shown_codes(rgb, self.light.factors(points, normals, cam_from_model))
-            halfway = _unit(-away) + _unit(lamp - points)
-            gloss, sharpness = occluders.shine[faces].T
-            shine = gloss * np.maximum((normals * _unit(halfway)).sum(axis=1), 0) ** sharpness
-            return np.clip(rgb + shine[:, None], 0, 1).astype(np.float32)
+class _Seen:
+    """Instruments from a pose, in the light of its lens."""
 
-        return shade
+    def __init__(
+        self, occluders: Occluders, camera: PinholeCamera, cam_from_model: np.ndarray, light: LensShading
+    ) -> None:
+        self._occluders, self._camera, self._pose, self._light = occluders, camera, cam_from_model, light
+        self._normals, self._centre = CornerNormals(occluders.mesh), camera_centre(cam_from_model)
+        self._lamp = light.at(cam_from_model)[0].place_model(cam_from_model)
+        self._front = occluders.mesh.front_facing(self._centre)
+
+    def raster(self, offset: np.ndarray) -> DepthRaster:
+        """What is at a place ``(2,)`` of each pixel, px from its centre."""
+        right, down = offset.tolist()
+        camera = replace(self._camera, cx=self._camera.cx - right, cy=self._camera.cy - down)
+        return rasterise_depth(self._occluders.mesh, camera, self._pose)
+
+    def colours(self, raster: DepthRaster, pixels: np.ndarray, offset: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` code values of the ``(H, W)`` bool pixels of a raster that is of this place in them."""
+        v, u = np.nonzero(pixels)
+        faces, rays_cam = raster.face[pixels], self._camera.rays_cam(np.stack([u, v], axis=1) + offset)
+        away = (rays_cam @ self._pose[:3, :3]) / raster.inverse_depth[pixels][:, None]
+        points = (self._centre + away).astype(np.float32)
+        normals = self._normals.at(faces, points, self._front[faces])
+        rgb = shifted_codes(self._occluders.rgb[faces])
+        shown_codes(rgb, self._light.factors(points, normals, self._pose))
+        halfway = _unit(-away) + _unit(self._lamp - points)
+        gloss, sharpness = self._occluders.shine[faces].T
+        shine = gloss * np.maximum((normals * _unit(halfway)).sum(axis=1), 0) ** sharpness
+        return np.clip(rgb + shine[:, None], 0, 1).astype(np.float32)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ class RenderedView:
     @property
     def visible(self) -> np.ndarray:
         """``(H, W)`` bool: the surface at the pixel's centre that nothing stands in front of."""
-        return self.mask & ~self.occluder
+        return self.mask if self.occluder_mm is None else self.mask & ~self.occluder
 
     @property
     def visible_mm(self) -> np.ndarray:

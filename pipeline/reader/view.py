@@ -9,7 +9,7 @@ import numpy as np
 
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
-from ..dataset.identity import OF_EYE, described, differences
+from ..dataset.identity import eyes_apart
 from ..dataset.layout import MODEL_FILES
 from ..dataset.model_file import read_model
 from ..dataset.options import RIGHT
@@ -81,9 +81,8 @@ class ViewFiles:
         if not folder.is_dir():
             raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
         files = self.opened(folder)
-        changes = differences(self.description.content, files.description.content)
-        if others := [change for change in changes if change.key not in OF_EYE]:
-            raise InputError(f"{folder}: expected the right eyes of these views: {'; '.join(described(others))}")
+        if apart := eyes_apart(self.description.content, files.description.content):
+            raise InputError(f"{folder}: expected the right eyes of these views: {apart}")
         return files
 
     @cached_property

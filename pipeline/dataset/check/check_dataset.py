@@ -17,7 +17,7 @@ from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
-from ..identity import OF_EYE, described, differences, poses_hash
+from ..identity import eyes_apart, poses_hash
 from ..layout import CASES, RECORD, SPLIT, WORK, ViewPaths, advice_without_record
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
@@ -243,10 +243,8 @@ class _Check:
         if right_from_left is None or not (left / RECORD).is_file():
             return
         with self._findings.collecting("right eyes that differ from the left ones"):
-            its = read_description(left / RECORD)
-            changes = [each for each in differences(its.content, self._description.content) if each.key not in OF_EYE]
-            if changes:
-                raise InputError(f"{RECORD}: the left eyes are of another dataset: {'; '.join(described(changes))}")
+            if apart := eyes_apart(read_description(left / RECORD).content, self._description.content):
+                raise InputError(f"{RECORD}: the left eyes are of another dataset: {apart}")
             for index, pose in self._poses.items():
                 paths = ViewPaths(left, index)
                 expected = right_from_left @ read_record(paths, with_mask=False).cam_from_model

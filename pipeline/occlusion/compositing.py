@@ -109,8 +109,8 @@ class _Seen:
         away = (rays_cam @ self._pose[:3, :3]) / raster.inverse_depth[pixels][:, None]
         points = (self._centre + away).astype(np.float32)
         normals = self._normals.at(faces, points, self._front[faces])
-        rgb = shifted_codes(self._occluders.rgb[faces])
-        shown_codes(rgb, self._light.factors(points, normals, self._pose))
+        rgb = shifted_codes(self._occluders.rgb[faces], self._light.curve)
+        shown_codes(rgb, self._light.factors(points, normals, self._pose), self._light.curve)
         halfway = _unit(-away) + _unit(self._lamp - points)
         gloss, sharpness = self._occluders.shine[faces].T
         shine = gloss * np.maximum((normals * _unit(halfway)).sum(axis=1), 0) ** sharpness

@@ -1,9 +1,15 @@
 """Instruments are closed solids of plausible sizes, and a view with them shows what rays meet first."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.lens_shading import LensShading
+from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
+from oneframe.images.transfer import TRANSFERS
+from oneframe.light.lens_light import LensLight
 from oneframe.occlusion.compositing import Front, head_light
 from oneframe.occlusion.instruments import KINDS
 from oneframe.occlusion.occluders import Occluders
@@ -84,3 +90,20 @@ def test_a_view_shows_what_rays_meet_first(bumpy_mesh, oblique_pose, ray_cast, s
             mixed = (view.rgb != hard).any(axis=2)
             assert 0 < mixed.sum() < 0.5 * view.occluder.sum() + 400
             assert untouched.sum() > 0.7 * view.visible.sum()
+
+
+def test_light_on_an_instrument_is_the_same_in_all_code_values(oblique_pose):
+    """Of the same linear colour, without shine."""
+    occluders, nothing = posed(0), np.zeros(CAMERA.shape_hw, np.float32)
+    plain = RenderedView(np.zeros((*nothing.shape, 3), np.float32), nothing, nothing.astype(np.uint8), nothing > 0)
+    colour, seen = linear_from_codes(occluders.rgb), []
+    for transfer, curve in TRANSFERS.items():
+        rgb = codes_from_linear(colour, curve).astype(np.float32)
+        matt = replace(occluders, rgb=rgb, shine=np.zeros_like(occluders.shine))
+        light = LensShading(LensLight((-13.0, 16.0, 2.0), 0.1, transfer=transfer), 0.02)
+        view = Front(CAMERA, light).composed(plain, matt, oblique_pose)
+        # code values end at 1
+        seen.append(linear_from_codes(view.rgb[view.occluder & (view.rgb < 0.99).all(axis=2)], curve))
+    assert len(seen[0]) > 200
+    np.testing.assert_allclose(seen[1], seen[0], atol=2e-4)
+    np.testing.assert_allclose(seen[2], seen[0], atol=2e-4)

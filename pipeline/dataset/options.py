@@ -25,6 +25,11 @@ LIGHTS = {
     LENS: "the lamp at the lens, [light] in the case, moves with it",
     SHADOWS: "so do the shadows that it casts; not by eevee",
 }
+NO_SURROUNDINGS, FRAME = "none", "frame"
+SURROUNDINGS = {
+    NO_SURROUNDINGS: "black",
+    FRAME: "what the frame shows there, on a sheet that continues the surface; mask_surround alone has it",
+}
 LEFT, RIGHT = "left", "right"
 EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
 """The right eye of each view of a dataset or a pack is in a dataset or a pack of its own, the folder of this name."""
@@ -199,6 +204,7 @@ class DatasetOptions:
         None, "folder of your own instruments in place of the built-in ones: .ply, .obj, .stl in mm, the tip in the "
         "origin, the shaft along +z and longer than what the image shows", is_content=False,
     )  # fmt: skip
+    surroundings: str = _option(NO_SURROUNDINGS, "beyond the surface's edge", choices=SURROUNDINGS, since="0.2.0")
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     stereo_mm: float = _stereo(

@@ -14,6 +14,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..reader import View
+from ..reader.background import random_background, smooth
 from ..transforms import inverse_rigid, transform_points
 from .pose_network import MULTIPLE, STRIDE, NetworkRecord
 
@@ -147,8 +148,8 @@ def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarra
     ``(h, w, 3)`` uint8, and ``(h, w)`` uint8, above 0 where instruments hide it.
     """
     height, width = rgba.shape[:2]
-    light = rgba[..., :3] + (1 - rgba[..., 3:] / np.float32(255)) * _background(rng, width, height)
-    light *= _smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
+    light = rgba[..., :3] + (1 - rgba[..., 3:] / np.float32(255)) * random_background(rng, width, height)
+    light *= smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
     tone = np.linspace(0, 1, 256)[:, None] ** np.exp(rng.normal(0, 0.2))
     tone = 255 * tone * np.exp(rng.normal(-0.05, 0.12) + rng.normal(0, 0.04, 3)) + rng.normal(0, 8)
     image = cv2.LUT(np.clip(light, 0, 255).astype(np.uint8), np.clip(tone, 0, 255).astype(np.uint8)[None])
@@ -173,18 +174,3 @@ def _ellipse(
     """Centre, axes (``least`` to ``most`` of the width) and angle, as OpenCV takes them."""
     centre, axes = rng.uniform(0, (width, height)), rng.uniform(least, most, 2) * width
     return centre.tolist(), axes.tolist(), rng.uniform(0, 180)
-
-
-def _background(rng: np.random.Generator, width: int, height: int) -> np.ndarray:
-    """Coarse patches and fine texture ``(h, w, 3)`` of random contrast, from flat to garish."""
-    coarse, fine = (
-        _smooth(rng.normal(0, 1, (*rng.integers(2, most, 2), channels)), width, height)
-        for most, channels in ((8, 3), (min(width, height), 1))
-    )
-    return rng.uniform(0, 255) + rng.normal(0, 30, 3) + rng.exponential(40) * coarse + rng.exponential(30) * fine
-
-
-def _smooth(values: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Few random values ``(h, w, C)`` spread smoothly over an image ``(H, W, C)`` float32."""
-    spread = cv2.resize(values.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
-    return spread.reshape(height, width, -1)

@@ -25,8 +25,8 @@ CELLS = 64
 """Of the grid, along the frame's longer side."""
 BEYOND = np.array([0.02, 0.06, 0.15, 0.3, 0.6, 1.2, 2.5])
 """Places around the frame, in its sizes."""
-FARTHEST = 4.0
-"""Depth of the sheet at most, over that of the surface's farthest point: a plane has a horizon."""
+NEAREST, FARTHEST = 0.5, 4.0
+"""Depth of the sheet, over those of the surface's nearest and farthest point: a plane has a horizon."""
 KNOWN = 0.999
 """Weight of pixels that show the surroundings from which on a colour is theirs."""
 MARGIN_PX = 3
@@ -72,7 +72,7 @@ class Surroundings:
         flat = np.stack([*np.meshgrid(columns, rows), np.zeros((len(rows), len(columns)))], axis=-1).reshape(-1, 3)
         faces = _faces(len(rows), len(columns))
         surface = view.inverse_depth > 0
-        inverse_depth = _continued(flat, faces, *_means(view.inverse_depth[..., None], surface, columns, rows))
+        inverse_depth = _continued(view.inverse_depth, flat, faces, columns, rows)
         points_cam = view.camera.rays_cam(flat[:, :2]) / inverse_depth[:, None]
         mesh = TriangleMesh(transform_points(inverse_rigid(view.cam_from_model), points_cam), faces)
         known = view.valid & ~_grown(surface)
@@ -147,13 +147,21 @@ def _means(values: np.ndarray, counted: np.ndarray, *axes: np.ndarray) -> tuple[
     return sums / np.maximum(count, 1)[:, None], count > 0
 
 
-def _continued(flat: np.ndarray, faces: np.ndarray, inverse_depth: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """``(V,)`` inverse depths of a grid's places ``(V, 3)`` from those ``(V, 1)`` that are known."""
-    affine = np.column_stack([flat[:, :2], np.ones(len(flat))])
-    plane = affine @ np.linalg.lstsq(affine[known], inverse_depth[known], rcond=None)[0]
-    own = inverse_depth[known]
-    continued = plane + filled_colours(flat, faces, inverse_depth - plane, known)
-    return np.asarray(np.clip(continued, own.min() / FARTHEST, own.max())[:, 0], float)
+def _continued(
+    inverse_depth: np.ndarray, flat: np.ndarray, faces: np.ndarray, columns: np.ndarray, rows: np.ndarray
+) -> np.ndarray:
+    """``(V,)`` inverse depths of a grid's places ``(V, 3)`` from those of the frame ``(H, W)``, 0 for none."""
+    v, u = np.nonzero(inverse_depth)
+    own = inverse_depth[v, u].astype(np.float64)
+    affine = np.column_stack([u, v, np.ones(len(u))])
+    # sums that do not depend on a machine's cores
+    squares, sides = np.einsum("ni,nj->ij", affine, affine), np.einsum("ni,n->i", affine, own)
+    plane = np.linalg.lstsq(squares, sides, rcond=None)[0]
+    beside = np.zeros((*inverse_depth.shape, 1))
+    beside[v, u, 0] = own - affine @ plane
+    continued = filled_colours(flat, faces, *_means(beside, inverse_depth > 0, columns, rows))[:, 0]
+    continued += flat[:, :2] @ plane[:2] + plane[2]
+    return np.clip(continued, own.min() / FARTHEST, own.max() / NEAREST).astype(np.float64)
 
 
 def _grown(flags: np.ndarray) -> np.ndarray:

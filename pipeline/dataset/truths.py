@@ -17,7 +17,10 @@ from ..projection.rendered_view import RenderedView
 from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid, transform_points
+from .options import NONE
 
+_OFF = (False, 0, NONE)
+"""Values of an option that ask for no array."""
 DEPTH_LEVELS = 65535
 """Largest value of the 16-bit depth images."""
 
@@ -147,7 +150,7 @@ def written_truths(options: Mapping[str, object], frames: int) -> tuple[str, ...
     return tuple(
         truth.name
         for truth in TRUTHS.values()
-        if (not truth.option or options.get(truth.option)) and (frames > 1 or not truth.of_several)
+        if (not truth.option or options.get(truth.option, NONE) not in _OFF) and (frames > 1 or not truth.of_several)
     )
 
 

@@ -36,7 +36,7 @@ class ViewCrops:
     Attributes
     ----------
     rgba
-        ``(N, H, W, 4)`` uint8, alpha 0 and black where there is neither surface nor an instrument before it.
+        ``(N, H, W, 4)`` uint8, alpha 0 and black where nothing is seen, nor around the surface.
     codes
         ``(N, H, W, 3)`` int16: the surface's point at each pixel, from the middle of its box, or :data:`NOTHING`.
     middles
@@ -84,7 +84,8 @@ class ViewCrops:
         codes = np.full((len(views), *camera.shape_hw, 3), NOTHING, np.int16)
         middles = np.zeros((len(views), 2))
         for place, view in enumerate(views):
-            surface_mm, covers = view.depth_mm * view.mask, (view.mask | view.mask_occluder)[..., None]
+            surface_mm = view.depth_mm * view.mask
+            covers = (view.mask | view.mask_occluder | view.mask_surround)[..., None]
             depth_mm = cv2.resize(surface_mm, camera.size_wh, interpolation=cv2.INTER_NEAREST_EXACT)
             shown = np.dstack([rgb(view), np.full(covers.shape, 255, np.uint8)]) * covers
             small = cv2.resize(shown, camera.size_wh, interpolation=cv2.INTER_AREA)
@@ -92,7 +93,7 @@ class ViewCrops:
             seen = drawn & (depth_mm > 0)
             points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
-            # what is beside surface and instruments does not count
+            # what is beside all that does not count
             rgba[place][drawn] = np.rint(255.0 * small[drawn] / small[drawn][:, 3:])
             middles[place] = np.argwhere(seen)[:, ::-1].mean(axis=0)
             advance()

@@ -161,7 +161,7 @@ def _continued(
     beside[v, u, 0] = own - affine @ plane
     continued = filled_colours(flat, faces, *_means(beside, inverse_depth > 0, columns, rows))[:, 0]
     continued += flat[:, :2] @ plane[:2] + plane[2]
-    return np.clip(continued, own.min() / FARTHEST, own.max() / NEAREST).astype(np.float64)
+    return np.clip(continued, np.min(own) / FARTHEST, np.max(own) / NEAREST).astype(np.float64)
 
 
 def _grown(flags: np.ndarray) -> np.ndarray:

@@ -101,9 +101,10 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 network = trained_network(crops, training.steps, training.seed, progress.advance)
             seconds = time.process_time() - begin
             record = crops.record(views, training.steps, training.seed)
-            guess, trials = PoseNetwork(onnx_file(network, record), str(training)).pose, []
+            own, trials = to_uint8(loaded.frame.image[loaded.frame.valid]), []
+            guess = PoseNetwork(onnx_file(network, record), str(training), own)
             for photograph in photographs:
-                pose = guess(to_uint8(photograph.image), photograph.camera)
+                pose = guess.pose(to_uint8(photograph.image), photograph.camera)
                 trials.append(PoseTrial(*training, seconds, photograph.path.name, *errors(pose, photograph, mesh)))
             finished = [trial for trial in finished if trial.training != training] + trials
             write_rows(arguments.out, finished, conditions)

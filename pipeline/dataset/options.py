@@ -203,11 +203,11 @@ class DatasetOptions:
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     stereo_mm: float = _stereo(
         0.0, "distance of a right eye beside each view, rendered as a dataset of its own into the folder right; 0: no",
-        name="Eye Distance", unit="mm", least=0,
+        name="Stereo", unit="mm", least=0,
     )  # fmt: skip
     converge_mm: float = _stereo(
         0.0, "distance from both eyes at which their axes meet, the working distance of a microscope; 0: parallel",
-        name="Eyes Converge at", unit="mm", least=0,
+        name="Converge", unit="mm", least=0,
     )  # fmt: skip
     eye: str = _stereo(LEFT, "which of the two is rendered", choices=EYES)
     sampler: str = _pose(
@@ -339,7 +339,7 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
                 continue
             default = "" if option.default is None else f" (default {option.default})"
             choices, numeric = option.choices, option.kind in (int, float)
-            metavar = "|".join(choices) if choices else ("X" if option.kind is float else "N") if numeric else "FILE"
+            metavar = "|".join(choices) if choices else ("X" if option.kind is float else "N") if numeric else "PATH"
             group.add_argument(
                 option.flag,
                 type=_number if numeric else str,

@@ -32,7 +32,7 @@ class Form:
     channels: int = 1
 
     def shape(self, shape_hw: tuple[int, int]) -> tuple[int, ...]:
-        """Of the array of a view of this height and width."""
+        """The shape of the array of a view of this height and width."""
         return shape_hw if self.channels == 1 else (*shape_hw, self.channels)
 
     def encoded(self, array: np.ndarray) -> bytes:

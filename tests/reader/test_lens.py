@@ -51,7 +51,7 @@ def test_noise_has_the_variance_that_is_stated(view, rng):
         assert noise.var() == pytest.approx(shot * light + read**2, rel=0.02)
 
 
-def test_defocus_keeps_what_is_in_focus_and_the_light_and_is_gaussian_on_a_plane(view, rng):
+def test_defocus_keeps_focus_and_light_and_is_gaussian_on_a_plane(view, rng):
     linear = cv2.GaussianBlur(rng.random((*CAMERA.shape_hw, 3), np.float32), (0, 0), 1)
     height, width = CAMERA.shape_hw
     # a near half and a far one, 10 mm apart

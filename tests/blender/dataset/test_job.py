@@ -411,7 +411,7 @@ def test_what_is_lost_or_damaged_is_written_again_and_reported(case, tmp_path):
     assert_same_dataset(out, whole)
 
 
-def test_a_removed_description_is_written_again_if_the_records_are_of_the_run(case, reference, tmp_path):
+def test_a_removed_description_is_written_again_beside_the_run_s_records(case, reference, tmp_path):
     out = Path(shutil.copytree(reference, tmp_path / "out"))
     (out / "dataset.json").unlink()
     (out / "notes.txt").write_text("")

@@ -89,8 +89,8 @@ class NetworkRecord:
             return cls(**(values | {"centre_model": tuple(map(float, values["centre_model"]))}))
         except (KeyError, TypeError, ValueError):
             raise InputError(
-                f"{name}: expected a whole network that oneframe train wrote, found no record of its training; name its "
-                f"file, or copy it again"
+                f"{name}: expected a whole network that oneframe train wrote, found no record of its training; name "
+                f"its file, or copy it again"
             ) from None
 
 

@@ -134,7 +134,7 @@ class View:
 
     @cached_property
     def rgb(self) -> np.ndarray:
-        """``(H, W, 3)`` uint8 RGB; black where there is neither surface nor anything in front of it."""
+        """``(H, W, 3)`` uint8 RGB; black where neither surface nor anything around or in front of it is seen."""
         return self.files.array(self.index, "rgb")
 
     @cached_property
@@ -168,6 +168,13 @@ class View:
         """``(H, W)`` bool: something stands at the pixel's centre, in front of the surface or beside it."""
         if "mask_occluder" in self.files.description.kinds:
             return self.files.array(self.index, "mask_occluder") > 0
+        return np.zeros(self.files.description.camera.shape_hw, bool)
+
+    @cached_property
+    def mask_surround(self) -> np.ndarray:
+        """``(H, W)`` bool: with ``--surroundings``, the pixel shows what the frame does around the surface."""
+        if "mask_surround" in self.files.description.kinds:
+            return self.files.array(self.index, "mask_surround") > 0
         return np.zeros(self.files.description.camera.shape_hw, bool)
 
     @cached_property

@@ -45,6 +45,7 @@ def test_write_names_every_array_that_an_option_asks_for():
     asked = {truth.name: truth.option for truth in TRUTHS.values() if truth.option}
     # what comes with an option that asks for more than an array
     assert asked.pop("mask_occluder") == "occluders"
+    assert asked.pop("mask_surround") == "surroundings"
     assert asked == WRITTEN
     assert merged({}, "--write", "points", "normals") == DatasetOptions(points=True, normals=True)
     assert merged({}, "--write", *WRITTEN, "--no-normals") == DatasetOptions(points=True, float_depth=True)

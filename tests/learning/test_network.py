@@ -162,6 +162,7 @@ def plane_view(camera: PinholeCamera, rng: np.random.Generator) -> SimpleNamespa
         rgb=rgb * mask[..., None],
         mask=mask,
         mask_occluder=np.zeros_like(mask),
+        mask_surround=np.zeros_like(mask),
         depth_mm=np.where(mask, depth_mm, 0).astype(np.float32),
         cam_from_model=POSE,
         boxes=SimpleNamespace(bbox_visib=(u.min(), v.min(), np.ptp(u), np.ptp(v))),

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.reader import Defocus, DistortedView, Exposure, RoundView, SensorNoise, open_dataset, through_lens
+from oneframe.reader import (
+    Background,
+    Defocus,
+    DistortedView,
+    Exposure,
+    RoundView,
+    SensorNoise,
+    open_dataset,
+    through_lens,
+)
 from tests.dataset.synthetic_dataset import CAMERA
 
 GRID = CAMERA.pixel_grid()
@@ -34,6 +43,19 @@ def test_nothing_in_front_of_the_view_leaves_it(view):
     rgb, shown = through_lens(view, (), seed=0)
     assert (rgb == view.rgb).all()
     assert shown.all()
+
+
+@pytest.mark.parametrize("size", [(30, 500), (200, 20)])
+def test_a_background_shows_where_the_view_has_nothing(view, rng, size):
+    image = rng.integers(0, 256, (*size, 3)).astype(np.uint8)
+    for effect in (Background(), Background([image, image])):
+        rgb, shown = through_lens(view, [effect], seed=5)
+        assert shown.all()
+        assert 0.05 < view.mask.mean() < 0.95
+        np.testing.assert_array_equal(rgb[view.mask], view.rgb[view.mask])
+        assert rgb[~view.mask].std(axis=0).min() > 5
+    flat = np.full((*size, 3), [10, 120, 240], np.uint8)
+    assert (through_lens(view, [Background([flat])], seed=5)[0][~view.mask] == flat[0, 0]).all()
 
 
 def test_an_exposure_is_undone_by_the_inverse_one(view, rng):

@@ -18,7 +18,7 @@ from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, instrument_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
-from ...dataset.options import NO_LIGHT, RIGHT, SHADOWS, DatasetOptions
+from ...dataset.options import NONE, RIGHT, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
 from ...errors import InputError, RunError
@@ -138,7 +138,7 @@ def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
     InputError
         As :func:`.lens_shading_of`.
     """
-    return None if options.light == NO_LIGHT else lens_shading_of(loaded, shadows=options.light == SHADOWS)
+    return None if options.light == NONE else lens_shading_of(loaded, shadows=options.light == SHADOWS)
 
 
 def open_job(job: Job) -> OpenJob:

@@ -38,7 +38,7 @@ def test_a_network_learns_points_and_finds_the_pose_of_what_it_trained_on():
 
     views, rng = ViewCrops.of([plane_view(CAMERA, np.random.default_rng(0))]), np.random.default_rng(1)
     trained = trained_network(views, 120, 0, lambda: None)
-    network = PoseNetwork(onnx_file(trained, RECORD), "network.onnx")
+    network = PoseNetwork(onnx_file(trained, RECORD), "network.onnx", views.rgba[0, ..., :3].reshape(-1, 3))
     assert network.record == RECORD
     for size_hw in ((96, 128), (64, 160)):
         images = rng.integers(0, 256, (2, *size_hw, 3), np.uint8)
@@ -117,6 +117,18 @@ def test_a_frame_in_which_features_fail_is_located_and_judged(coded_case):
     assert {path.name for path in (folder / "located").iterdir()} == {
         path.name for path in (folder / "registered").iterdir()
     }
+
+
+def test_what_haze_hides_is_seen_at_the_second_try(coded_case):
+    folder, _, _ = coded_case
+    network = PoseNetwork.read(folder / "network.onnx", load_case(read_case(folder / "case.toml")))
+    clear = colour_coded(hills(1), registration.SOURCE)
+    hazy = np.rint(0.2 * clear + 0.8 * 220).astype(np.uint8)
+    expected = network.pose(clear, registration.CAMERA)
+    poses = list(network.poses(hazy, registration.CAMERA))
+    first_mm, second_mm = (np.linalg.norm(pose[:3, 3] - expected[:3, 3]) for pose in poses)
+    assert first_mm > 100
+    assert second_mm < 5
 
 
 @pytest.mark.parametrize("what", ["surface", "zoom", "record", "cut off"])

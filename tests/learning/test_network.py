@@ -49,6 +49,20 @@ def test_a_network_learns_points_and_finds_the_pose_of_what_it_trained_on():
     assert rotation_angle_deg(pose[:3, :3] @ POSE[:3, :3].T) < 10
 
 
+def test_crops_are_on_what_surrounds_the_surface_and_on_anything():
+    """Half of them each; that is nowhere surface to learn."""
+    view, rng = plane_view(CAMERA, np.random.default_rng(0)), np.random.default_rng(1)
+    view.mask_surround[:] = ~view.mask
+    view.rgb[~view.mask] = [0, 255, 0]
+    crops, green = ViewCrops.of([view]), 0
+    assert (crops.around[0] == ~view.mask).all()
+    assert (crops.codes[0][~view.mask] == NOTHING).all()
+    for _ in range(40):
+        image = crops.crop(rng)[0].astype(int)
+        green += ((image[..., 1] > 120) & (image[..., [0, 2]].max(axis=2) < 60)).mean() > 0.1
+    assert 10 < green < 30
+
+
 def test_a_pose_stands_against_wrong_points_that_claim_to_be_sure():
     rng = np.random.default_rng(0)
     points = rng.uniform(-40, 40, (200, 3))

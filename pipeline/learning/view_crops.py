@@ -37,6 +37,9 @@ class ViewCrops:
     ----------
     rgba
         ``(N, H, W, 4)`` uint8, alpha 0 and black where nothing is seen, nor around the surface.
+    around
+        ``(N, H, W)`` bool: what surrounds the surface, with ``--surroundings``. Half of the crops do without: elsewhere
+        something else may be there.
     codes
         ``(N, H, W, 3)`` int16: the surface's point at each pixel, from the middle of its box, or :data:`NOTHING`.
     middles
@@ -48,6 +51,7 @@ class ViewCrops:
     """
 
     rgba: np.ndarray
+    around: np.ndarray
     codes: np.ndarray
     middles: np.ndarray
     camera: PinholeCamera
@@ -81,6 +85,7 @@ class ViewCrops:
         centre, reach_mm = (least + most) / 2, float((most - least).max() / 2)
         rays = camera.rays_cam(camera.pixel_grid())
         rgba = np.zeros((len(views), *camera.shape_hw, 4), np.uint8)
+        around = np.zeros((len(views), *camera.shape_hw), bool)
         codes = np.full((len(views), *camera.shape_hw, 3), NOTHING, np.int16)
         middles = np.zeros((len(views), 2))
         for place, view in enumerate(views):
@@ -91,13 +96,15 @@ class ViewCrops:
             small = cv2.resize(shown, camera.size_wh, interpolation=cv2.INTER_AREA)
             drawn = small[..., 3] >= 128
             seen = drawn & (depth_mm > 0)
+            beside = view.mask_surround.astype(np.uint8)
+            around[place] = cv2.resize(beside, camera.size_wh, interpolation=cv2.INTER_NEAREST_EXACT)
             points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
             # what is beside all that does not count
             rgba[place][drawn] = np.rint(255.0 * small[drawn] / small[drawn][:, 3:])
             middles[place] = np.argwhere(seen)[:, ::-1].mean(axis=0)
             advance()
-        return cls(rgba, codes, middles, camera, centre, reach_mm)
+        return cls(rgba, around, codes, middles, camera, centre, reach_mm)
 
     @property
     def crop_wh(self) -> tuple[int, int]:
@@ -131,7 +138,10 @@ class ViewCrops:
         view_from_crop = np.column_stack([turn, middle])
         cells = view_from_crop @ [[STRIDE, 0, (STRIDE - 1) / 2], [0, STRIDE, (STRIDE - 1) / 2], [0, 0, 1]]
         inverse = cv2.WARP_INVERSE_MAP
-        rgba = cv2.warpAffine(self.rgba[place], view_from_crop, (width, height), flags=inverse | cv2.INTER_LINEAR)
+        rgba = self.rgba[place]
+        if self.around[place].any() and rng.random() < 0.5:
+            rgba = rgba * ~self.around[place][..., None]
+        rgba = cv2.warpAffine(rgba, view_from_crop, (width, height), flags=inverse | cv2.INTER_LINEAR)
         codes = cv2.warpAffine(
             self.codes[place], cells, (width // STRIDE, height // STRIDE), flags=inverse | cv2.INTER_NEAREST,
             borderValue=[NOTHING] * 3,

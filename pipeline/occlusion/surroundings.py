@@ -6,13 +6,12 @@ where that shows something else than the surface, and those continued elsewhere.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..colour.fill import filled_colours
-from ..colour.lens_shading import CornerNormals, LensShading, shifted_codes, shown_codes
+from ..colour.lens_shading import LensShading, shifted_codes, shown_codes
 from ..colour.source_view import SourceView
 from ..images.pixel_values import sample_bilinear
 from ..projection.rendered_view import RenderedView
@@ -49,6 +48,8 @@ class Surroundings:
         ``(H, W, 4)`` float32: its colours, which multiply the light if there is one; 1 where it shows the surroundings.
     filled
         ``(R, C, 3)`` colours at the grid's places, for what the frame does not show.
+    normal
+        ``(3,)`` of the plane, towards the frame, by which the sheet is lit: its own relief is a guess.
     light
         The light at the lens of the views.
     """
@@ -58,12 +59,8 @@ class Surroundings:
     places_px: tuple[np.ndarray, np.ndarray]
     image: np.ndarray
     filled: np.ndarray
+    normal: np.ndarray
     light: LensShading | None
-
-    @cached_property
-    def normals(self) -> CornerNormals:
-        """Of the sheet."""
-        return CornerNormals(self.mesh)
 
     @classmethod
     def of(cls, view: SourceView, taken: LensShading | None = None, given: LensShading | None = None) -> "Surroundings":
@@ -72,7 +69,10 @@ class Surroundings:
         flat = np.stack([*np.meshgrid(columns, rows), np.zeros((len(rows), len(columns)))], axis=-1).reshape(-1, 3)
         faces = _faces(len(rows), len(columns))
         surface = view.inverse_depth > 0
-        inverse_depth = _continued(view.inverse_depth, flat, faces, columns, rows)
+        plane = _plane(view.inverse_depth)
+        normal = view.cam_from_model[:3, :3].T @ -(view.camera.k.T @ plane)
+        normal = (normal / np.linalg.norm(normal)).astype(np.float32)
+        inverse_depth = _continued(view.inverse_depth, plane, flat, faces, (columns, rows))
         points_cam = view.camera.rays_cam(flat[:, :2]) / inverse_depth[:, None]
         mesh = TriangleMesh(transform_points(inverse_rigid(view.cam_from_model), points_cam), faces)
         known = view.valid & ~_grown(surface)
@@ -80,16 +80,14 @@ class Surroundings:
         if taken is not None and known.any():
             raster = rasterise_depth(mesh, view.camera, view.cam_from_model)
             points = pixel_points(raster.depth_mm, np.nonzero(known), view.camera, view.cam_from_model)
-            factors = taken.factors(
-                points, _normals(CornerNormals(mesh), raster.face[known], points), view.cam_from_model
-            )
+            factors = taken.factors(points, np.broadcast_to(normal, points.shape), view.cam_from_model)
             shift = taken.curve.shift
             image[known] = (shifted_codes(image[known], taken.curve) + shift) / factors[:, None] - shift
         # a surface that fills the frame is continued by itself
         known = known if known.any() else surface
         rgb, covered = _means(image, known, columns, rows)
         filled = filled_colours(flat, faces, rgb, covered).reshape(len(rows), len(columns), 3)
-        return cls(view, mesh, (columns, rows), np.dstack([image, known.astype(np.float32)]), filled, given)
+        return cls(view, mesh, (columns, rows), np.dstack([image, known.astype(np.float32)]), filled, normal, given)
 
     def behind(
         self, view: RenderedView, camera: PinholeCamera, cam_from_model: np.ndarray, shadow: Shadow | None = None
@@ -102,7 +100,7 @@ class Surroundings:
         colours = self._colours(self.view.project(points)[0])
         if self.light is not None:
             lit = None if shadow is None else 1 - shadow.covers(depth_mm)[shown].astype(np.float32)
-            normals = _normals(self.normals, raster.face[shown], points)
+            normals = np.broadcast_to(self.normal, points.shape)
             shown_codes(colours, self.light.factors(points, normals, cam_from_model, lit), self.light.curve)
         rgb = view.rgb.copy()
         rgb[shown] = np.clip(colours, 0, 1)
@@ -147,20 +145,29 @@ def _means(values: np.ndarray, counted: np.ndarray, *axes: np.ndarray) -> tuple[
     return sums / np.maximum(count, 1)[:, None], count > 0
 
 
-def _continued(
-    inverse_depth: np.ndarray, flat: np.ndarray, faces: np.ndarray, columns: np.ndarray, rows: np.ndarray
-) -> np.ndarray:
-    """``(V,)`` inverse depths of a grid's places ``(V, 3)`` from those of the frame ``(H, W)``, 0 for none."""
+def _plane(inverse_depth: np.ndarray) -> np.ndarray:
+    """``(3,)`` a, b, c of the plane a u + b v + c through inverse depths ``(H, W)``, 0 for none, by least squares."""
     v, u = np.nonzero(inverse_depth)
-    own = inverse_depth[v, u].astype(np.float64)
     affine = np.column_stack([u, v, np.ones(len(u))])
     # sums that do not depend on a machine's cores
-    squares, sides = np.einsum("ni,nj->ij", affine, affine), np.einsum("ni,n->i", affine, own)
-    plane = np.linalg.lstsq(squares, sides, rcond=None)[0]
-    beside = np.zeros((*inverse_depth.shape, 1))
-    beside[v, u, 0] = own - affine @ plane
-    continued = filled_colours(flat, faces, *_means(beside, inverse_depth > 0, columns, rows))[:, 0]
+    squares = np.einsum("ni,nj->ij", affine, affine)
+    sides = np.einsum("ni,n->i", affine, inverse_depth[v, u].astype(np.float64))
+    return np.asarray(np.linalg.lstsq(squares, sides, rcond=None)[0])
+
+
+def _continued(
+    inverse_depth: np.ndarray,
+    plane: np.ndarray,
+    flat: np.ndarray,
+    faces: np.ndarray,
+    places_px: tuple[np.ndarray, np.ndarray],
+) -> np.ndarray:
+    """``(V,)`` inverse depths of a grid's places ``(V, 3)`` from those of the frame ``(H, W)`` and their plane."""
+    v, u = np.mgrid[: inverse_depth.shape[0], : inverse_depth.shape[1]]
+    known, beside = inverse_depth > 0, inverse_depth - (plane[0] * u + plane[1] * v + plane[2])
+    continued = filled_colours(flat, faces, *_means(beside[..., None], known, *places_px))[:, 0]
     continued += flat[:, :2] @ plane[:2] + plane[2]
+    own = inverse_depth[known]
     return np.clip(continued, np.min(own) / FARTHEST, np.max(own) / NEAREST).astype(np.float64)
 
 
@@ -171,8 +178,3 @@ def _grown(flags: np.ndarray) -> np.ndarray:
         size = flags.shape[axis]
         flags = np.any([padded.take(range(at, at + size), axis) for at in range(2 * MARGIN_PX + 1)], axis=0)
     return flags
-
-
-def _normals(normals: CornerNormals, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """``(N, 3)`` of the sheet's front, which the frame sees, at points of its faces."""
-    return normals.at(faces, points, np.ones(len(faces), bool))

@@ -10,7 +10,7 @@ import numpy as np
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
 from ..dataset.identity import eyes_apart
-from ..dataset.layout import MODEL_FILES
+from ..dataset.layout import MODEL_FILES, eyes_of
 from ..dataset.model_file import read_model
 from ..dataset.options import RIGHT
 from ..dataset.run.resume_record import Box
@@ -77,9 +77,10 @@ class ViewFiles:
         InputError
             There are none, or they do not belong to these views.
         """
-        folder = self.root / RIGHT
-        if not folder.is_dir():
+        _, *right = eyes_of(self.root)
+        if not right:
             raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
+        (folder,) = right
         files = self.opened(folder)
         if apart := eyes_apart(self.description.content, files.description.content):
             raise InputError(f"{folder}: expected the right eyes of these views: {apart}")

@@ -1,6 +1,5 @@
 """The dataset job: from a case and options to a complete dataset on disk, in any number of processes, resumable."""
 
-import errno
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -222,17 +221,10 @@ def render_views(
 
 
 def write_error(error: OSError, out: Path) -> RunError:
-    """The error to report if a file of the dataset cannot be written."""
-    if error.filename == STDOUT or isinstance(error, BrokenPipeError):
-        return RunError(
-            f"{STDOUT}: cannot write to it ({error.strerror}); "
-            "the views finished so far are safe: run the same command again"
-        )
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return RunError(
-            f"{out}: the disk is full; the views finished so far are safe: free space and run the same command again"
-        )
+    """The error to report if a file of the dataset, or standard output, cannot be written."""
+    is_output = error.filename == STDOUT or isinstance(error, BrokenPipeError)
+    place, what = (STDOUT, "to it") if is_output else (out, error.filename or "a file")
     return RunError(
-        f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "
-        "the views finished so far are safe: fix the cause and run the same command again"
+        f"{place}: cannot write {what} ({error.strerror}); "
+        "the views finished so far are safe: correct this and run the same command again"
     )

@@ -16,7 +16,7 @@ from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
 from ...occlusion.compositing import Front, head_light
 from ...occlusion.instruments import KINDS, Instrument
-from ...occlusion.occluders import draw_occluders
+from ...occlusion.occluders import STREAM, draw_occluders, held_instrument
 from ...occlusion.shadow import LitSurface, Shadow
 from ...occlusion.surroundings import Surroundings
 from ...poses.constraints import PlannedPose
@@ -25,7 +25,7 @@ from ...projection.silhouette import SilhouetteEdges
 from ...transforms import inverse_rigid
 from ..render.engines import opened_engine
 from ..render.surface_tree import rays_at
-from .view_planner import ViewPlanner
+from .view_planner import SAMPLED_VIEWS, ViewPlanner
 
 
 class ViewRenderer(ViewPlanner):
@@ -63,6 +63,7 @@ class ViewRenderer(ViewPlanner):
         """
         super().__init__(loaded, reference, options, given_poses)
         self._identity = identity
+        self._own = instruments
         self._instruments = [lambda _rng, each=each: each for each in instruments] or KINDS
         self._kinds = written_truths(options.content(), len(loaded.frames))
         self._edges = SilhouetteEdges.of(reference.mesh)
@@ -91,6 +92,22 @@ class ViewRenderer(ViewPlanner):
 
     def __exit__(self, *_: object) -> None:
         self._resources.close()
+
+    def sampling_doubt(self) -> str:
+        """As of :class:`ViewPlanner`, and of the user's own instruments."""
+        said, views = [super().sampling_doubt()], range(min(SAMPLED_VIEWS, self._count))
+        for number, instrument in enumerate(self._own, start=1):
+            without = 0
+            for view in views:
+                pose = inverse_rigid(self._right_from_left) @ self.plan(view).cam_from_model
+                stream = np.random.default_rng([self._options.seed, view, STREAM])
+                without += held_instrument(instrument, stream, self.probe, (), self.camera, pose) is None
+            if without:
+                said.append(
+                    f"--occluder-meshes: number {number} by name finds no place in {without} of the first {len(views)} "
+                    "views, and is left out there; its shaft must be longer than what the image shows of it"
+                )
+        return "; ".join(filter(None, said))
 
     def make(self, index: int) -> RenderedSample:
         """Plan and render view ``index``."""

@@ -51,9 +51,15 @@ CAMERA = PinholeCamera(640, 480, fx=3200.0, fy=3180.0, cx=304.5, cy=259.5)
 POSE = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
 
 
-def render(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard | None = None) -> Path:
+def render(
+    case: Path,
+    out: Path,
+    options: DatasetOptions = OPTIONS,
+    shard: Shard | None = None,
+    stream: io.StringIO | None = None,
+) -> Path:
     job = Job(read_case(case), out, options, shard or Shard())
-    dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
+    dataset_run.run(job, workers=1, worker_command=(), stream=stream or io.StringIO())
     return out
 
 
@@ -162,12 +168,19 @@ def test_instruments_of_ones_own_are_inputs_of_the_dataset(case, tmp_path, write
     write_ply(folder / "Jane Doe.ply", long)
     own.write_text(own.read_text() + f'[dataset]\noccluder_meshes = "{folder.name}"\noccluders = 2.0\n')
     options = merged_options(read_case(own).dataset, argparse.Namespace(count=3, engine="raster"), own)
-    out = render(own, tmp_path / "dataset", options)
+    said = io.StringIO()
+    out = render(own, tmp_path / "dataset", options, stream=said)
+    assert "finds no place" not in said.getvalue()
     assert any(view.mask_occluder.any() for view in open_dataset(out))
     assert "Doe" not in (out / "dataset.json").read_text()
     assert not checked(out, own).findings
     write_ply(folder / "Jane Doe.ply", long.scaled(1.1))
     assert "is not the instrument 1" in "".join(checked(out, own).findings.shown())
+    write_ply(folder / "Jane Doe.ply", mesh)
+    assert not any(
+        view.mask_occluder.any() for view in open_dataset(render(own, tmp_path / "short", options, stream=said))
+    )
+    assert "number 1 by name finds no place in 3 of the first 3 views" in said.getvalue()
     write_ply(folder / "Jane Doe.ply", long.flipped().moved(np.array([0, 0, -100.0])))
     with pytest.raises(InputError, match=r"Jane Doe\.ply: expected an instrument with its tip in the origin"):
         render(own, tmp_path / "none", options)

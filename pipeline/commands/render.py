@@ -172,7 +172,9 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
     if not paths:
-        raise InputError(f"{arguments.case}: expected a case file, or a queue: a folder of cases; found no case in it")
+        raise InputError(
+            f"{arguments.case}: expected a case file, or a queue: a folder of folders with a case.toml each; found none"
+        )
     own: dict[str, argparse.Namespace] = {}
     read: dict[str, Path] = {}
     for path in paths:

@@ -31,8 +31,8 @@ def refinement(decimals: int = 15) -> Callable[..., Hashable]:
     return key
 
 
-def registration(registrar, grey, valid, near=None, guess=None) -> Hashable:
+def registration(registrar, grey, valid, near=None, guesses=()) -> Hashable:
     """Key of :meth:`Registrar.register`: the aligned frame, the frame, the pose that may be near, and who guesses."""
     source = registrar._views.source
     arrays = registrar._pivot_model, source.image, source.cam_from_model, grey, valid
-    return registrar.camera, guess, *(array.tobytes() for array in arrays), None if near is None else near.tobytes()
+    return registrar.camera, guesses, *(array.tobytes() for array in arrays), None if near is None else near.tobytes()

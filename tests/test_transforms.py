@@ -70,7 +70,7 @@ def test_points_are_transformed_alike_one_by_one_and_in_blocks(rng):
 
 
 @given(VECTORS, st.integers(0, 2), st.floats(-1, 1), st.sampled_from([0.0096, ORTHONORMAL_TOLERANCE, NOTED_DEVIATION]))
-def test_rotations_are_corrected_to_the_nearest_up_to_the_limit_and_refused_beyond(vector, axis, shear, limit):
+def test_rotations_become_the_nearest_up_to_a_limit_or_are_refused(vector, axis, shear, limit):
     """Both sides of both limits: a published pose off by 0.0096 is taken, one off by more than 0.01 is not."""
     rotation = rotation_from_vector(vector)
     change = np.zeros((3, 3))

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..pipeline.dataset.options import LENS, NO_LIGHT, PATHS, SAMPLERS, SHADOWS, option_groups
+from ..pipeline.dataset.options import LENS, NONE, PATHS, SAMPLERS, SHADOWS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.known_case import lamp_of
@@ -64,10 +64,10 @@ class ONEFRAME_PT_dataset_preview(PartPanel):
             else:
                 draw_text(layout, "The case has changed. Preview the poses again.", icon="ERROR")
         light = scene.oneframe.dataset.light  # type: ignore[attr-defined]  # from DatasetOptions
-        if light != NO_LIGHT or lamp_of(scene) is not None:
+        if light != NONE or lamp_of(scene) is not None:
             row = layout.row(align=True)
             row.label(icon="LIGHT_POINT")
-            for choice, text in ((NO_LIGHT, "Frame"), (LENS, "Lens"), (SHADOWS, "Shadows")):
+            for choice, text in ((NONE, "Frame"), (LENS, "Lens"), (SHADOWS, "Shadows")):
                 row.prop_enum(scene.oneframe.dataset, "light", choice, text=text)
         row = layout.row(align=True)
         row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")

@@ -22,7 +22,7 @@ from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.reference_view import ReferenceView
-from ..pipeline.dataset.options import NO_LIGHT, OPTIONS, DatasetOptions, merged_options
+from ..pipeline.dataset.options import NONE, OPTIONS, DatasetOptions, merged_options
 from ..pipeline.errors import InputError
 from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
@@ -107,7 +107,7 @@ def content_key(
     stamps = [(str(path), *stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
     further = [(each.image, each.cam_from_mesh.tolist()) for each in further_frames(scene)]
-    lamp = None if options.light == NO_LIGHT else lamp_of(scene)
+    lamp = None if options.light == NONE else lamp_of(scene)
     content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps, further, lamp)
     return hashlib.sha256(repr(content).encode()).hexdigest()
 

@@ -99,7 +99,7 @@ def pose_text(scene: bpy.types.Scene) -> str:
 
 
 def _rms_px(scene: bpy.types.Scene, record: Mapping[str, object]) -> float:
-    """Of the pairs at the shown pose, NaN if there are none."""
+    """The residual of the pairs at the shown pose, NaN if there are none."""
     rms_px = record.get("rms_px")
     if rms_px is None and complete_landmarks(landmarks_model(scene)):
         rms_px = solve.rms_px(scene, from_scene.cam_from_model(scene))

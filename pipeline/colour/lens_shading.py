@@ -77,7 +77,7 @@ class LensShading:
 
     @property
     def curve(self) -> Transfer:
-        """Of the code values; shifted codes plus its shift are proportional to light to one over its gamma."""
+        """The codes' transfer: shifted codes plus its shift are proportional to light to one over its gamma."""
         return self.light.curve
 
     def at(self, cam_from_model: np.ndarray) -> tuple[LensLight, float]:

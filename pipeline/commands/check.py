@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import InputError
@@ -47,20 +48,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     origin.add_argument(
         "--poses", metavar="FILE", type=Path, help="the listed poses of the views, if the case does not name them"
     )
+    origin.add_argument(
+        "--occluder-meshes", metavar="DIR", type=Path, help="your own instruments, if the case does not name them"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Check the dataset and report the findings."""
-    for name in ("rerender", "poses"):
+    for name in ("rerender", "poses", "occluder_meshes"):
         if getattr(arguments, name) is not None and arguments.case is None:
-            raise InputError(f"command line: --{name}: expected also the case that was rendered; give it with --case")
+            flag = name.replace("_", "-")
+            raise InputError(f"command line: --{flag}: expected also the case that was rendered; give it with --case")
     from ..case.case_file import read_case
     from ..dataset.check.check_dataset import check_dataset
     from ..dataset.check.rerendered import Rerendering
-    from ..dataset.layout import RECORD
-    from ..dataset.options import RIGHT
+    from ..dataset.layout import eyes_of
 
     case = None if arguments.case is None else read_case(arguments.case)
+    if case is not None and arguments.occluder_meshes is not None:
+        case = replace(case, dataset={**case.dataset, "occluder_meshes": str(arguments.occluder_meshes.resolve())})
     poses, again, output = arguments.poses, None, sys.stdout
     if case is not None and arguments.rerender is not None:
         from ..blender.dataset.rerender import CaseRenderer
@@ -68,9 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
         output = own_output()
         again = Rerendering(lambda description: CaseRenderer(case, description.content, poses), arguments.rerender)
     wrong = 0
-    right = arguments.dataset / RIGHT
-    for folder in (arguments.dataset, *([right] if (right / RECORD).is_file() else [])):
-        if folder == right:
+    for folder in eyes_of(arguments.dataset):
+        if folder != arguments.dataset:
             output.write(f"{folder}:\n")
         report = check_dataset(
             folder,

@@ -71,15 +71,18 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
     # the arrays are small: numpy's BLAS threads would only take memory
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from ..dataset.layout import eyes_of
+
     output = own_output()
     if arguments.verify:
         from ..files.machine import available_cores
         from ..packing.verify import verify_pack
 
         threads, wrong = arguments.workers or available_cores(), 0
-        for eye in _eyes(arguments.dataset or arguments.out):
-            dataset = arguments.dataset and arguments.dataset / eye
-            report = verify_pack(arguments.out / eye, dataset, threads=threads, stream=output)
+        whole = arguments.dataset or arguments.out
+        for eye in eyes_of(whole):
+            out, dataset = arguments.out / eye.relative_to(whole), arguments.dataset and eye
+            report = verify_pack(out, dataset, threads=threads, stream=output)
             output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
             wrong += len(report.findings)
         return EXIT_WRONG if wrong else 0
@@ -93,10 +96,11 @@ def run(arguments: argparse.Namespace) -> int:
         split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    for eye in _eyes(arguments.dataset):
+    for eye in eyes_of(arguments.dataset):
+        out = arguments.out / eye.relative_to(arguments.dataset)
         manifest = pack_dataset(
-            arguments.dataset / eye,
-            arguments.out / eye,
+            eye,
+            out,
             PackOptions(arguments.views_per_shard, arguments.jpeg, about),
             views=views,
             workers=arguments.workers,
@@ -105,13 +109,6 @@ def run(arguments: argparse.Namespace) -> int:
         size = sum(shard.bytes for shard in manifest.shards)
         output.write(
             f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
-            f"shard{'s' * (len(manifest.shards) != 1)}: {arguments.out / eye}\n"
+            f"shard{'s' * (len(manifest.shards) != 1)}: {out}\n"
         )
     return 0
-
-
-def _eyes(folder: Path) -> tuple[str, ...]:
-    """The folders within that of a dataset or a pack: itself, and that of the right eyes, if there are any."""
-    from ..dataset.options import RIGHT
-
-    return ("", RIGHT) if (folder / RIGHT).is_dir() else ("",)

@@ -96,7 +96,7 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
     if model is not None:
         from ..learning.pose_network import PoseNetwork
 
-        guess = PoseNetwork.read(model, loaded).pose
+        guess = PoseNetwork.read(model, loaded).poses
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
         loaded, comment = _corrected(arguments, loaded, output)

@@ -165,14 +165,16 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     from ..case.case_file import read_case
     from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
     from ..dataset.joined_scenes import join_scenes
-    from ..dataset.layout import CASES, CHECKSUMS, SCENES
+    from ..dataset.layout import CASES, CHECKSUMS, SCENES, eyes_of
     from ..dataset.run.same_run import check_description
     from ..files.outputs import check_own_folder, made_folder, writing
 
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
     if not paths:
-        raise InputError(f"{arguments.case}: expected a case file, or a queue: a folder of cases; found no case in it")
+        raise InputError(
+            f"{arguments.case}: expected a case file, or a queue: a folder of folders with a case.toml each; found none"
+        )
     own: dict[str, argparse.Namespace] = {}
     read: dict[str, Path] = {}
     for path in paths:
@@ -198,7 +200,9 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
         output.write(f"{name}: rendering, {number} of {len(own)}\n")
         with naming(name):
             _render_case(each, output)
-    if unfinished := [name for name, folder in datasets.items() if not (folder / CHECKSUMS).exists()]:
+    if unfinished := [
+        name for name, folder in datasets.items() if not all((eye / CHECKSUMS).exists() for eye in eyes_of(folder))
+    ]:
         output.write(f"not joined yet: {', '.join(unfinished)} unfinished\n")
         return
     with writing(made_folder(out / "bop")):

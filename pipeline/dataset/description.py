@@ -17,7 +17,7 @@ from ..files.content import hashed_reading, read_content
 from ..poses.distributions import PoseDistribution, ReferencePose, Trajectory, farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
-from .options import NO_LIGHT, SAMPLERS, DatasetOptions
+from .options import NONE, SAMPLERS, DatasetOptions
 from .truths import depth_scale_for
 
 POSES = "poses"
@@ -129,7 +129,7 @@ def describe(
 
 
 def _described_light(loaded: LoadedCase, options: DatasetOptions) -> dict[str, object]:
-    return {} if options.light == NO_LIGHT else {"light": loaded.case.lens_light.law}
+    return {} if options.light == NONE else {"light": loaded.case.lens_light.law}
 
 
 def described_frame(frame: UnreadFrame, mesh_from_model: np.ndarray) -> dict[str, object]:

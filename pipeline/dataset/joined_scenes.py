@@ -23,8 +23,10 @@ from .layout import (
     SCENES,
     SPLIT,
     TARGETS,
+    eyes_of,
     scene_folder,
 )
+from .options import RIGHT
 from .truths import TRUTHS
 
 
@@ -35,36 +37,45 @@ def join_scenes(datasets: Mapping[str, Path], out: Path) -> None:
     ----------
     datasets
         Names -> folders. Those of one surface, by its ``geometry_sha256``, have one object; ``camera.json`` is that of
-        the first.
+        the first. If all have right eyes, these are joined too, to the folder of them.
     out
         The folder to write. ``scenes.csv`` beside it says which scene is whose: names may be those of patients.
     """
     with alone(out.with_name(f".{out.name}.lock")):
         partial = out.with_name(f".partial-{out.name}")
         shutil.rmtree(partial, ignore_errors=True)
-        for folder in (*MODEL_FOLDERS, SPLIT):
-            create_folder(partial / folder)
-        _link(next(iter(datasets.values())) / "camera.json", partial / "camera.json")
-        objects: dict[object, int] = {}
-        owners: list[tuple[int, str]] = []
-        targets: list[dict[str, int]] = []
-        for name, dataset in datasets.items():
-            surface = read_description(dataset / RECORD).content.get("geometry_sha256")
-            number = objects.setdefault(surface, OBJECT_ID + len(objects))
-            _add_model(dataset, partial, number)
-            begin = len(owners)
-            for scene in sorted((dataset / SPLIT).iterdir()):
-                _link_scene(scene, partial / scene_folder(len(owners)), number)
-                owners.append((number, name))
-            for target in json.loads((dataset / TARGETS).read_bytes()):
-                targets.append(target | {"scene_id": target["scene_id"] + begin, "obj_id": number})
-        write_json(partial / TARGETS, targets)
+        owners = _write_scenes(datasets, partial)
+        rights = {name: eyes_of(folder)[-1] for name, folder in datasets.items()}
+        if all(rights[name] != folder for name, folder in datasets.items()):
+            _write_scenes(rights, partial / RIGHT)
         # never a list of other scenes
         table = out.with_name(SCENES)
         table.unlink(missing_ok=True)
         shutil.rmtree(out, ignore_errors=True)
         os.replace(partial, out)
         write_csv(table, ("scene_id", "obj_id", "case"), [(scene, *owner) for scene, owner in enumerate(owners)])
+
+
+def _write_scenes(datasets: Mapping[str, Path], to: Path) -> list[tuple[int, str]]:
+    """Write the scenes of one eye; gives the number of the object of each, and whose it is."""
+    for folder in (*MODEL_FOLDERS, SPLIT):
+        create_folder(to / folder)
+    _link(next(iter(datasets.values())) / "camera.json", to / "camera.json")
+    objects: dict[object, int] = {}
+    owners: list[tuple[int, str]] = []
+    targets: list[dict[str, int]] = []
+    for name, dataset in datasets.items():
+        surface = read_description(dataset / RECORD).content.get("geometry_sha256")
+        number = objects.setdefault(surface, OBJECT_ID + len(objects))
+        _add_model(dataset, to, number)
+        begin = len(owners)
+        for scene in sorted((dataset / SPLIT).iterdir()):
+            _link_scene(scene, to / scene_folder(len(owners)), number)
+            owners.append((number, name))
+        for target in json.loads((dataset / TARGETS).read_bytes()):
+            targets.append(target | {"scene_id": target["scene_id"] + begin, "obj_id": number})
+    write_json(to / TARGETS, targets)
+    return owners
 
 
 def _add_model(dataset: Path, to: Path, number: int) -> None:

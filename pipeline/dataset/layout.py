@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files.content import LARGEST_INPUT, LARGEST_TEXT
+from .options import RIGHT
 from .truths import TRUTHS
 
 FORMAT = "oneframe dataset 2"
@@ -44,6 +45,13 @@ FOLDERS = (*MODEL_FOLDERS, "video", SPLIT)
 """The folders beside ``dataset.json`` that a run writes into, apart from :data:`WORK`."""
 KINDS = (*TRUTHS, "frame")
 """Kinds of a view's files, each in a folder of its own: its arrays and its record."""
+
+
+def eyes_of(folder: Path) -> list[Path]:
+    """The folder of a dataset or a pack, and that of the right eyes of its views within it, if it has them."""
+    right = folder / RIGHT
+    # a pack that is not finished has no record yet
+    return [folder, *([right] if any((right / name).exists() for name in (RECORD, WORK)) else [])]
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,16 @@ UNSEEN = {
     "neutral": "grey",
     "fill": "the observed colours, continued smoothly over the surface; the mask of the observed surface is the same",
 }
-NO_LIGHT, LENS, SHADOWS = "none", "lens", "shadows"
+NONE, LENS, SHADOWS = "none", "lens", "shadows"
 LIGHTS = {
-    NO_LIGHT: "colours as the frame has them, with its shading",
+    NONE: "colours as the frame has them, with its shading",
     LENS: "the lamp at the lens, [light] in the case, moves with it",
     SHADOWS: "so do the shadows that it casts; not by eevee",
+}
+FRAME = "frame"
+SURROUNDINGS = {
+    NONE: "black",
+    FRAME: "what the frame shows there, on a sheet that continues the surface; mask_surround alone has it",
 }
 LEFT, RIGHT = "left", "right"
 EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
@@ -178,7 +183,7 @@ class DatasetOptions:
     )  # fmt: skip
     colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
     unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
-    light: str = _option(NO_LIGHT, "light of the views", choices=LIGHTS, since="0.2.0")
+    light: str = _option(NONE, "light of the views", choices=LIGHTS, since="0.2.0")
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
         "seen; what the frame sees at a grazing angle is stretched to streaks in other views",
@@ -199,15 +204,16 @@ class DatasetOptions:
         None, "folder of your own instruments in place of the built-in ones: .ply, .obj, .stl in mm, the tip in the "
         "origin, the shaft along +z and longer than what the image shows", is_content=False,
     )  # fmt: skip
+    surroundings: str = _option(NONE, "beyond the surface's edge", choices=SURROUNDINGS, since="0.2.0")
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     stereo_mm: float = _stereo(
         0.0, "distance of a right eye beside each view, rendered as a dataset of its own into the folder right; 0: no",
-        name="Eye Distance", unit="mm", least=0,
+        name="Stereo", unit="mm", least=0,
     )  # fmt: skip
     converge_mm: float = _stereo(
         0.0, "distance from both eyes at which their axes meet, the working distance of a microscope; 0: parallel",
-        name="Eyes Converge at", unit="mm", least=0,
+        name="Converge", unit="mm", least=0,
     )  # fmt: skip
     eye: str = _stereo(LEFT, "which of the two is rendered", choices=EYES)
     sampler: str = _pose(
@@ -339,7 +345,7 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
                 continue
             default = "" if option.default is None else f" (default {option.default})"
             choices, numeric = option.choices, option.kind in (int, float)
-            metavar = "|".join(choices) if choices else ("X" if option.kind is float else "N") if numeric else "FILE"
+            metavar = "|".join(choices) if choices else ("X" if option.kind is float else "N") if numeric else "PATH"
             group.add_argument(
                 option.flag,
                 type=_number if numeric else str,

@@ -17,7 +17,10 @@ from ..projection.rendered_view import RenderedView
 from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid, transform_points
+from .options import NONE
 
+_OFF = (False, 0, NONE)
+"""Values of an option that ask for no array."""
 DEPTH_LEVELS = 65535
 """Largest value of the 16-bit depth images."""
 
@@ -32,7 +35,7 @@ class Form:
     channels: int = 1
 
     def shape(self, shape_hw: tuple[int, int]) -> tuple[int, ...]:
-        """Of the array of a view of this height and width."""
+        """The shape of the array of a view of this height and width."""
         return shape_hw if self.channels == 1 else (*shape_hw, self.channels)
 
     def encoded(self, array: np.ndarray) -> bytes:
@@ -97,6 +100,11 @@ class Stored:
         return self.arrays["mask_occluder"] > 0 if "mask_occluder" in self.arrays else np.zeros(self.mask.shape, bool)
 
     @property
+    def surround(self) -> np.ndarray:
+        """``(H, W)`` bool: what surrounds it, where the frame's colours go on beyond its edge."""
+        return self.arrays["mask_surround"] > 0 if "mask_surround" in self.arrays else np.zeros(self.mask.shape, bool)
+
+    @property
     def visible(self) -> np.ndarray:
         """``(H, W)`` bool: the visible surface."""
         return self.mask & ~self.occluder
@@ -142,7 +150,7 @@ def written_truths(options: Mapping[str, object], frames: int) -> tuple[str, ...
     return tuple(
         truth.name
         for truth in TRUTHS.values()
-        if (not truth.option or options.get(truth.option)) and (frames > 1 or not truth.of_several)
+        if (not truth.option or options.get(truth.option, NONE) not in _OFF) and (frames > 1 or not truth.of_several)
     )
 
 
@@ -185,7 +193,7 @@ def _none(_stored: Stored) -> Flaws:
 
 
 def _rgb_flaws(stored: Stored) -> Flaws:
-    nothing = ~(stored.mask | stored.occluder)
+    nothing = ~(stored.mask | stored.occluder | stored.surround)
     yield stored.arrays["rgb"].any(axis=2) & nothing, "outside the mask are not black"
 
 
@@ -198,6 +206,10 @@ def _visible_flaws(stored: Stored) -> Flaws:
     visible = stored.arrays["mask_visib"] > 0
     yield visible & ~stored.mask, "lie outside the mask"
     yield visible != stored.visible, "differ from the mask without what stands in front of it"
+
+
+def _surround_flaws(stored: Stored) -> Flaws:
+    yield stored.surround & (stored.mask | stored.occluder), "lie on the surface, or on what stands in front of it"
 
 
 def _observed_flaws(stored: Stored) -> Flaws:
@@ -325,6 +337,10 @@ TRUTHS = {
         Truth(
             "mask_occluder", "what stands in front of the surface, or beside it", MASK,
             lambda shot: _white(shot.rendered.occluder), _none, option="occluders",
+        ),
+        Truth(
+            "mask_surround", "what surrounds the surface, as the frame shows it; no depth", MASK,
+            lambda shot: _white(shot.rendered.surround), _surround_flaws, option="surroundings",
         ),
         Truth(
             "mask_observed", "surface that a frame of the case saw", MASK,

@@ -19,7 +19,7 @@ from ..colour.ray_tracer import RayTracer
 from ..colour.reference_view import ReferenceView, traced_view_of
 from ..colour.shading import ColouredSurface
 from ..dataset.description import distribution_of
-from ..dataset.options import NO_LIGHT, SHADOWS, DatasetOptions
+from ..dataset.options import NONE, SHADOWS, DatasetOptions
 from ..poses.distributions import ReferencePose
 from ..projection.rendered_view import Render
 from ..transforms import camera_centre
@@ -204,8 +204,8 @@ def evaluate_case(
     """
     began = time.perf_counter()
     reference = traced_view_of(case.loaded)
-    sources = {NO_LIGHT: reference}
-    for light in {method.light for method in settings.methods.running} - {NO_LIGHT}:
+    sources = {NONE: reference}
+    for light in {method.light for method in settings.methods.running} - {NONE}:
         shading = lens_shading_of(case.loaded, shadows=light == SHADOWS)
         sources[light] = traced_view_of(case.loaded, shading)
     trace = RayTracer(ColouredSurface(reference.mesh, reference.views), case.loaded.frame.camera).render

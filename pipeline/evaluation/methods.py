@@ -13,7 +13,7 @@ from ..camera.pinhole import PinholeCamera
 from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ..colour.shading import ColouredSurface, SurfaceColour
 from ..colour.vertex_colours import VertexColours
-from ..dataset.options import COLOURS, ENGINES, LENS, NO_LIGHT, SHADOWS, UNSEEN
+from ..dataset.options import COLOURS, ENGINES, LENS, NONE, SHADOWS, UNSEEN
 from ..errors import InputError, RunError
 from ..files.keys import nearest_name
 from ..images.pixel_values import to_uint8
@@ -51,7 +51,7 @@ class Method:
     colour: str
     renderer: str
     unseen: str = "neutral"
-    light: str = NO_LIGHT
+    light: str = NONE
 
     @property
     def peer(self) -> bool:
@@ -59,8 +59,8 @@ class Method:
         return self.colour in (PAPER, PAPER_CLAMPED)
 
 
-def _ours(colour: str, engine: str, unseen: str = "neutral", light: str = NO_LIGHT) -> Method:
-    words = [colour, *([] if unseen == "neutral" else [unseen]), *([] if light == NO_LIGHT else [light]), engine]
+def _ours(colour: str, engine: str, unseen: str = "neutral", light: str = NONE) -> Method:
+    words = [colour, *([] if unseen == "neutral" else [unseen]), *([] if light == NONE else [light]), engine]
     return Method("-".join(words), "ours, " + ", ".join(words), colour, engine, unseen, light)
 
 
@@ -130,7 +130,7 @@ def chosen_methods(keys: Sequence[str], renderers: Renderers) -> ChosenMethods:
     for key in keys:
         if key not in METHODS and key != EVERY:
             raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, (*METHODS, EVERY))}")
-    every = [key for key, method in METHODS.items() if method.light == NO_LIGHT]
+    every = [key for key, method in METHODS.items() if method.light == NONE]
     methods = [
         METHODS[key] for key in dict.fromkeys(part for key in keys for part in (every if key == EVERY else [key]))
     ]

@@ -18,6 +18,7 @@ from ..errors import InputError, RunError
 from .content import remove_abandoned, write_bytes_atomically
 
 _DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
+ADVICE = "free space, or choose another place"
 
 
 def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
@@ -113,8 +114,8 @@ def _with_input(folder: Path, name: str, path: Path) -> str:
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn an OSError inside the block, which writes ``path`` and nothing else, into a sentence.
+def writing(path: Path, advice: str = ADVICE) -> Iterator[None]:
+    """Turn an OSError inside the block, which writes ``path`` and nothing else, into a sentence with advice.
 
     Raises
     ------
@@ -124,7 +125,7 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise unwritable(path, error) from None
+        raise unwritable(path, error, advice) from None
 
 
 def made_folder(path: Path) -> Path:
@@ -152,11 +153,9 @@ def write_output(path: Path, data: bytes) -> None:
         write_bytes_atomically(path, data)
 
 
-def unwritable(path: Path, error: OSError) -> RunError:
+def unwritable(path: Path, error: OSError, advice: str = ADVICE) -> RunError:
     """The error to report if ``path`` cannot be written."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return RunError(f"{path}: cannot write the file (the disk is full); free space or choose another place")
-    return RunError(f"{path}: cannot write the file ({error.strerror}); choose another place")
+    return RunError(f"{path}: cannot write the file ({error.strerror}); {advice}")
 
 
 class _Inputs:

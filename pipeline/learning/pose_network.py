@@ -4,6 +4,7 @@ Scene coordinates (Shotton et al., CVPR 2013), and a pose of them by RANSAC and 
 """
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Self
@@ -17,6 +18,7 @@ from ..case.loaded_case import LoadedCase
 from ..dataset.identity import geometry_hash
 from ..errors import InputError
 from ..files.content import read_content
+from ..images.pixel_values import to_uint8
 from ..transforms import rigid, rotation_from_vector
 
 STRIDE = 8
@@ -34,6 +36,8 @@ OUTLIER = 3.0
 NEAREST_MM = 1.0
 LARGEST_ZOOM = 1.5
 """Of a case's K beside that of the views."""
+DARKEST, BRIGHTEST = 0.02, 0.98
+"""Quantiles of code values between which an image is stretched as the case's frame."""
 KEY = "oneframe"
 """Of the record in the file's metadata."""
 
@@ -85,22 +89,24 @@ class NetworkRecord:
             return cls(**(values | {"centre_model": tuple(map(float, values["centre_model"]))}))
         except (KeyError, TypeError, ValueError):
             raise InputError(
-                f"{name}: expected a network that oneframe train wrote, found none; name its file"
+                f"{name}: expected a whole network that oneframe train wrote, found no record of its training; name "
+                f"its file, or copy it again"
             ) from None
 
 
 class PoseNetwork:
     """A network in memory."""
 
-    def __init__(self, data: bytes, name: str) -> None:
-        """Read the content of an ONNX file; ``name`` is for messages.
+    def __init__(self, data: bytes, name: str, codes: np.ndarray) -> None:
+        """Read the content of an ONNX file; ``name`` is for messages, ``codes`` ``(N, 3)`` uint8 of the case's frame.
 
         Raises
         ------
         InputError
             It is not such a file, or OpenCV cannot run it.
         """
-        self.record, self._name = NetworkRecord.of_file(data, name), name
+        self.record = NetworkRecord.of_file(data, name)
+        self._range = np.quantile(codes, (DARKEST, BRIGHTEST), axis=0)
         found: object
         try:
             self._network = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
@@ -119,7 +125,9 @@ class PoseNetwork:
         InputError
             As for the class, or it is of another surface, or of views with another zoom.
         """
-        network = cls(read_content(path, "a network that oneframe train wrote"), path.name)
+        frame = loaded.frame
+        codes = to_uint8(frame.image[frame.valid])
+        network = cls(read_content(path, "a network that oneframe train wrote"), path.name, codes)
         record, camera = network.record, loaded.case.camera
         if record.surface != geometry_hash(loaded.surface.mesh):
             raise InputError(
@@ -138,6 +146,16 @@ class PoseNetwork:
         """``(B, H, W, 3)`` uint8 -> ``(B, 5, H / 8, W / 8)``: coordinates, log of their error, logit of surface."""
         self._network.setInput(np.ascontiguousarray(network_input(images)))
         return self._network.forward()
+
+    def poses(self, image: np.ndarray, camera: PinholeCamera) -> Iterator[np.ndarray]:
+        """First poses of an image as :meth:`pose`, then of it in the range of the case's frame, as haze narrows it."""
+        least, most = np.quantile(image.reshape(-1, 3), (DARKEST, BRIGHTEST), axis=0)
+        share = (np.arange(256)[:, None] - least) / np.maximum(most - least, 1)
+        stretched = to_uint8((self._range[0] + share * (self._range[1] - self._range[0])) / 255)
+        for shown in (image, cv2.LUT(image, stretched[None])):
+            pose = self.pose(shown, camera)
+            if pose is not None:
+                yield pose
 
     def pose(self, image: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
         """``cam_from_model`` of an undistorted image ``(H, W, 3)`` uint8, if it finds one.

@@ -14,6 +14,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..reader import View
+from ..reader.background import random_background, smooth
 from ..transforms import inverse_rigid, transform_points
 from .pose_network import MULTIPLE, STRIDE, NetworkRecord
 
@@ -35,7 +36,10 @@ class ViewCrops:
     Attributes
     ----------
     rgba
-        ``(N, H, W, 4)`` uint8, alpha 0 and black where there is neither surface nor an instrument before it.
+        ``(N, H, W, 4)`` uint8, alpha 0 and black where nothing is seen, nor around the surface.
+    around
+        ``(N, H, W)`` bool: what surrounds the surface, with ``--surroundings``. Half of the crops do without: elsewhere
+        something else may be there.
     codes
         ``(N, H, W, 3)`` int16: the surface's point at each pixel, from the middle of its box, or :data:`NOTHING`.
     middles
@@ -47,6 +51,7 @@ class ViewCrops:
     """
 
     rgba: np.ndarray
+    around: np.ndarray
     codes: np.ndarray
     middles: np.ndarray
     camera: PinholeCamera
@@ -80,22 +85,26 @@ class ViewCrops:
         centre, reach_mm = (least + most) / 2, float((most - least).max() / 2)
         rays = camera.rays_cam(camera.pixel_grid())
         rgba = np.zeros((len(views), *camera.shape_hw, 4), np.uint8)
+        around = np.zeros((len(views), *camera.shape_hw), bool)
         codes = np.full((len(views), *camera.shape_hw, 3), NOTHING, np.int16)
         middles = np.zeros((len(views), 2))
         for place, view in enumerate(views):
-            surface_mm, covers = view.depth_mm * view.mask, (view.mask | view.mask_occluder)[..., None]
+            surface_mm = view.depth_mm * view.mask
+            covers = (view.mask | view.mask_occluder | view.mask_surround)[..., None]
             depth_mm = cv2.resize(surface_mm, camera.size_wh, interpolation=cv2.INTER_NEAREST_EXACT)
             shown = np.dstack([rgb(view), np.full(covers.shape, 255, np.uint8)]) * covers
             small = cv2.resize(shown, camera.size_wh, interpolation=cv2.INTER_AREA)
             drawn = small[..., 3] >= 128
             seen = drawn & (depth_mm > 0)
+            beside = view.mask_surround.astype(np.uint8)
+            around[place] = cv2.resize(beside, camera.size_wh, interpolation=cv2.INTER_NEAREST_EXACT)
             points = transform_points(inverse_rigid(view.cam_from_model), rays[seen] * depth_mm[seen][:, None])
             codes[place][seen] = np.rint((points - centre) * (FULL / reach_mm))
-            # what is beside surface and instruments does not count
+            # what is beside all that does not count
             rgba[place][drawn] = np.rint(255.0 * small[drawn] / small[drawn][:, 3:])
             middles[place] = np.argwhere(seen)[:, ::-1].mean(axis=0)
             advance()
-        return cls(rgba, codes, middles, camera, centre, reach_mm)
+        return cls(rgba, around, codes, middles, camera, centre, reach_mm)
 
     @property
     def crop_wh(self) -> tuple[int, int]:
@@ -129,7 +138,10 @@ class ViewCrops:
         view_from_crop = np.column_stack([turn, middle])
         cells = view_from_crop @ [[STRIDE, 0, (STRIDE - 1) / 2], [0, STRIDE, (STRIDE - 1) / 2], [0, 0, 1]]
         inverse = cv2.WARP_INVERSE_MAP
-        rgba = cv2.warpAffine(self.rgba[place], view_from_crop, (width, height), flags=inverse | cv2.INTER_LINEAR)
+        rgba = self.rgba[place]
+        if self.around[place].any() and rng.random() < 0.5:
+            rgba = rgba * ~self.around[place][..., None]
+        rgba = cv2.warpAffine(rgba, view_from_crop, (width, height), flags=inverse | cv2.INTER_LINEAR)
         codes = cv2.warpAffine(
             self.codes[place], cells, (width // STRIDE, height // STRIDE), flags=inverse | cv2.INTER_NEAREST,
             borderValue=[NOTHING] * 3,
@@ -147,8 +159,8 @@ def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarra
     ``(h, w, 3)`` uint8, and ``(h, w)`` uint8, above 0 where instruments hide it.
     """
     height, width = rgba.shape[:2]
-    light = rgba[..., :3] + (1 - rgba[..., 3:] / np.float32(255)) * _background(rng, width, height)
-    light *= _smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
+    light = rgba[..., :3] + (1 - rgba[..., 3:] / np.float32(255)) * random_background(rng, width, height)
+    light *= smooth(np.exp(rng.normal(0, 0.12, (3, 4, 1))), width, height)
     tone = np.linspace(0, 1, 256)[:, None] ** np.exp(rng.normal(0, 0.2))
     tone = 255 * tone * np.exp(rng.normal(-0.05, 0.12) + rng.normal(0, 0.04, 3)) + rng.normal(0, 8)
     image = cv2.LUT(np.clip(light, 0, 255).astype(np.uint8), np.clip(tone, 0, 255).astype(np.uint8)[None])
@@ -173,18 +185,3 @@ def _ellipse(
     """Centre, axes (``least`` to ``most`` of the width) and angle, as OpenCV takes them."""
     centre, axes = rng.uniform(0, (width, height)), rng.uniform(least, most, 2) * width
     return centre.tolist(), axes.tolist(), rng.uniform(0, 180)
-
-
-def _background(rng: np.random.Generator, width: int, height: int) -> np.ndarray:
-    """Coarse patches and fine texture ``(h, w, 3)`` of random contrast, from flat to garish."""
-    coarse, fine = (
-        _smooth(rng.normal(0, 1, (*rng.integers(2, most, 2), channels)), width, height)
-        for most, channels in ((8, 3), (min(width, height), 1))
-    )
-    return rng.uniform(0, 255) + rng.normal(0, 30, 3) + rng.exponential(40) * coarse + rng.exponential(30) * fine
-
-
-def _smooth(values: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Few random values ``(h, w, C)`` spread smoothly over an image ``(H, W, C)`` float32."""
-    spread = cv2.resize(values.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
-    return spread.reshape(height, width, -1)

@@ -75,13 +75,14 @@ class Front:
         rasters = [seen.raster(offset) for offset in offsets]
         hits = [raster.inverse_depth > surface for raster in rasters]
         count = np.sum(hits, axis=0)
-        edges = (count > 0) & ((count < samples) | ~shown) & (shown | view.mask)
+        behind = view.mask | view.surround
+        edges = (count > 0) & ((count < samples) | ~shown) & (shown | behind)
         total = np.zeros_like(rgb)
         for raster, hit, offset in zip(rasters, hits, offsets, strict=True):
             part = hit & edges
             total[part] += seen.colours(raster, part, offset)
         # beside the background, the mean over what shows the instrument, as of the surface there
-        cover = np.where(view.mask, count / samples, 1.0)[edges, None].astype(np.float32)
+        cover = np.where(behind, count / samples, 1.0)[edges, None].astype(np.float32)
         rgb[edges] = cover * (total[edges] / count[edges, None]) + (1 - cover) * view.rgb[edges]
 
 

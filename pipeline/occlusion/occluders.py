@@ -100,12 +100,23 @@ def draw_occluders(
     for stream in rng.spawn(rng.poisson(mean)):
         instrument = kinds[int(stream.integers(len(kinds)))](stream)
         others = [mesh for parts in placed for mesh, _ in parts]
-        for _ in range(TRIES):
-            parts = _held(instrument, stream, room, others, camera, cam_from_model)
-            if parts is not None:
-                placed.append(parts)
-                break
+        parts = held_instrument(instrument, stream, room, others, camera, cam_from_model)
+        if parts is not None:
+            placed.append(parts)
     return Occluders.of([part for parts in placed for part in parts]) if placed else None
+
+
+def held_instrument(
+    instrument: Instrument,
+    rng: np.random.Generator,
+    room: Room,
+    others: Sequence[TriangleMesh],
+    camera: PinholeCamera,
+    cam_from_model: np.ndarray,
+) -> list[tuple[TriangleMesh, Finish]] | None:
+    """The parts of an instrument, model frame, where it meets nothing in a view, or ``None`` if it finds no place."""
+    tries = (_held(instrument, rng, room, others, camera, cam_from_model) for _ in range(TRIES))
+    return next((parts for parts in tries if parts is not None), None)
 
 
 def _held(

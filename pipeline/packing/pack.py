@@ -17,6 +17,7 @@ from ..dataset.tables.bop import write_test_targets
 from ..errors import InputError, RunError
 from ..files.content import create_folder, write_bytes_atomically, written_file
 from ..files.machine import available_cores
+from ..files.outputs import writing
 from ..files.tables import write_json
 from ..progress import Progress
 from .layout import (
@@ -32,7 +33,7 @@ from .layout import (
 from .manifest import Manifest, Plan
 from .pack_folder import PackFolder
 from .pack_info import pack_info
-from .shard import ShardOrder, pack_shard, writing_pack
+from .shard import SAFE, ShardOrder, pack_shard
 from .whole_dataset import WholeDataset, open_whole_dataset
 
 
@@ -107,7 +108,7 @@ def pack_dataset(
         orders = [order for order in shard_orders(dataset, out, plan) if order.number not in shards]
         with Progress(len(plan.views), "views packed", finished=done, stream=stream) as progress:
             for number, known in _packed(orders, progress, workers):
-                with writing_pack(out / shard_name(number)):
+                with writing(out / shard_name(number), SAFE):
                     folder.keep(number, known)
                 shards[number] = known
         manifest = _write_tables(dataset, out, plan, [shards[number] for number in sorted(shards)], options.about)
@@ -146,19 +147,19 @@ def _packed(orders: Sequence[ShardOrder], progress: Progress, workers: int) -> I
 def _write_tables(dataset: WholeDataset, out: Path, plan: Plan, shards: Sequence[FileSum], about: str) -> Manifest:
     """Write everything but the shards; gives the manifest."""
     for name in COPIED:
-        with writing_pack(out / name):
+        with writing(out / name, SAFE):
             create_folder((out / name).parent)
             with (dataset.root / name).open("rb") as content, written_file(out / name) as stream:
                 shutil.copyfileobj(content, stream)
     keys = {view_key(ViewPaths(out, view)): number for number, views in enumerate(plan.shards()) for view in views}
-    with writing_pack(out / KEY_TO_SHARD):
+    with writing(out / KEY_TO_SHARD, SAFE):
         write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
-    with writing_pack(out / TARGETS):
+    with writing(out / TARGETS, SAFE):
         write_test_targets(out, sorted(dataset.targets.intersection(plan.views)))
-    with writing_pack(out / INFO):
+    with writing(out / INFO, SAFE):
         write_bytes_atomically(out / INFO, pack_info(dataset.description, plan, about))
     manifest = Manifest(plan, tuple(shards), {name: sum_of_file(out / name) for name in TABLES})
-    with writing_pack(out / MANIFEST):
+    with writing(out / MANIFEST, SAFE):
         write_json(out / MANIFEST, manifest.to_json())
     return manifest
 

@@ -1,12 +1,10 @@
 """One shard: an order that says all about it, and the function that writes it, the same bytes wherever it runs."""
 
-import errno
 import hashlib
 import io
 import json
 import tarfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -23,7 +21,11 @@ from ..dataset.tables.bop import scene_entries
 from ..dataset.truths import COLOUR, MASK, TRUTHS
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
+from ..files.outputs import writing
 from .layout import FILES, MASKS, mask_json, shard_name, view_key
+
+SAFE = "the shards packed so far are safe: correct this and run the same command again"
+"""What a file that cannot be written leaves."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) ->
         A view is missing, damaged or of another dataset, or the shard cannot be written.
     """
     path = order.folder / shard_name(order.number)
-    with writing_pack(path), written_file(path) as stream:
+    with writing(path, SAFE), written_file(path) as stream:
         return write_shard(order, stream, on_view)
 
 
@@ -182,25 +184,3 @@ class _Hashed(io.BufferedIOBase):
 
     def sha256(self) -> str:
         return self._digest.hexdigest()
-
-
-@contextmanager
-def writing_pack(path: Path) -> Iterator[None]:
-    """Turn an OSError inside the block, which writes a file of a pack and nothing else, into a sentence.
-
-    Raises
-    ------
-    RunError
-        The file or its folder cannot be written.
-    """
-    try:
-        yield
-    except OSError as error:
-        safe = "the shards packed so far are safe"
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise RunError(
-                f"{path.parent}: the disk is full; {safe}: free space and run the same command again"
-            ) from None
-        raise RunError(
-            f"{path}: cannot write the file ({error.strerror}); {safe}: correct this and run the same command again"
-        ) from None

@@ -13,8 +13,7 @@ import cv2
 from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
 from ..dataset.dataset_file import read_description
-from ..dataset.layout import RECORD
-from ..dataset.options import RIGHT
+from ..dataset.layout import RECORD, eyes_of
 from ..errors import InputError, RunError
 from ..progress import Progress
 from .layout import MANIFEST, TABLES, WORK, is_note, shard_name
@@ -141,8 +140,8 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
             findings.add(DAMAGED, problem)
     known_names = {MANIFEST, *manifest.files, *map(shard_name, range(len(manifest.shards)))}
     # the right eye is a pack of its own
-    right = folder / RIGHT if (folder / RIGHT / MANIFEST).is_file() else None
-    for path in sorted(path for path in folder.rglob("*") if right not in path.parents):
+    eyes = set(eyes_of(folder)[1:])
+    for path in sorted(path for path in folder.rglob("*") if eyes.isdisjoint(path.parents)):
         name = path.relative_to(folder).as_posix()
         if name not in known_names and not path.is_dir() and not is_note(name):
             what = "this pack has no such shard" if is_own_name(name) else "no pack has such a file"

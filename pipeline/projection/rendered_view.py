@@ -24,6 +24,9 @@ class RenderedView:
     occluder_mm
         ``(H, W)`` float32 depth of what stands in front of the surface or beside it, which colours show; 0 for none.
         ``None``: nothing does anywhere.
+    sheet
+        ``(H, W)`` bool: beyond the surface's edge, colours show what surrounds it, unless something stands in front.
+        ``None``: black.
     """
 
     rgb: np.ndarray
@@ -31,6 +34,7 @@ class RenderedView:
     source: np.ndarray
     near_unseen: np.ndarray
     occluder_mm: np.ndarray | None = None
+    sheet: np.ndarray | None = None
 
     @property
     def mask(self) -> np.ndarray:
@@ -56,6 +60,11 @@ class RenderedView:
     def seen_mm(self) -> np.ndarray:
         """``(H, W)`` float32 depth of what is seen, surface or not; 0 for nothing."""
         return self.depth_mm if self.occluder_mm is None else np.where(self.occluder, self.occluder_mm, self.depth_mm)
+
+    @property
+    def surround(self) -> np.ndarray:
+        """``(H, W)`` bool: what surrounds the surface is seen at the pixel's centre."""
+        return np.zeros(self.mask.shape, bool) if self.sheet is None else self.sheet & ~self.occluder
 
     @property
     def observed(self) -> np.ndarray:

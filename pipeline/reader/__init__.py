@@ -3,12 +3,14 @@
 In: the folder of ``oneframe render`` or of ``oneframe pack``. Out: arrays, by ``open_dataset``.
 """
 
+from .background import Background
 from .dataset import Dataset, open_dataset
 from .distorted import DistortedView
 from .lens import Defocus, Exposure, RoundView, SensorNoise, through_lens
 from .view import Boxes, View
 
 __all__ = [
+    "Background",
     "Boxes",
     "Dataset",
     "Defocus",

@@ -35,8 +35,8 @@ def through_lens(view: View, effects: Sequence[Effect], seed: int) -> tuple[np.n
     view
         The view.
     effects
-        One after the other, in the order in which light meets them: defocus, round view, exposure, noise. The random
-        numbers of each depend on ``seed``, the view's number and the effect's name alone.
+        One after the other, in the order in which light meets them: background, defocus, round view, exposure, noise.
+        The random numbers of each depend on ``seed``, the view's number and the effect's name alone.
     seed
         Of all; another one in each epoch.
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
 from ..dataset.identity import eyes_apart
-from ..dataset.layout import MODEL_FILES
+from ..dataset.layout import MODEL_FILES, eyes_of
 from ..dataset.model_file import read_model
 from ..dataset.options import RIGHT
 from ..dataset.run.resume_record import Box
@@ -77,9 +77,10 @@ class ViewFiles:
         InputError
             There are none, or they do not belong to these views.
         """
-        folder = self.root / RIGHT
-        if not folder.is_dir():
+        _, *right = eyes_of(self.root)
+        if not right:
             raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
+        (folder,) = right
         files = self.opened(folder)
         if apart := eyes_apart(self.description.content, files.description.content):
             raise InputError(f"{folder}: expected the right eyes of these views: {apart}")
@@ -134,7 +135,7 @@ class View:
 
     @cached_property
     def rgb(self) -> np.ndarray:
-        """``(H, W, 3)`` uint8 RGB; black where there is neither surface nor anything in front of it."""
+        """``(H, W, 3)`` uint8 RGB; black where neither surface nor anything around or in front of it is seen."""
         return self.files.array(self.index, "rgb")
 
     @cached_property
@@ -168,6 +169,13 @@ class View:
         """``(H, W)`` bool: something stands at the pixel's centre, in front of the surface or beside it."""
         if "mask_occluder" in self.files.description.kinds:
             return self.files.array(self.index, "mask_occluder") > 0
+        return np.zeros(self.files.description.camera.shape_hw, bool)
+
+    @cached_property
+    def mask_surround(self) -> np.ndarray:
+        """``(H, W)`` bool: with ``--surroundings``, the pixel shows what the frame does around the surface."""
+        if "mask_surround" in self.files.description.kinds:
+            return self.files.array(self.index, "mask_surround") > 0
         return np.zeros(self.files.description.camera.shape_hw, bool)
 
     @cached_property

@@ -5,7 +5,7 @@ amounts in the image.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import NormalDist
@@ -207,7 +207,7 @@ class Registrar:
         grey: np.ndarray,
         valid: np.ndarray,
         near: np.ndarray | None = None,
-        guess: Callable[[], np.ndarray | None] | None = None,
+        guesses: Iterable[np.ndarray] = (),
     ) -> RegisteredFrame:
         """Register a frame.
 
@@ -217,8 +217,8 @@ class Registrar:
             ``(H, W)`` uint8 undistorted image, and ``(H, W)`` bool: pixels that may be used.
         near
             ``(4, 4)`` a pose that may be near, such as the frame's before.
-        guess
-            Asked for another such pose, before the features, which take longer.
+        guesses
+            Further ones, tried before the features, which take longer.
 
         Raises
         ------
@@ -229,14 +229,14 @@ class Registrar:
             registered = self._judged(refined_by_flow(self._views, grey, valid, near), None)
             if registered.verdict.state == ACCEPTED:
                 return registered
-        guessed = None if guess is None else guess()
-        other = None if guessed is None else self._judged(refined_by_flow(self._views, grey, valid, guessed), None)
-        if other is not None and other.verdict.state == ACCEPTED:
-            return other
+        others = list[RegisteredFrame]()
+        for guess in guesses:
+            others.append(self._judged(refined_by_flow(self._views, grey, valid, guess), None))
+            if others[-1].verdict.state == ACCEPTED:
+                return others[-1]
         found = localised(self._bank, self.camera, grey, valid)
         fit = None if found is None else refined_by_flow(self._views, grey, valid, found.cam_from_model)
-        registered = self._judged(fit, found)
-        return registered if other is None else max(registered, other, key=lambda each: each.verdict.probability)
+        return max([self._judged(fit, found), *others], key=lambda each: each.verdict.probability)
 
     def _judged(self, fit: FlowFit | None, found: Localised | None) -> RegisteredFrame:
         verdict, uncertainty = judge(fit, found, self._pivot_model)

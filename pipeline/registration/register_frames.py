@@ -1,9 +1,8 @@
 """Register the frames of a folder or a video to a case, one after the other."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -75,8 +74,8 @@ class OpenedFrames:
     cut_off: str = ""
 
 
-Guess = Callable[[np.ndarray, PinholeCamera], np.ndarray | None]
-"""Gives a first pose ``cam_from_model`` of an undistorted image ``(H, W, 3)`` uint8, if it finds one."""
+Guess = Callable[[np.ndarray, PinholeCamera], Iterable[np.ndarray]]
+"""Gives first poses ``cam_from_model`` of an undistorted image ``(H, W, 3)`` uint8, the likeliest first, as needed."""
 
 
 class CaseRegistrar:
@@ -132,8 +131,8 @@ class CaseRegistrar:
         if near is None and not frame.name and self._before:
             # the camera goes on as it did
             near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
-        guess = None if self._guess is None else partial(self._guess, frame.image, self.camera)
-        found = self._registrar.register(grey_codes(frame.image), frame.valid, near, guess)
+        guesses = () if self._guess is None else self._guess(frame.image, self.camera)
+        found = self._registrar.register(grey_codes(frame.image), frame.valid, near, guesses)
         pose = found.cam_from_model if found.verdict.state == ACCEPTED else None
         self._before = () if pose is None else (*self._before[-1:], pose)
         return found

@@ -126,7 +126,9 @@ def _check_beginning(path: Path) -> None:
     if not start:
         raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
     if _is_image(start):
-        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
+        raise InputError(
+            f"{path.name}: expected a video, found an image; put it into a folder, or name it as the frame of the case"
+        )
 
 
 def _unopened(path: Path) -> InputError:

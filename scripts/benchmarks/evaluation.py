@@ -36,14 +36,14 @@ from oneframe.files.temporary import temporary_folder
 from oneframe.light.lens_light import LensLight
 from oneframe.registration.pose_list import read_photographs
 from oneframe.sample.film import disturbance, film_poses
-from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, microscope_pose, sample_surface
+from oneframe.sample.temporal_bone import MICROSCOPE, SPACING_MM, SampleSurface, microscope_pose, sample_surface
 
 from .alignment.bone_photographs import bone_cases, lit_bone_cases
 from .published import LOADERS as PUBLISHED
 from .published import CaseFiles, Loader, written_case
 
 LOADERS: dict[str, Loader] = {**PUBLISHED, "bones": bone_cases}
-QUICK = {"photographs": 2, "width": 240}
+QUICK = {"photographs": 2, "width": 240, "spacing_mm": 0.6}
 IN_LIGHT = [
     f"projective{unseen}{light}-raster" for unseen in ("", "-fill") for light in ("", "-lens", "-shadows")
 ]  # fmt: skip
@@ -70,6 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--photographs", metavar="N", type=int, help="of each case of a data set, and of --light, at most (default all)"
     )
     parser.add_argument("--width", metavar="PX", type=int, default=MICROSCOPE.width, help="of the sample's images")
+    parser.add_argument("--spacing-mm", metavar="MM", type=float, default=SPACING_MM, help="of the sample's surface")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--pictures", type=int, default=2, help="as oneframe evaluate")
 
@@ -98,7 +99,7 @@ def case_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     """Write the cases of all data sets that were named."""
     pairs = list[CaseFiles]()
     if not arguments.no_sample:
-        pairs.append(sample_files(sample_surface(), folder / "sample", arguments.width))
+        pairs.append(sample_files(sample_surface(spacing_mm=arguments.spacing_mm), folder / "sample", arguments.width))
     for name, loader in LOADERS.items():
         if (given := getattr(arguments, name)) is not None:
             pairs += loader(given, folder / name, most=arguments.photographs)
@@ -121,7 +122,7 @@ def lit_files(arguments: argparse.Namespace, folder: Path) -> list[CaseFiles]:
     """Write the cases that know the lamp at their lens: the sample, with its frame and with further ones, and bones."""
     pairs = []
     if not arguments.no_sample:
-        surface = sample_surface()
+        surface = sample_surface(spacing_mm=arguments.spacing_mm)
         path, held_out = sample_files(surface, folder / "sample", arguments.width)
         case = lit_case(path)
         most = arguments.photographs

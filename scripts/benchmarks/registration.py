@@ -36,7 +36,7 @@ PARTS = ("photographs", "zoom", "film", "grid", "limits", "correction")
 TABLE = "registration_{}.csv"
 HEAD = "| part | data | kind | frames | found (95 %) | wrong | median | worst | seconds |\n|" + 9 * "---|"
 SAMPLE, BONES = "sample", "bones"
-QUICK = {"width": 160, "sources": 1, "frames": 1, "photographs": 2}
+QUICK = {"width": 160, "spacing_mm": 0.6, "sources": 1, "frames": 1, "photographs": 2}
 OBJECT_FRAMES, MOST_SOURCES = 8, 5
 """Photographs of a small object, and sources of a data set to which all photographs are registered."""
 

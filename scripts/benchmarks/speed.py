@@ -1,6 +1,6 @@
 """Speed against PyVista, start-up and memory.
 
-All figures use the same surface (200 000 triangles), K and 640x480 px. Times are medians of alternating rounds, since
+All figures use the same surface, K and 640x480 px. Times are medians of alternating rounds, since
 machines are noisy. PyVista runs as users run it: off screen, RGB, in memory.
 """
 
@@ -24,7 +24,7 @@ from oneframe.files.temporary import temporary_folder
 
 from .figures import write_figures
 from .memory import memory_mb
-from .rendering.benchmark_case import VIEW_CAMERA, write_benchmark_case
+from .rendering.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case
 from .rendering.render_accuracy import LIT_PEER, UNLIT_PEER, measure_scene, render_command, scene_peers
 from .rendering.render_scenes import case_scene
 from .rendering.speed_accuracy import FLOOR, Configuration
@@ -44,7 +44,7 @@ EXACT = ("cycles", "raster")
 """The engines whose views are exact."""
 MEMORY_STEP = 100
 """Number of views between two measurements of the memory."""
-QUICK = {"rounds": 1, "views": 300}
+QUICK = {"rounds": 1, "views": 300, "triangles": 20_000}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,16 +53,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--only", nargs="+", choices=MEASURES, default=MEASURES, metavar="NAME", help=" ".join(MEASURES)
     )
     parser.add_argument("--rounds", type=int, default=5, help="of the speed (default %(default)s)")
+    parser.add_argument("--triangles", type=int, default=TRIANGLES, help="of the surface (default %(default)s)")
     parser.add_argument("--views", type=int, default=2000, help="for the memory (default %(default)s)")
 
 
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
     """Run the named measurements in this order."""
     keep_freed_memory()
-    report(f"{available_cores()} cores, {VIEW_CAMERA.width}x{VIEW_CAMERA.height} px, 200 000 triangles")
+    report(f"{available_cores()} cores, {VIEW_CAMERA.width}x{VIEW_CAMERA.height} px, {arguments.triangles} triangles")
     figures: dict[str, dict[str, float]] = {}
     with temporary_folder() as folder:
-        case = write_benchmark_case(folder / "case")
+        case = write_benchmark_case(folder / "case", arguments.triangles)
         for name in arguments.only:
             report(f"{name}:")
             figures[name] = MEASURES[name](case, folder, arguments)

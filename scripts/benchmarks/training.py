@@ -101,9 +101,10 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 network = trained_network(crops, training.steps, training.seed, progress.advance)
             seconds = time.process_time() - begin
             record = crops.record(views, training.steps, training.seed)
-            guess, trials = PoseNetwork(onnx_file(network, record), str(training)).pose, []
+            codes, trials = to_uint8(loaded.frame.image[loaded.frame.valid]), []
+            found = PoseNetwork(onnx_file(network, record), str(training), codes)
             for photograph in photographs:
-                pose = guess(to_uint8(photograph.image), photograph.camera)
+                pose = found.pose(to_uint8(photograph.image), photograph.camera)
                 trials.append(PoseTrial(*training, seconds, photograph.path.name, *errors(pose, photograph, mesh)))
             finished = [trial for trial in finished if trial.training != training] + trials
             write_rows(arguments.out, finished, conditions)
@@ -112,7 +113,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 own = Scene(
                     scene.name, scene.real, replace(loaded, frames=(small_frame(loaded.frame),)), tuple(photographs)
                 )
-                spoilt += bad_photographs(own, known_views(loaded), guess, training.seed, quick=arguments.quick)
+                spoilt += bad_photographs(own, known_views(loaded), found, training.seed, quick=arguments.quick)
                 write_rows(_bad(arguments.out), spoilt, conditions, "right")
 
 

@@ -166,7 +166,7 @@ def _correct(context: ClassDefContext) -> None:
 
 
 def _correct_signature(fullname: str, signature: CallableType) -> None:
-    """Of a method, as the stub spells it: mypy does not know yet what its names stand for."""
+    """Correct the types of a method, as the stub spells it: mypy does not know yet what its names stand for."""
     kinds: list[Type] = []
     name_of_method = fullname.rpartition(".")[2]
     for name, kind in zip(signature.arg_names, signature.arg_types, strict=True):

@@ -316,7 +316,7 @@ HALF_A_PIXEL = {
 
 
 @pytest.mark.parametrize("name", HALF_A_PIXEL)
-def test_poses_and_k_that_are_off_by_half_a_pixel_in_all_files_alike_are_seen(copied, run, capsys, name):
+def test_poses_and_k_off_by_half_a_pixel_in_all_files_alike_are_seen(copied, run, capsys, name):
     HALF_A_PIXEL[name](copied)
     assert run(copied) == 1
     assert re.search(r"depth/00000\d\.png: the surface projected .* does not fit", capsys.readouterr().out)

@@ -17,7 +17,7 @@ def decoded(counts: object, size: tuple[int, int]) -> np.ndarray:
 
 
 @given(masks)
-def test_run_lengths_are_the_shortest_code_of_the_mask_and_compressed_the_same(mask):
+def test_run_lengths_are_the_shortest_code_of_the_mask_also_compressed(mask):
     runs = run_lengths(mask)
     np.testing.assert_array_equal(decoded(list(runs), mask.shape), mask)
     # only the first run may be empty: otherwise it would not be the one shortest code

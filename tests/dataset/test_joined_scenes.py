@@ -40,10 +40,10 @@ def queue(write_tiny_case, tmp_path):
 
 @pytest.mark.render
 def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_oneframe):
-    ended = run_oneframe("render", queue, "--out", tmp_path / "out", *OPTIONS)
+    ended = run_oneframe("render", queue, "--out", tmp_path / "out", *OPTIONS, "--stereo-mm", "24")
     assert ended.returncode == 0, ended.stderr
     assert "c: left out, it is new" in ended.stdout
-    alone = run_oneframe("render", queue / "b" / "case.toml", "--out", tmp_path / "alone", *OPTIONS)
+    alone = run_oneframe("render", queue / "b" / "case.toml", "--out", tmp_path / "alone", *OPTIONS, "--stereo-mm=24")
     assert alone.returncode == 0, alone.stderr
     assert different_files(tmp_path / "out" / "cases" / "b", tmp_path / "alone") == []
 
@@ -71,6 +71,11 @@ def test_a_queue_is_its_cases_and_one_dataset_of_bop(queue, tmp_path, run_onefra
     targets = json.loads((bop / "test_targets_bop19.json").read_text())
     assert {(each["scene_id"], each["im_id"]) for each in targets} == read == {(0, 0), (0, 1), (1, 0), (1, 1)}
 
+    for left in sorted((bop / "train_synt").rglob("scene_gt.json")):
+        right = bop / "right" / left.relative_to(bop)
+        for (one,), (other,) in zip(*(json.loads(eye.read_text()).values() for eye in (right, left)), strict=True):
+            assert one["cam_R_m2c"] == other["cam_R_m2c"]
+            np.testing.assert_allclose(np.subtract(other["cam_t_m2c"], one["cam_t_m2c"]), [24, 0, 0], atol=1e-9)
     joined = tree(bop)
     datasets = {name: tmp_path / "out" / "cases" / name for name in ("a", "b")}
     with ThreadPoolExecutor(4) as pool:

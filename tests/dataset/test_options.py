@@ -35,7 +35,7 @@ def merged(table: dict, *argv: str, lit: bool = False) -> DatasetOptions:
     return merged_options(table, parser.parse_args(argv), CASE, lit=lit)
 
 
-def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
+def test_command_line_goes_before_the_table_and_that_before_the_defaults():
     options = merged({"count": 7, "cone_deg": 30, "float_depth": True}, "--count", "9", "--sampler", "shell")
     assert options == DatasetOptions(count=9, cone_deg=30.0, float_depth=True, sampler="shell")
     assert merged({"video": True}, "--no-video").video is False
@@ -45,6 +45,7 @@ def test_write_names_every_array_that_an_option_asks_for():
     asked = {truth.name: truth.option for truth in TRUTHS.values() if truth.option}
     # what comes with an option that asks for more than an array
     assert asked.pop("mask_occluder") == "occluders"
+    assert asked.pop("mask_surround") == "surroundings"
     assert asked == WRITTEN
     assert merged({}, "--write", "points", "normals") == DatasetOptions(points=True, normals=True)
     assert merged({}, "--write", *WRITTEN, "--no-normals") == DatasetOptions(points=True, float_depth=True)
@@ -79,7 +80,7 @@ def test_an_option_takes_its_limits_and_nothing_beyond_by_flag_and_table(entry):
             checked_options({entry.key: value}, "table")
 
 
-def test_a_later_option_is_in_a_description_only_if_it_is_not_at_its_default():
+def test_a_later_option_is_described_only_where_it_is_not_at_its_default():
     content = DatasetOptions().content()
     assert set(content) == {name for name, entry in OPTIONS.items() if entry.is_content and not entry.since}
     for name, entry in OPTIONS.items():
@@ -101,7 +102,7 @@ def test_a_sampler_is_a_class_that_takes_its_options_and_the_docs_list_it():
         assert f"| {shown} | {sampler.about} | {flags} |" in docs
 
 
-def test_poses_of_the_table_are_relative_to_the_case_and_those_of_the_command_line_are_not():
+def test_poses_are_relative_to_the_case_in_its_table_but_not_in_a_command():
     assert merged({"poses": "poses.npy"}).poses == str(Path("folder/poses.npy"))
     assert merged({"poses": "poses.npy"}, "--poses", "other.npy").poses == "other.npy"
 

@@ -45,7 +45,7 @@ def test_poses_of_the_table_hold_in_both_frames(written):
         np.testing.assert_array_equal(rigid(rotation, from_model), pose_of(index))
 
 
-def test_instant_ngp_finds_the_surface_in_its_unit_cube_and_depths_in_its_unit(written):
+def test_instant_ngp_finds_the_surface_in_its_cube_and_depths_in_its_unit(written):
     """As in its src/nerf_loader.cu: points * scale + offset; one scale for all depths; views without depth_path."""
     content = json.loads((written / "transforms.json").read_text())
     corners = BOUNDS * content["scale"] + content["offset"]

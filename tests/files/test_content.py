@@ -109,7 +109,7 @@ with written_file(Path(sys.argv[1])) as stream:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_what_a_killed_process_has_left_goes_and_what_a_living_one_writes_stays(tmp_path):
+def test_what_a_killed_process_left_goes_and_what_a_living_one_has_stays(tmp_path):
     target = tmp_path / "poses.json"
     subprocess.run([sys.executable, "-c", KILLED, str(target)], check=False)
     (left,) = tmp_path.iterdir()

@@ -38,7 +38,7 @@ def test_a_network_learns_points_and_finds_the_pose_of_what_it_trained_on():
 
     views, rng = ViewCrops.of([plane_view(CAMERA, np.random.default_rng(0))]), np.random.default_rng(1)
     trained = trained_network(views, 120, 0, lambda: None)
-    network = PoseNetwork(onnx_file(trained, RECORD), "network.onnx")
+    network = PoseNetwork(onnx_file(trained, RECORD), "network.onnx", views.rgba[0, ..., :3].reshape(-1, 3))
     assert network.record == RECORD
     for size_hw in ((96, 128), (64, 160)):
         images = rng.integers(0, 256, (2, *size_hw, 3), np.uint8)
@@ -47,6 +47,20 @@ def test_a_network_learns_points_and_finds_the_pose_of_what_it_trained_on():
         np.testing.assert_allclose(network.output(images), expected, atol=1e-4)
     pose = network.pose(views.rgba[0, ..., :3], CAMERA)
     assert rotation_angle_deg(pose[:3, :3] @ POSE[:3, :3].T) < 10
+
+
+def test_crops_are_on_what_surrounds_the_surface_and_on_anything():
+    """Half of them each; that is nowhere surface to learn."""
+    view, rng = plane_view(CAMERA, np.random.default_rng(0)), np.random.default_rng(1)
+    view.mask_surround[:] = ~view.mask
+    view.rgb[~view.mask] = [0, 255, 0]
+    crops, green = ViewCrops.of([view]), 0
+    assert (crops.around[0] == ~view.mask).all()
+    assert (crops.codes[0][~view.mask] == NOTHING).all()
+    for _ in range(40):
+        image = crops.crop(rng)[0].astype(int)
+        green += ((image[..., 1] > 120) & (image[..., [0, 2]].max(axis=2) < 60)).mean() > 0.1
+    assert 10 < green < 30
 
 
 def test_a_pose_stands_against_wrong_points_that_claim_to_be_sure():
@@ -119,6 +133,18 @@ def test_a_frame_in_which_features_fail_is_located_and_judged(coded_case):
     }
 
 
+def test_what_haze_hides_is_seen_at_the_second_try(coded_case):
+    folder, _, _ = coded_case
+    network = PoseNetwork.read(folder / "network.onnx", load_case(read_case(folder / "case.toml")))
+    clear = colour_coded(hills(1), registration.SOURCE)
+    hazy = np.rint(0.2 * clear + 0.8 * 220).astype(np.uint8)
+    expected = network.pose(clear, registration.CAMERA)
+    poses = list(network.poses(hazy, registration.CAMERA))
+    first_mm, second_mm = (np.linalg.norm(pose[:3, 3] - expected[:3, 3]) for pose in poses)
+    assert first_mm > 100
+    assert second_mm < 5
+
+
 @pytest.mark.parametrize("what", ["surface", "zoom", "record", "cut off"])
 def test_a_network_of_something_else_is_refused(coded_case, what):
     folder, _, record = coded_case
@@ -162,6 +188,7 @@ def plane_view(camera: PinholeCamera, rng: np.random.Generator) -> SimpleNamespa
         rgb=rgb * mask[..., None],
         mask=mask,
         mask_occluder=np.zeros_like(mask),
+        mask_surround=np.zeros_like(mask),
         depth_mm=np.where(mask, depth_mm, 0).astype(np.float32),
         cam_from_model=POSE,
         boxes=SimpleNamespace(bbox_visib=(u.min(), v.min(), np.ptp(u), np.ptp(v))),

@@ -44,7 +44,7 @@ def test_it_depends_on_the_lens_relative_to_the_surface_alone():
 
 
 @given(falloff=st.floats(0, 4), ambient=st.floats(0, 1))
-def test_at_the_working_distance_a_surface_that_faces_the_lamp_gets_one_more_than_in_shadow(falloff, ambient):
+def test_a_surface_that_faces_the_lamp_gets_one_more_than_in_shadow(falloff, ambient):
     light = LensLight((0.0, 0.0, 0.0), ambient, falloff)
     pose = rigid(translation=np.array([0.0, 0.0, 300.0]))
     both = np.zeros((2, 3)), np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])

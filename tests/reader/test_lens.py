@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.reader import Defocus, DistortedView, Exposure, RoundView, SensorNoise, open_dataset, through_lens
+from oneframe.reader import (
+    Background,
+    Defocus,
+    DistortedView,
+    Exposure,
+    RoundView,
+    SensorNoise,
+    open_dataset,
+    through_lens,
+)
 from tests.dataset.synthetic_dataset import CAMERA
 
 GRID = CAMERA.pixel_grid()
@@ -36,6 +45,19 @@ def test_nothing_in_front_of_the_view_leaves_it(view):
     assert shown.all()
 
 
+@pytest.mark.parametrize("size", [(30, 500), (200, 20)])
+def test_a_background_shows_where_the_view_has_nothing(view, rng, size):
+    image = rng.integers(0, 256, (*size, 3)).astype(np.uint8)
+    for effect in (Background(), Background([image, image])):
+        rgb, shown = through_lens(view, [effect], seed=5)
+        assert shown.all()
+        assert 0.05 < view.mask.mean() < 0.95
+        np.testing.assert_array_equal(rgb[view.mask], view.rgb[view.mask])
+        assert rgb[~view.mask].std(axis=0).min() > 5
+    flat = np.full((*size, 3), [10, 120, 240], np.uint8)
+    assert (through_lens(view, [Background([flat])], seed=5)[0][~view.mask] == flat[0, 0]).all()
+
+
 def test_an_exposure_is_undone_by_the_inverse_one(view, rng):
     linear = rng.random((*CAMERA.shape_hw, 3), np.float32)
     brighter = Exposure((1.7, 1.7), (1.1, 1.1))(linear, view, rng)
@@ -51,7 +73,7 @@ def test_noise_has_the_variance_that_is_stated(view, rng):
         assert noise.var() == pytest.approx(shot * light + read**2, rel=0.02)
 
 
-def test_defocus_keeps_what_is_in_focus_and_the_light_and_is_gaussian_on_a_plane(view, rng):
+def test_defocus_keeps_focus_and_light_and_is_gaussian_on_a_plane(view, rng):
     linear = cv2.GaussianBlur(rng.random((*CAMERA.shape_hw, 3), np.float32), (0, 0), 1)
     height, width = CAMERA.shape_hw
     # a near half and a far one, 10 mm apart

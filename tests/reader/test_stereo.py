@@ -63,7 +63,7 @@ def test_axes_that_converge_meet_before_both_eyes(distance_mm):
     np.testing.assert_allclose(transform_points(pose, meeting), meeting, atol=1e-9)
 
 
-def test_the_left_eye_is_the_dataset_without_a_right_one_and_shards_make_the_same(case, pairs, tmp_path):
+def test_the_left_eye_is_the_dataset_without_a_right_one_and_of_shards(case, pairs, tmp_path):
     assert oneframe("render", case, "--out", tmp_path / "alone", *RENDERED) == 0
     of_pairs = tree(pairs)
     left = {name: data for name, data in of_pairs.items() if not name.startswith("right/")}

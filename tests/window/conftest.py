@@ -5,7 +5,6 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -15,12 +14,10 @@ from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import unseen_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.images.pixel_values import to_uint8
-from oneframe.registration.pose_list import POSES
 from oneframe.sample.film import film_poses
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 from oneframe.surface.mesh_writer import write_ply
 from scripts.dev.build_extension import sample_case
-from tests.scripts.test_correct import written
 from tests.video.surgical_film import write_film
 from tests.window import session
 
@@ -69,17 +66,6 @@ def film(sample: Path) -> Path:
     return write_film(sample.with_name("film.avi"), images, "MJPG", 5.0)
 
 
-@pytest.fixture(scope="session")
-def eleven(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """``eleven/case.toml`` beside that case, small and with its own film ``eleven.avi`` over 34 degrees."""
-    made, folder = tmp_path_factory.mktemp("eleven"), sample.with_name("eleven")
-    case = written(made, 10)
-    images = [cv2.imread(str(made / f"registered/{number}.png"))[..., ::-1] for number in range(11)]
-    shutil.copytree(made, folder, ignore=shutil.ignore_patterns(POSES))
-    write_film(folder / "eleven.avi", images, "MJPG", 5.0)
-    return folder / case.path.name
-
-
 @pytest.fixture
 def play(
     request: pytest.FixtureRequest, blender: str, resources: Path, sample: Path, tmp_path: Path
@@ -89,8 +75,6 @@ def play(
     def run(scenario: Path, timeout_s: float, size_wh: tuple[int, int] = session.SIZE) -> dict:
         if "film.avi" in scenario.read_text():
             request.getfixturevalue("film")
-        if "eleven.avi" in scenario.read_text():
-            request.getfixturevalue("eleven")
         pictures = PICTURES / scenario.stem.removeprefix("scenario_")
         return session.play_scenario(
             blender,

@@ -24,6 +24,7 @@ def scenario(user):
     yield from user.until(lambda: user.window.scene.oneframe.units == "m", "the answer", 20)
 
     yield from user.open_case()
+    user.plain_view()
     scene = user.window.scene
     yield from choose(user, MOVE_TOOL)
     start = from_scene.cam_from_model(scene)

@@ -19,6 +19,7 @@ ADDON = "bl_ext.user_default.oneframe"
 
 def scenario(user):
     yield from user.open_case()
+    user.plain_view()
     true = from_scene.cam_from_model(bpy.context.scene)
     points = np.array([surface_point_at(bpy.context.scene, pixel) for pixel in FEATURES])
     start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [4.0, -3.0, 8.0]) @ true

@@ -13,6 +13,7 @@ from bl_ext.user_default.oneframe.ui.keymap import MOVE_TOOL
 
 def scenario(user):
     yield from user.open_case()
+    user.plain_view()
     with user.context():
         bpy.ops.wm.tool_set_by_id(name=MOVE_TOOL)
     yield from user.redraw()

@@ -17,6 +17,7 @@ FRAMES, SHIFT_PX = 2, 12
 
 def scenario(user):
     yield from user.open_case()
+    user.plain_view()
     scene = bpy.context.scene
     yield from user.open_sidebar("OneFrame")
     files = [{"name": f"taken_{number}.png"} for number in range(1, FRAMES)]

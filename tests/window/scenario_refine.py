@@ -16,6 +16,7 @@ from bl_ext.user_default.oneframe.state import from_scene
 
 def scenario(user):
     yield from user.open_case()
+    user.plain_view()
     yield from user.open_sidebar("OneFrame")
     scene = bpy.context.scene
     start = rigid(rotation_from_vector(np.radians([1.0, -1.5, 1.0])), [1.0, -1.0, 2.0]) @ pose()

@@ -23,6 +23,7 @@ def scenario(user):
     yield from user.open_case()
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_gizmo, space.overlay.show_text = False, False
+    user.plain_view()
     bpy.context.view_layer.update()
     before = placed(scene)
     yield from zoom(user, scene)
@@ -69,7 +70,6 @@ def zoom(user, scene):
 
 def keys(user, scene):
     view = scene.oneframe_view
-    view.opacity, view.contour = 1.0, False
     yield from user.move(user.middle())
     for key, state in (
         ("ONE", lambda: round(view.opacity, 1) == 0.6),
@@ -90,9 +90,6 @@ def keys(user, scene):
 
 def compare(user, scene):
     view = scene.oneframe_view
-    for structure in scene.oneframe.surface.children:
-        structure.hide_viewport = True
-    yield from user.redraw()
     frame = shown(user)
     view.comparison, view.split = "SWIPE", 0.5
     yield from user.redraw()

@@ -75,13 +75,9 @@ def set_up(user):
     x, y = np.meshgrid(np.linspace(-20, 20, 21), np.linspace(-15, 15, 16))
     points = np.stack([x, y, 3 * np.sin(x / 4) * np.cos(y / 3)], -1).reshape(-1, 3)
     corner = np.arange(x.size).reshape(x.shape)
-    quads = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]], -1).reshape(-1, 4)
-    lines = ["ply", "format ascii 1.0", f"element vertex {len(points)}"]
-    lines += [f"property float {axis}" for axis in "xyz"]
-    lines += [f"element face {len(quads)}", "property list uchar int vertex_indices", "end_header"]
-    lines += [" ".join(f"{value:.3f}" for value in point) for point in points]
-    lines += [" ".join(map(str, (4, *quad))) for quad in quads]
-    mesh.write_text("\n".join(lines) + "\n")
+    a, b, c, d = (each.ravel() for each in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).astype(np.int32)
+    part("pipeline.surface.mesh_writer").write_ply(mesh, part("pipeline.surface.mesh").TriangleMesh(points, faces))
     typed = scene.oneframe.camera
     typed.fx = typed.fy = "1500"
     with user.context():

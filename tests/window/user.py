@@ -87,6 +87,13 @@ class User(Hands):
         yield 0.3
         yield from self.redraw()
 
+    def plain_view(self) -> None:
+        """Show the surface as Blender does: what the add-on draws over it takes software OpenGL most of a redraw."""
+        scene = bpy.context.scene
+        scene.oneframe_view.opacity, scene.oneframe_view.contour = 1.0, False
+        for structure in scene.oneframe.surface.children:
+            structure.hide_viewport = True
+
     # --- files ------------------------------------------------------------------------------------------------------
 
     def choose_file(self, path: Path) -> Action:

@@ -1,6 +1,5 @@
 """The dataset job: from a case and options to a complete dataset on disk, in any number of processes, resumable."""
 
-import errno
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,7 +17,7 @@ from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, instrument_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
-from ...dataset.options import NO_LIGHT, RIGHT, SHADOWS, DatasetOptions
+from ...dataset.options import NONE, RIGHT, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
 from ...errors import InputError, RunError
@@ -138,7 +137,7 @@ def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
     InputError
         As :func:`.lens_shading_of`.
     """
-    return None if options.light == NO_LIGHT else lens_shading_of(loaded, shadows=options.light == SHADOWS)
+    return None if options.light == NONE else lens_shading_of(loaded, shadows=options.light == SHADOWS)
 
 
 def open_job(job: Job) -> OpenJob:
@@ -222,17 +221,10 @@ def render_views(
 
 
 def write_error(error: OSError, out: Path) -> RunError:
-    """The error to report if a file of the dataset cannot be written."""
-    if error.filename == STDOUT or isinstance(error, BrokenPipeError):
-        return RunError(
-            f"{STDOUT}: cannot write to it ({error.strerror}); "
-            "the views finished so far are safe: run the same command again"
-        )
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return RunError(
-            f"{out}: the disk is full; the views finished so far are safe: free space and run the same command again"
-        )
+    """The error to report if a file of the dataset, or standard output, cannot be written."""
+    is_output = error.filename == STDOUT or isinstance(error, BrokenPipeError)
+    place, what = (STDOUT, "to it") if is_output else (out, error.filename or "a file")
     return RunError(
-        f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "
-        "the views finished so far are safe: fix the cause and run the same command again"
+        f"{place}: cannot write {what} ({error.strerror}); "
+        "the views finished so far are safe: correct this and run the same command again"
     )

@@ -9,6 +9,7 @@ from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files
+from ...dataset.options import LEFT
 from ...dataset.run.elsewhere import Elsewhere, MissingViews
 from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished, report_ready
 from ...dataset.run.run_folder import RunFolder
@@ -73,7 +74,8 @@ def run(
         if tally is not None:
             folder.finish()
     if tally is not None:
-        for message in (*tally.messages(opened.count), f"dataset of {opened.count} views: {job.out}"):
+        views = "views" if job.options.eye == LEFT else "right eyes"
+        for message in (*tally.messages(opened.count), f"dataset of {opened.count} {views}: {job.out}"):
             means.report(message)
     elif job.shard.count > 1:
         means.report(

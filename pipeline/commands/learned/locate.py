@@ -11,8 +11,9 @@ EPILOG = """examples:
   %(prog)s network.onnx case.toml frames --out located
 
 MODEL is what oneframe train wrote, of views of this surface. A frame starts at the network's pose, is refined and
-judged like any other; where that is not accepted, features are tried as in oneframe register, and the more probable
-pose counts. DIR gets what oneframe register writes. No PyTorch is needed.
+judged like any other; where that is not accepted, the network sees it in the colours' range of the case's frame, then
+features are tried as in oneframe register, and the most probable pose counts. DIR gets what oneframe register writes.
+No PyTorch is needed.
 """
 
 

@@ -16,11 +16,11 @@ from ..layout import (
     VIDEO_FILES,
     WORK,
     ViewPaths,
+    eyes_of,
     other_files,
     scene_count,
     scene_folder,
 )
-from ..options import RIGHT
 from .findings import Findings
 
 DAMAGED, STRAY = "damaged files", "stray files"
@@ -71,8 +71,8 @@ def check_names(root: Path, description: Description, findings: Findings, *, unf
         inside = Path(folder).relative_to(root).as_posix()
         if inside == ".":
             # a run keeps its own files there, and programs theirs in hidden folders; the right eye is checked by itself
-            right = {RIGHT} if (root / RIGHT / RECORD).is_file() else set()
-            folders[:] = [name for name in folders if not name.startswith(".") and name not in right]
+            eyes = eyes_of(root)
+            folders[:] = [name for name in folders if not name.startswith(".") and root / name not in eyes]
         for path in (Path(folder) / base for base in (*folders, *files)):
             if path.is_symlink() and not path.resolve().is_relative_to(root.resolve()):
                 found = "found a link that leads out of the folder: put a copy in its place"

@@ -46,7 +46,7 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
     for name in sorted(hashes.keys() | (files.keys() - {"poses"})):
         with findings.collecting(KIND):
             if name not in files:
-                hint = "; give it occluder_meshes in [dataset]" if name.startswith(INSTRUMENT) else ""
+                hint = "; give --occluder-meshes" if name.startswith(INSTRUMENT) else ""
                 raise InputError(f"dataset.json: expected the inputs of {case.path}, which names no {name}{hint}")
             with reading(files[name], f"the {name} of the dataset"), files[name].open("rb") as stream:
                 same = hashlib.file_digest(stream, "sha256").hexdigest() == hashes.get(name)

@@ -1,6 +1,7 @@
 """Meshes of the structures in a label map, named by the anatomy."""
 
 import itertools
+import math
 import re
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -125,15 +126,16 @@ def _layers(values: np.ndarray, wanted: Collection[int]) -> dict[int, tuple[int,
 
 
 def _mesh(labels: LabelMap, label: int, layers: tuple[int, int]) -> TriangleMesh:
+    # not before there are structures: it takes long to import
+    from scipy.ndimage import gaussian_filter
+
     mask = labels.values[layers[0] : layers[1]] == label
     first, stop = box_around(mask)
     mask = mask[box_slices(first, stop)]
-    kernel = _gaussian(BLUR_VOXELS)
-    margin = len(kernel)
+    reach = math.ceil(3 * BLUR_VOXELS)
+    margin = reach + 1
     # around it, also beyond the volume's border, is air
-    field = np.pad(mask.astype(np.float32), margin)
-    for axis in range(3):
-        field = _blurred(field, kernel, axis)
+    field = gaussian_filter(np.pad(mask.astype(np.float32), margin), BLUR_VOXELS, mode="constant", radius=reach)
     depth, height, width = field.shape
     grid = labels.grid.shifted(first - margin + np.array([0, 0, layers[0]]), (width, height, depth))
     voxels = int(np.count_nonzero(mask))
@@ -153,19 +155,3 @@ def _volume_mm3(mesh: TriangleMesh) -> float:
     """The volume of a closed mesh, by the divergence theorem."""
     # from a corner: far from the origin the sum would lose digits
     return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]] - mesh.vertices[0], mesh.face_cross)) / 6
-
-
-def _gaussian(sigma: float) -> np.ndarray:
-    """``(N,)`` weights of the middle and of one side; they sum to one over both sides."""
-    weights = np.exp(-0.5 * (np.arange(int(np.ceil(3 * sigma)) + 1) / sigma) ** 2)
-    return weights / (weights[0] + 2 * weights[1:].sum())
-
-
-def _blurred(field: np.ndarray, kernel: np.ndarray, axis: int) -> np.ndarray:
-    """A ``float32`` array with zeros around it, convolved along an axis."""
-    field = np.moveaxis(field, axis, 0)
-    blurred = np.float32(kernel[0]) * field
-    for distance, weight in enumerate(kernel[1:].astype(np.float32), 1):
-        blurred[distance:] += weight * field[:-distance]
-        blurred[:-distance] += weight * field[distance:]
-    return np.moveaxis(blurred, 0, axis)

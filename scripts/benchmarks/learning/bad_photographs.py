@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from oneframe.images.pixel_values import to_uint8
+from oneframe.learning.pose_network import PoseNetwork
 from oneframe.registration.known_views import KnownViews
-from oneframe.registration.register_frames import Guess
 from oneframe.registration.verdict import ACCEPTED, REFUSED
 
 from ..alignment.registration_trials import NO_ERROR, Registration, RegistrationTrial, Scene, spread
@@ -22,16 +22,16 @@ MOST_PHOTOGRAPHS = 6
 def bad_photographs(
     scene: Scene,
     known: KnownViews,
-    guess: Guess,
+    network: PoseNetwork,
     seed: int,
     *,
     quick: bool,
 ) -> Iterator[RegistrationTrial]:
     """Four trials for each photograph and degradation; ``part`` is the method.
 
-    ``guess`` is the network's. It has no verdict: every pose of it alone, or refined, counts as accepted.
+    A pose of the network alone, or refined, has no verdict: each counts as accepted.
     """
-    registration, location = Registration(scene, REGISTERED), Registration(scene, LOCATED, guess)
+    registration, location = Registration(scene, REGISTERED), Registration(scene, LOCATED, network.poses)
     for place in spread(len(scene.photographs), MOST_PHOTOGRAPHS):
         frame = scene.photographs[place]
         spoilt = [(CLEAN, 0.0, frame.image)]
@@ -42,7 +42,7 @@ def bad_photographs(
                     spoilt.append((kind, amount, how.spoil(frame.image, amount, rng)))
         for kind, amount, image in spoilt:
             registered = registration.trial(frame, kind, amount, image=image)
-            pose = guess(to_uint8(image), frame.camera)
+            pose = network.pose(to_uint8(image), frame.camera)
             yield registered
             yield location.trial(frame, kind, amount, image=image)
             for method, found in (

@@ -59,7 +59,7 @@ class PoseTrial:
 
     @property
     def training(self) -> Training:
-        """Of the network."""
+        """The training that made the network."""
         return Training(self.scene, self.dataset, self.views, self.steps, self.seed)
 
 

@@ -74,7 +74,7 @@ def _incidence_deg(frame: RefinementScene, judge: RefinementScene) -> np.ndarray
 
 
 def _cells(sweep: str, values: Sequence[float], errors: Sequence[Sequence[float]], limit: Limit) -> list[Cell]:
-    """Of all values but the first, whose errors are taken off."""
+    """The cells of all values but the first, whose errors are taken off."""
     excess = (np.array(errors) - np.array(errors)[:, :1]).T
     return [
         Cell.of(sweep, SERIES, x, [Outcome("works", e, e > WRONG_CODES) for e in row if not np.isnan(e)], limit=limit)

@@ -86,7 +86,7 @@ class FilmedScene:
 
     @cached_property
     def tree(self) -> SurfaceTree:
-        """Of the true surface."""
+        """Rays against the true surface."""
         return SurfaceTree(self.loaded.surface.mesh)
 
     @cached_property

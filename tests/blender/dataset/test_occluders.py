@@ -38,15 +38,28 @@ pytestmark = pytest.mark.render
 
 VIEWS = 6
 OPTIONS = DatasetOptions(
-    count=VIEWS, seed=5, engine="raster", occluders=2.0, float_depth=True, points=True, normals=True
+    count=VIEWS,
+    seed=5,
+    engine="raster",
+    occluders=2.0,
+    surroundings="frame",
+    float_depth=True,
+    points=True,
+    normals=True,
 )
 CAMERA = PinholeCamera(640, 480, fx=3200.0, fy=3180.0, cx=304.5, cy=259.5)
 POSE = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
 
 
-def render(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard | None = None) -> Path:
+def render(
+    case: Path,
+    out: Path,
+    options: DatasetOptions = OPTIONS,
+    shard: Shard | None = None,
+    stream: io.StringIO | None = None,
+) -> Path:
     job = Job(read_case(case), out, options, shard or Shard())
-    dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
+    dataset_run.run(job, workers=1, worker_command=(), stream=stream or io.StringIO())
     return out
 
 
@@ -78,6 +91,8 @@ def test_instruments_change_what_is_seen_and_nothing_else(case, occluded, tmp_pa
         assert (view.mask_whole == without.mask_whole).all()
         assert (view.mask_visib == (without.mask & ~front)).all()
         assert (view.observed == (without.observed & ~front)).all()
+        assert (view.mask_surround == (without.mask_surround & ~front)).all()
+        assert not (without.mask_surround & without.mask).any()
         for name in ("rgb", "depth_mm", "points_model", "normals"):
             one, other = getattr(view, name)[~front], getattr(without, name)[~front]
             np.testing.assert_array_equal(one, other)
@@ -90,6 +105,21 @@ def test_instruments_change_what_is_seen_and_nothing_else(case, occluded, tmp_pa
     assert covered >= VIEWS / 2
 
 
+def test_surroundings_change_what_was_black_and_nothing_else(case, occluded, tmp_path):
+    black = open_dataset(render(case, tmp_path / "black", dataclasses.replace(OPTIONS, surroundings="none")))
+    assert "surroundings" not in black[0].files.description.content["options"]
+    for view, without in zip(open_dataset(occluded), black, strict=True):
+        around = view.mask_surround
+        assert around.any()
+        assert not without.mask_surround.any()
+        assert not without.rgb[around].any()
+        assert view.rgb[around].any(axis=1).all()
+        np.testing.assert_array_equal(view.rgb[~around], without.rgb[~around])
+        for name in ("mask_whole", "mask_visib", "mask_occluder", "observed", "depth_mm", "points_model", "normals"):
+            np.testing.assert_array_equal(getattr(view, name), getattr(without, name))
+        assert (view.boxes, view.visib_fract) == (without.boxes, without.visib_fract)
+
+
 def test_cycles_proves_the_masks_and_the_check_finds_damage(case, occluded, tmp_path):
     report = checked(occluded, case)
     assert not report.findings, report.findings.shown()
@@ -98,6 +128,7 @@ def test_cycles_proves_the_masks_and_the_check_finds_damage(case, occluded, tmp_
     paths = ViewPaths(occluded, index)
     for kind, change in (
         ("mask_occluder", lambda image: 0 * image),
+        ("mask_surround", lambda image: 255 - image),
         ("mask_visib", lambda image: cv2.erode(image, np.ones((3, 3)))),
         ("depth", lambda image: np.where(image > 0, image + 3000, 0).astype(np.uint16)),
     ):
@@ -119,7 +150,7 @@ def test_shards_and_packs_hold_the_same(case, occluded, tmp_path):
     assert tree(tmp_path / "shards") == tree(occluded)
     pack_dataset(occluded, tmp_path / "pack")
     for packed, view in zip(open_dataset(tmp_path / "pack"), open_dataset(occluded), strict=True):
-        for name in ("mask_visib", "mask_whole", "mask_occluder", "depth_mm", "rgb"):
+        for name in ("mask_visib", "mask_whole", "mask_occluder", "mask_surround", "depth_mm", "rgb"):
             np.testing.assert_array_equal(getattr(packed, name), getattr(view, name))
 
 
@@ -137,12 +168,19 @@ def test_instruments_of_ones_own_are_inputs_of_the_dataset(case, tmp_path, write
     write_ply(folder / "Jane Doe.ply", long)
     own.write_text(own.read_text() + f'[dataset]\noccluder_meshes = "{folder.name}"\noccluders = 2.0\n')
     options = merged_options(read_case(own).dataset, argparse.Namespace(count=3, engine="raster"), own)
-    out = render(own, tmp_path / "dataset", options)
+    said = io.StringIO()
+    out = render(own, tmp_path / "dataset", options, stream=said)
+    assert "finds no place" not in said.getvalue()
     assert any(view.mask_occluder.any() for view in open_dataset(out))
     assert "Doe" not in (out / "dataset.json").read_text()
     assert not checked(out, own).findings
     write_ply(folder / "Jane Doe.ply", long.scaled(1.1))
     assert "is not the instrument 1" in "".join(checked(out, own).findings.shown())
+    write_ply(folder / "Jane Doe.ply", mesh)
+    assert not any(
+        view.mask_occluder.any() for view in open_dataset(render(own, tmp_path / "short", options, stream=said))
+    )
+    assert "number 1 by name finds no place in 3 of the first 3 views" in said.getvalue()
     write_ply(folder / "Jane Doe.ply", long.flipped().moved(np.array([0, 0, -100.0])))
     with pytest.raises(InputError, match=r"Jane Doe\.ply: expected an instrument with its tip in the origin"):
         render(own, tmp_path / "none", options)

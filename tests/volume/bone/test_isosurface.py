@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from oneframe.volume.bone.isosurface import Isosurface, RemovedField, block_surface, isosurface
 from oneframe.volume.volume import VoxelGrid
-from scripts.benchmarks.surface_accuracy import scanned
+from scripts.benchmarks.surface import scanned
 from tests.volume.solids import enclosed_mm3, is_closed, oblique_grid
 
 SEEDS = st.integers(0, 2**32 - 1)

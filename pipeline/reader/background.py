@@ -1,0 +1,56 @@
+"""What lies behind the surface in a view, at random: an effect beside those of :mod:`oneframe.reader.lens`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..images.pixel_values import linear_from_codes
+from .view import View
+
+
+@dataclass(frozen=True)
+class Background:
+    """Something behind surface and instruments, also in place of what ``--surroundings`` shows there.
+
+    Attributes
+    ----------
+    images
+        ``(h, w, 3)`` uint8 RGB of any size, one of which is shown, cut to the view's proportions; without any, patches
+        and texture of random colours are.
+    """
+
+    images: Sequence[np.ndarray] = ()
+
+    def __call__(self, linear: np.ndarray, view: View, rng: np.random.Generator) -> np.ndarray:
+        """Apply the effect, see :data:`~oneframe.reader.lens.Effect`."""
+        height, width = linear.shape[:2]
+        if len(self.images):
+            image = self.images[int(rng.integers(len(self.images)))]
+            factor = max(width / image.shape[1], height / image.shape[0])
+            size_wh = max(width, round(factor * image.shape[1])), max(height, round(factor * image.shape[0]))
+            large = cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)
+            left, top = rng.integers(size_wh[0] - width + 1), rng.integers(size_wh[1] - height + 1)
+            codes = large[top : top + height, left : left + width].astype(np.float32)
+        else:
+            codes = random_background(rng, width, height)
+        behind = ~(view.mask_whole | view.mask_occluder)
+        result = linear.copy()
+        result[behind] = linear_from_codes(codes[behind].clip(0, 255) / 255)
+        return result
+
+
+def random_background(rng: np.random.Generator, width: int, height: int) -> np.ndarray:
+    """Coarse patches and fine texture ``(h, w, 3)`` of random contrast, from flat to garish."""
+    coarse, fine = (
+        smooth(rng.normal(0, 1, (*rng.integers(2, most, 2), channels)), width, height)
+        for most, channels in ((8, 3), (min(width, height), 1))
+    )
+    return rng.uniform(0, 255) + rng.normal(0, 30, 3) + rng.exponential(40) * coarse + rng.exponential(30) * fine
+
+
+def smooth(values: np.ndarray, width: int, height: int) -> np.ndarray:
+    """Few random values ``(h, w, C)`` spread smoothly over an image ``(H, W, C)`` float32."""
+    spread = cv2.resize(values.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    return spread.reshape(height, width, -1)

@@ -33,7 +33,7 @@ SURROUNDINGS = {
 LEFT, RIGHT = "left", "right"
 EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
 """The right eye of each view of a dataset or a pack is in a dataset or a pack of its own, the folder of this name."""
-FOR_TRAINING = {"unseen": "fill", "light": LENS}
+FOR_TRAINING = {"unseen": "fill", "surroundings": FRAME, "light": LENS}
 """What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
 

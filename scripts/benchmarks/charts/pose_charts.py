@@ -37,6 +37,7 @@ VERDICTS = (
 DATASETS = {
     NEUTRAL: "default\noptions", "lens": "--light\nlens", "shadows": "--light\nshadows",
     "fill": "--unseen\nfill", "fill-lens": "fill,\nlens", "occluders": "fill, lens,\noccluders",
+    "surroundings": "fill,\nsur-\nroundings",
     "vertex": "--colour\nvertex\n(paper)", "cone10": "cone\n10°", "cone35": "cone\n35°",
     "frames": "6 more\nframes", PHOTOGRAPHS: "photo-\ngraphs",
 }  # fmt: skip

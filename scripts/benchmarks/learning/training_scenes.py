@@ -41,6 +41,7 @@ DATASETS: Mapping[str, tuple[str, ...]] = {
     "shadows": ("--light", "shadows"),
     "fill-lens": ("--unseen", "fill", "--light", "lens"),
     "occluders": ("--unseen", "fill", "--light", "lens", "--occluders", "1.5"),
+    "surroundings": ("--unseen", "fill", "--surroundings", "frame"),
     "cone10": ("--cone-deg", "10"),
     "cone35": ("--cone-deg", "35"),
 }

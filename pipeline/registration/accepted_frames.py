@@ -1,6 +1,6 @@
 """The frames that ``oneframe register`` has accepted, with their poses, read again from its folder."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,11 @@ class AcceptedFrames:
     def files(self) -> dict[str, Path]:
         """All that is read of the frames, by what it is."""
         return frame_files(self.images)
+
+    def until(self, pose: np.ndarray) -> "AcceptedFrames":
+        """Those up to the one that has this very pose."""
+        last = max((number for number, own in self.poses.items() if own is pose), default=-1)
+        return replace(self, poses={number: own for number, own in self.poses.items() if number <= last})
 
 
 def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> AcceptedFrames:

@@ -22,7 +22,13 @@ from ..images.png import encode_png
 from ..surface.mesh_reader import stated_space
 from ..surface.mesh_writer import encoded_ply
 from ..surface_correction import CASE, MAP, NOT_FOR_SURGERY, PAGE, SURFACE
-from ..surface_correction.correct_surface import LONGER_SIDE_PX, MOST_FRAMES, SurfaceCorrection, correct_surface
+from ..surface_correction.correct_surface import (
+    LONGER_SIDE_PX,
+    MOST_FRAMES,
+    SurfaceChanged,
+    SurfaceCorrection,
+    correct_surface,
+)
 from ..surface_correction.deviation_map import deviation_map
 from .accepted_frames import AcceptedFrames, small_frames
 
@@ -76,11 +82,19 @@ class CaseCorrection:
             The images cannot be read, or as :func:`.correct_surface`.
         """
         light = None if self.loaded.case.light is None else lens_shading_of(self.loaded)
-        frames = small_frames(self.loaded, self.accepted, MOST_FRAMES, LONGER_SIDE_PX)
-        try:
-            return correct_surface(self.loaded.surface.mesh, frames, light, np.random.default_rng(0), progress)
-        except InputError as error:
-            raise InputError(f"{self.loaded.case.path.name}: {error}") from None
+        accepted, later = self.accepted, ""
+        while True:
+            frames = small_frames(self.loaded, accepted, MOST_FRAMES, LONGER_SIDE_PX)
+            try:
+                found = correct_surface(self.loaded.surface.mesh, frames, light, np.random.default_rng(0), progress)
+            except SurfaceChanged as change:
+                accepted = accepted.until(frames[change.since - 1].cam_from_model)
+                count = len(self.accepted.poses) - len(accepted.poses)
+                later = f"the surface has changed in {count} later frames, which are left out: is bone being removed?"
+            except InputError as error:
+                raise InputError(f"{self.loaded.case.path.name}: {later and f'{later} '}{error}") from None
+            else:
+                return replace(found, later=later)
 
     def write(self, found: SurfaceCorrection, write: Write, page: Page) -> tuple[str, ...]:
         """Write the files, each whole or not at all, the case last; returns what to say.

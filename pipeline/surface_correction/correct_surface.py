@@ -16,6 +16,7 @@ from .control_points import ControlPoints, neighbour_means
 from .displacement_fit import Estimate, Fit, Observed, fit, observed
 from .frame_flow import Surface, SurfaceFrame, flow_between
 from .plane_sweep import is_confirmed
+from .surface_change import changed_since
 
 LONGER_SIDE_PX = 480
 """Frames are compared at this size."""
@@ -47,13 +48,23 @@ LEAST_COUNT = 6.0
 SPREAD = 2.0
 """Factor of the standard deviations: neighbouring pixels err together. Also where what is left exceeds the median, as
 much."""
-MOST_MOVED = 0.4
-"""Part of what is confirmed: more of it is off where the case's pose or K is wrong, not its surface."""
+MOST_ALIKE, ALIKE_PX = 0.5, 0.5
+"""Part of the displacements, as squares, that a shift, turn and scale of the whole surface may explain, and how far
+they may then move it, in pixels on the surface: 0.75 and more is the error of the case's pose or K, not its surface."""
 SAMPLES = 60
 FLOOR_PX = 1.25
 """Standard deviation up to which a place is confirmed, in pixels on the surface."""
 AGREES_PX = 1.0
 """Disagreement with the sweep up to which it is, in these pixels."""
+
+
+class SurfaceChanged(InputError):
+    """Frames show the surface at two stages."""
+
+    def __init__(self, since: int) -> None:
+        """Say from which of the frames on, by its place, it has changed."""
+        super().__init__("expected frames of one stage of the surface, found that it changes between them")
+        self.since = since
 
 
 @dataclass(frozen=True)
@@ -76,6 +87,8 @@ class SurfaceCorrection:
         Between the directions that are farthest apart.
     floor_mm
         Below which a deviation means nothing.
+    later
+        What to say of frames after a change, or empty.
     """
 
     mesh: TriangleMesh
@@ -86,6 +99,7 @@ class SurfaceCorrection:
     left_out: int
     angle_deg: float
     floor_mm: float
+    later: str = ""
 
     @property
     def words(self) -> str:
@@ -99,11 +113,8 @@ class SurfaceCorrection:
         )
         if moved.any():
             low, high = np.percentile(self.deviation_mm[moved], (2, 98))
-            share = moved.mean() / self.confirmed.mean()
-            text += f", and {share:.0%} of it was {low:+.2f} to {high:+.2f} mm off"
-            if share > MOST_MOVED:
-                text += ": so much that the case's pose or K may be wrong, look at its overlay first"
-        return f"{text}; below {self.floor_mm:.2f} mm a deviation means nothing"
+            text += f", and {moved.mean() / self.confirmed.mean():.0%} of it was {low:+.2f} to {high:+.2f} mm off"
+        return f"{text}; below {self.floor_mm:.2f} mm a deviation means nothing{self.later and f'; {self.later}'}"
 
 
 def correct_surface(
@@ -131,18 +142,21 @@ def correct_surface(
 
     Raises
     ------
+    SurfaceChanged
+        The surface is another one from one of the frames on, in their order.
     InputError
         Too few frames, or too near to one another; no texture; frames that show something else; residuals that no
-        displacement explains; or a surface that is too coarse.
+        displacement explains, or all of which one shift does; or a surface that is too coarse.
     """
     curve = light.curve if light else SRGB
     run = _Run(mesh, [SurfaceFrame(frame, curve) for frame in frames], light)
     for number in range(ROUNDS):
         result = run.round(rng, SAMPLES if number == ROUNDS - 1 else 1)
         progress((number + 1) / (ROUNDS + 1))
-    if result.left_px > MOST_LEFT_PX or result.weight < LEAST_WEIGHT:
+    left_px = float(np.median(result.left_px))
+    if left_px > MOST_LEFT_PX or result.weight < LEAST_WEIGHT:
         raise InputError(
-            f"expected frames whose differences a displaced surface explains, found {result.left_px:.2f} px left in "
+            f"expected frames whose differences a displaced surface explains, found {left_px:.2f} px left in "
             f"the middle, and {1 - result.weight:.0%} of the pixels without weight: does tissue move, is K right, and "
             "do all frames show the surface at the same stage?"
         )
@@ -218,7 +232,7 @@ class _Run:
             )
         self._frames = [self._frames[number] for number in kept]
         self._views = [self._views[number] for number in kept]
-        self._left_out = count - len(kept)
+        self._kept, self._left_out = kept, count - len(kept)
 
     def round(self, rng: np.random.Generator, samples: int) -> Fit:
         """Move points and poses to where the flow says."""
@@ -228,10 +242,34 @@ class _Run:
                 flow = flow_between(self._surface, self._views[one], self._views[other])
                 if len(flow.pixels) >= LEAST_FLOW:
                     parts.append(observed(self._points, self._now.pivot, self._views, (one, other), flow))
-        found = fit(self._points, Observed.joined(parts), self._now, rng, samples)
+        known = Observed.joined(parts)
+        found = fit(self._points, known, self._now, rng, samples)
+        self._check_alike(found)
+        since = changed_since(known, found.left_px, len(self._frames))
+        if since is not None:
+            raise SurfaceChanged(self._kept[since])
         self._now = self._now.after(found)
         self._look(self._points.moved(found.heights_mm), self._now.poses)
         return found
+
+    def _check_alike(self, result: Fit) -> None:
+        """Refuse displacements of the whole surface: those are the error of the case's pose or K."""
+        points = self._points
+        known = points.weights @ result.counts > LEAST_COUNT
+        if not known.any():
+            return
+        heights, normals = (points.weights @ result.heights_mm)[known], points.normals[known]
+        places = self._given.vertices[known] - self._given.vertices[known].mean(axis=0)
+        by_all = np.column_stack([normals, np.cross(places, normals), (places * normals).sum(axis=1)])
+        values, *_ = np.linalg.lstsq(by_all, heights, rcond=None)
+        alike = np.sum((by_all @ values) ** 2)
+        share = alike / max(float(heights @ heights), 1e-12)
+        if share > MOST_ALIKE and alike > len(heights) * (ALIKE_PX * self._now.pixel_mm) ** 2:
+            raise InputError(
+                f"expected a surface that is wrong in places, found one that fits better as a whole, {values[6]:+.1%} "
+                f"in size, shifted and turned: that explains {share:.0%} of its displacements. The case's pose or K is "
+                "wrong; look at its overlay, and align it anew"
+            )
 
     def confirmed(self, result: Fit) -> SurfaceCorrection:
         """What is confirmed of the result of the last round."""

@@ -120,8 +120,10 @@ class Fit:
         ``(M,)`` root mean square of what is left around each point.
     counts
         ``(M,)`` how many pixels tell of each point, by their weights.
-    left_px, weight
-        Median of what is left, and mean weight, of all pixels.
+    left_px
+        ``(N,)`` what is left at each pixel.
+    weight
+        Mean weight of all pixels.
     """
 
     heights_mm: np.ndarray
@@ -129,7 +131,7 @@ class Fit:
     std_mm: np.ndarray
     residuals_px: np.ndarray
     counts: np.ndarray
-    left_px: float
+    left_px: np.ndarray
     weight: float
 
 
@@ -219,6 +221,6 @@ def fit(points: ControlPoints, known: Observed, now: Estimate, rng: np.random.Ge
         np.sqrt((spread**2).mean(axis=1)),
         np.sqrt((known.weights.T @ np.minimum(squares, MOST_SQUARE)) / np.maximum(shares, 1e-9)),
         known.weights.T @ weight,
-        float(np.median(np.sqrt(squares))),
+        np.sqrt(squares),
         float(weight.mean()),
     )

@@ -1,6 +1,7 @@
 """The command as a user starts it: registered frames in; the corrected surface, its map and case out, or nothing."""
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -21,7 +22,7 @@ from oneframe.registration.register_frames import image_paths
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.surface_correction import CASE, MAP, PAGE, SURFACE
-from tests.surface_correction.test_surface_correction import CAMERA, LAMP, photographs, surface
+from tests.surface_correction.test_surface_correction import CAMERA, LAMP, bump, photographs, surface
 
 
 @pytest.fixture
@@ -29,14 +30,18 @@ def correct(run_oneframe):
     return partial(run_oneframe, "correct")
 
 
-def written(folder, count) -> Case:
-    """A case in metres, and so many frames beside it as ``oneframe register`` leaves them."""
+def written(folder, count, *, drilled=0) -> Case:
+    """A case in metres, and so many frames beside it as ``oneframe register`` leaves them, the last ones drilled."""
     mesh, entries = surface(), []
     write_ply(folder / "surface.ply", mesh.scaled(1e-3))
     (folder / "registered").mkdir()
     frames = photographs(mesh)[: count + 1]
+    if drilled:
+        deeper = replace(mesh, vertices=mesh.vertices - bump(mesh, 2.0)[:, None] * [0, 0, 1])
+        frames[-drilled:] = photographs(deeper)[count + 1 - drilled : count + 1]
     for number, frame in enumerate(frames):
-        path = folder / "registered" / f"{number}.png"
+        # their order is that of the names
+        path = folder / "registered" / f"{number:0{len(str(count))}}.png"
         path.write_bytes(encode_png(to_uint8(frame.image)))
         pose = frame.cam_from_model
         uncertainty = PoseUncertainty.about_points(np.zeros(3), np.eye(6), mesh.vertices, pose)
@@ -44,7 +49,7 @@ def written(folder, count) -> Case:
         entries.append(pose_entry(path.name, number, found, np.eye(4), 1e3))
     (folder / "registered" / LIST).write_bytes(encoded_list(entries[1:]))
     case = Case(
-        folder / "case.toml", 1e3, folder / "registered/0.png", CAMERA, None, folder / "surface.ply",
+        folder / "case.toml", 1e3, min((folder / "registered").iterdir()), CAMERA, None, folder / "surface.ply",
         frames[0].cam_from_model, light=LAMP,
     )  # fmt: skip
     write_case(case.path, case)
@@ -80,6 +85,15 @@ def test_poses_go_with_the_names_of_their_images(tmp_path):
     (folder / "2.png").unlink()
     with pytest.raises(InputError, match=r"2\.png is not there"):
         accepted_frames(folder, None, loaded)
+
+
+def test_frames_in_which_drilling_went_on_are_cut_away(tmp_path, correct):
+    case = written(tmp_path, 10, drilled=4)
+    run = correct(case.path, tmp_path / "registered", "--out", tmp_path / "corrected")
+    assert run.returncode == 2
+    assert "the surface has changed in 4 later frames, which are left out" in run.stderr
+    assert "at least 10 accepted frames that show what the case's frame shows, found 6 of 6" in run.stderr
+    assert not (tmp_path / "corrected").exists()
 
 
 def test_too_few_frames_before_a_change_are_refused_and_nothing_written(tmp_path, correct):

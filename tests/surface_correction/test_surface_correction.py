@@ -16,7 +16,7 @@ from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.projection.overlay_scene import smooth_normals
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface_correction.control_points import ControlPoints
-from oneframe.surface_correction.correct_surface import AGREES_PX, correct_surface
+from oneframe.surface_correction.correct_surface import AGREES_PX, SurfaceChanged, correct_surface
 from oneframe.surface_correction.displacement_fit import observed
 from oneframe.surface_correction.frame_flow import Flow, Surface, SurfaceFrame
 from oneframe.surface_correction.plane_sweep import is_confirmed
@@ -126,10 +126,20 @@ def test_relief_finer_than_what_moves_is_not_confirmed_in_the_mean(true_surface,
     assert confirmed(wrong)[np.abs(height_error(wrong, true_surface)) > 0.6].mean() < 0.3
 
 
-def test_a_wrong_k_is_suspected_where_most_of_the_surface_would_move(true_surface, frames):
-    wider = replace(CAMERA, fx=1.15 * CAMERA.fx, fy=1.15 * CAMERA.fy)
-    found = corrected(true_surface, [replace(frame, camera=wider) for frame in frames])
-    assert "the case's pose or K may be wrong" in found.words
+@pytest.mark.parametrize("longer", [0.94, 1.06])
+def test_a_wrong_k_is_not_taken_for_a_wrong_surface(true_surface, frames, longer):
+    camera = replace(CAMERA, fx=longer * CAMERA.fx, fy=longer * CAMERA.fy)
+    with pytest.raises(InputError, match="The case's pose or K is wrong"):
+        corrected(true_surface, [replace(frame, camera=camera) for frame in frames])
+
+
+def test_a_surface_that_changes_between_frames_is_noticed(true_surface):
+    deeper = replace(true_surface, vertices=true_surface.vertices - bump(true_surface, 2.0)[:, None] * [0, 0, 1])
+    before, after = photographs(true_surface), photographs(deeper)
+    for since in (5, 7):
+        with pytest.raises(SurfaceChanged) as raised:
+            corrected(true_surface, [*before[:since], *after[since:]])
+        assert raised.value.since == since
 
 
 def tissue_moved(frame, seed, amount_px=2.0):

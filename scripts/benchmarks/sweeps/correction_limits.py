@@ -109,8 +109,7 @@ def corrected(setting: Setting, rng: np.random.Generator) -> Outcome:
     if share < LEAST_TOLD:
         return Outcome("falls back", value=share, message=found.words)
     is_wrong = bool(np.mean(left_px[found.confirmed] > FLOOR_PX) > WRONG_PART)
-    doubted = "may be wrong" in found.words
-    return Outcome("warns" if doubted else "works", float(np.median(left_px[sure])), is_wrong, found.words, share)
+    return Outcome("works", float(np.median(left_px[sure])), is_wrong, found.words, share)
 
 
 def photographs(mesh: TriangleMesh, setting: Setting, rng: np.random.Generator) -> tuple[list[PosedFrame], LensLight]:

@@ -21,7 +21,7 @@ from tests.video.surgical_film import write_film
 def scene(addon, tmp_path):
     """A case, and a film of eleven frames of it that are found."""
     case = written(tmp_path, 10)
-    images = [cv2.imread(str(tmp_path / f"registered/{number}.png")) for number in range(11)]
+    images = [cv2.imread(str(path)) for path in sorted((tmp_path / "registered").glob("*.png"))]
     film = write_film(tmp_path / "film.avi", images, "MJPG")
     bpy.ops.oneframe.open_case(filepath=str(case.path))
     bpy.ops.oneframe.open_video(filepath=str(film))

@@ -163,6 +163,11 @@ def shifted_codes(codes: np.ndarray, curve: Transfer = SRGB) -> np.ndarray:
     return codes
 
 
+def albedo_codes(codes: np.ndarray, factors: np.ndarray, curve: Transfer) -> np.ndarray:
+    """Code values over factors of light -> shifted codes that multiply light, as of :meth:`LensShading.factors`."""
+    return (shifted_codes(codes, curve) + curve.shift) / factors - curve.shift
+
+
 def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None, curve: Transfer = SRGB) -> np.ndarray:
     """Shifted codes ``(N, 3)``, times ``(N,)`` factors of light -> code values, from 0, in place."""
     shift = np.float32(curve.shift)
@@ -235,7 +240,7 @@ def without_light(loaded: LoadedCase, lit: Sequence[RenderedView], curve: Transf
     for frame, view in zip(loaded.frames, lit, strict=True):
         factors = (shifted_codes(view.rgb[view.mask], curve) + curve.shift) / (NEUTRAL + curve.shift)
         albedo = frame.image.astype(np.float32)
-        albedo[view.mask] = (shifted_codes(frame.image[view.mask], curve) + curve.shift) / factors - curve.shift
+        albedo[view.mask] = albedo_codes(frame.image[view.mask], factors, curve)
         frames.append(replace(frame, image=albedo))
     return replace(loaded, frames=tuple(frames))
 

@@ -14,9 +14,10 @@ from ..errors import InputError
 from ..images.png import encode_png
 from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
+from ..projection.visible_surface import pixel_points
 from ..projection.z_buffer import is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, inverse_rigid, transform_points
+from ..transforms import camera_centre, transform_points
 from .options import NONE
 
 _OFF = (False, 0, NONE)
@@ -94,15 +95,18 @@ class Stored:
         """``(H, W)`` bool: the surface, whatever stands in front of it."""
         return self.arrays["mask"] > 0
 
+    def _marked(self, name: str) -> np.ndarray:
+        return self.arrays[name] > 0 if name in self.arrays else np.zeros(self.mask.shape, bool)
+
     @property
     def occluder(self) -> np.ndarray:
         """``(H, W)`` bool: what stands in front of it, or of nothing."""
-        return self.arrays["mask_occluder"] > 0 if "mask_occluder" in self.arrays else np.zeros(self.mask.shape, bool)
+        return self._marked("mask_occluder")
 
     @property
     def surround(self) -> np.ndarray:
         """``(H, W)`` bool: what surrounds it, where the frame's colours go on beyond its edge."""
-        return self.arrays["mask_surround"] > 0 if "mask_surround" in self.arrays else np.zeros(self.mask.shape, bool)
+        return self._marked("mask_surround")
 
     @property
     def visible(self) -> np.ndarray:
@@ -241,8 +245,7 @@ def points_model(depth_mm: np.ndarray, camera: PinholeCamera, cam_from_model: np
     """``(H, W)`` depth of a view -> ``(H, W, 3)`` float32 points of the surface, model frame, mm; NaN where it is 0."""
     points = np.full((*depth_mm.shape, 3), np.nan, np.float32)
     seen = depth_mm > 0
-    points_cam = camera.rays_cam(camera.pixel_grid()[seen]) * depth_mm[seen, None].astype(np.float64)
-    points[seen] = transform_points(inverse_rigid(cam_from_model), points_cam)
+    points[seen] = pixel_points(depth_mm, np.nonzero(seen), camera, cam_from_model)
     return points
 
 

@@ -149,13 +149,15 @@ class PoseNetwork:
 
     def poses(self, image: np.ndarray, camera: PinholeCamera) -> Iterator[np.ndarray]:
         """First poses of an image as :meth:`pose`, then of it in the range of the case's frame, as haze narrows it."""
-        least, most = np.quantile(image.reshape(-1, 3), (DARKEST, BRIGHTEST), axis=0)
-        share = (np.arange(256)[:, None] - least) / np.maximum(most - least, 1)
-        stretched = to_uint8((self._range[0] + share * (self._range[1] - self._range[0])) / 255)
-        for shown in (image, cv2.LUT(image, stretched[None])):
-            pose = self.pose(shown, camera)
+        for look in (np.asarray, self._stretched):
+            pose = self.pose(look(image), camera)
             if pose is not None:
                 yield pose
+
+    def _stretched(self, image: np.ndarray) -> np.ndarray:
+        least, most = np.quantile(image.reshape(-1, 3), (DARKEST, BRIGHTEST), axis=0)
+        share = (np.arange(256)[:, None] - least) / np.maximum(most - least, 1)
+        return cv2.LUT(image, to_uint8((self._range[0] + share * (self._range[1] - self._range[0])) / 255)[None])
 
     def pose(self, image: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
         """``cam_from_model`` of an undistorted image ``(H, W, 3)`` uint8, if it finds one.

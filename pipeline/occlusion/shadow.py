@@ -8,9 +8,10 @@ from ..camera.pinhole import PinholeCamera
 from ..colour.lens_shading import CornerNormals, LensShading, lit_by_lamp, shifted_codes, shown_codes
 from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
+from ..projection.visible_surface import pixel_points
 from ..projection.z_buffer import inverse_depth_of, rasterise_depth
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, inverse_rigid, transform_points
+from ..transforms import camera_centre
 
 
 class Shadow:
@@ -85,12 +86,3 @@ class LitSurface:
         rgb, curve = view.rgb.copy(), self.light.curve
         rgb[v, u] = shown_codes(shifted_codes(rgb[v, u], curve), after / before, curve)
         return replace(view, rgb=rgb)
-
-
-def pixel_points(
-    depth_mm: np.ndarray, pixels: tuple[np.ndarray, ...], camera: PinholeCamera, cam_from_model: np.ndarray
-) -> np.ndarray:
-    """``(N, 3)`` float32 what a view of this depth ``(H, W)`` shows at rows and columns ``(N,)``, model frame, mm."""
-    v, u = pixels
-    points_cam = camera.rays_cam(np.stack([u, v], axis=1)) * depth_mm[v, u][:, None].astype(np.float64)
-    return transform_points(inverse_rigid(cam_from_model), points_cam).astype(np.float32)

@@ -11,14 +11,15 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..colour.fill import filled_colours
-from ..colour.lens_shading import LensShading, shifted_codes, shown_codes
+from ..colour.lens_shading import LensShading, albedo_codes, shown_codes
 from ..colour.source_view import SourceView
 from ..images.pixel_values import sample_bilinear
 from ..projection.rendered_view import RenderedView
+from ..projection.visible_surface import pixel_points
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, transform_points
-from .shadow import Shadow, pixel_points
+from .shadow import Shadow
 
 CELLS = 64
 """Of the grid, along the frame's longer side."""
@@ -81,8 +82,7 @@ class Surroundings:
             raster = rasterise_depth(mesh, view.camera, view.cam_from_model)
             points = pixel_points(raster.depth_mm, np.nonzero(known), view.camera, view.cam_from_model)
             factors = taken.factors(points, np.broadcast_to(normal, points.shape), view.cam_from_model)
-            shift = taken.curve.shift
-            image[known] = (shifted_codes(image[known], taken.curve) + shift) / factors[:, None] - shift
+            image[known] = albedo_codes(image[known], factors[:, None], taken.curve)
         # a surface that fills the frame is continued by itself
         known = known if known.any() else surface
         rgb, covered = _means(image, known, columns, rows)

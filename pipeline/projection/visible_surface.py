@@ -67,6 +67,15 @@ def cast_grid(first_hit: FirstHit, camera: PinholeCamera, cam_from_model: np.nda
     return VisibleSurface(points, normals, pixels[[hit is not None for hit in hits]], len(pixels))
 
 
+def pixel_points(
+    depth_mm: np.ndarray, pixels: tuple[np.ndarray, ...], camera: PinholeCamera, cam_from_model: np.ndarray
+) -> np.ndarray:
+    """``(N, 3)`` float32 what a view of this depth ``(H, W)`` shows at rows and columns ``(N,)``, model frame, mm."""
+    v, u = pixels
+    points_cam = camera.rays_cam(np.stack([u, v], axis=1)) * depth_mm[v, u][:, None].astype(np.float64)
+    return transform_points(inverse_rigid(cam_from_model), points_cam).astype(np.float32)
+
+
 def central_point(depth_mm: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
     """``(3,)`` mm, model frame: the point at the middle of what ``(H, W)`` depths show; the origin if all are 0."""
     v, u = np.nonzero(depth_mm)

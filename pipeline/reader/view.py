@@ -77,10 +77,9 @@ class ViewFiles:
         InputError
             There are none, or they do not belong to these views.
         """
-        _, *right = eyes_of(self.root)
-        if not right:
+        folder = eyes_of(self.root)[-1]
+        if folder == self.root:
             raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
-        (folder,) = right
         files = self.opened(folder)
         if apart := eyes_apart(self.description.content, files.description.content):
             raise InputError(f"{folder}: expected the right eyes of these views: {apart}")
@@ -167,15 +166,16 @@ class View:
     @cached_property
     def mask_occluder(self) -> np.ndarray:
         """``(H, W)`` bool: something stands at the pixel's centre, in front of the surface or beside it."""
-        if "mask_occluder" in self.files.description.kinds:
-            return self.files.array(self.index, "mask_occluder") > 0
-        return np.zeros(self.files.description.camera.shape_hw, bool)
+        return self._marked("mask_occluder")
 
     @cached_property
     def mask_surround(self) -> np.ndarray:
         """``(H, W)`` bool: with ``--surroundings``, the pixel shows what the frame does around the surface."""
-        if "mask_surround" in self.files.description.kinds:
-            return self.files.array(self.index, "mask_surround") > 0
+        return self._marked("mask_surround")
+
+    def _marked(self, kind: str) -> np.ndarray:
+        if kind in self.files.description.kinds:
+            return self.files.array(self.index, kind) > 0
         return np.zeros(self.files.description.camera.shape_hw, bool)
 
     @cached_property

@@ -30,8 +30,8 @@ def changed_since(known: Observed, left_px: np.ndarray, count: int) -> int | Non
     shown, middle = np.full((count, weights.shape[1]), np.nan), np.full(count, np.nan)
     for number in np.unique(others):
         at = others == number
-        middle[number], told = np.median(left[at]), weights[at].T @ np.ones(at.sum())
-        shown[number] = weights[at].T @ (left[at] - middle[number]) / np.where(told > LEAST_TOLD, told, np.nan)
+        middle[number], tell = np.median(left[at]), weights[at].T @ np.ones(at.sum())
+        shown[number] = weights[at].T @ (left[at] - middle[number]) / np.where(tell > LEAST_TOLD, tell, np.nan)
     shown[middle > BLURRED * np.nanmedian(middle)] = np.nan
     changed, told = np.zeros(count), np.isfinite(shown)
     for since in range(1 + LEAST_FRAMES, count + 1 - LEAST_FRAMES):

@@ -110,6 +110,13 @@ class User(Hands):
         yield from self.until(lambda: not self._selector(), "the file selector to close")
         yield from self.redraw()
 
+    def leave_file_selector(self) -> Action:
+        """Cancel the file selector; waits for it to open, and to close."""
+        selector = yield from self.file_selector()
+        yield from self.key("ESC", (selector.x + selector.width / 2, selector.y + selector.height / 2))
+        yield from self.until(lambda: not self._selector(), "the file selector to close")
+        yield from self.redraw()
+
     def file_selector(self) -> Generator[float, None, bpy.types.Area]:
         """The file selector, once it is open."""
         yield from self.until(lambda: self._selector() and self._selector().spaces.active.params, "a file selector")

@@ -133,7 +133,7 @@ class Case:
         return files | {f"structure {structure.name}": structure.mesh for structure in self.structures}
 
 
-def read_case(path: Path, *, posed: bool = True) -> Case:
+def read_case(path: Path | str, *, posed: bool = True) -> Case:
     """Read and check a case file.
 
     Parameters
@@ -148,6 +148,7 @@ def read_case(path: Path, *, posed: bool = True) -> Case:
     InputError
         The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
+    path = Path(path)
     case = case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
     if posed and not case.posed:
         raise InputError(
@@ -324,4 +325,6 @@ def _with_plain_floats(value: object) -> object:
 def _path(case_path: Path, value: object, where: str) -> Path:
     if not isinstance(value, str) or not value or "\0" in value:
         raise InputError(f"{where}: expected a file name, found {value!r}")
+    if any(letter in value for letter in "\b\t\f\r"):
+        raise InputError(f"{where}: expected a file name, found {value!r}; write / in paths, not \\")
     return case_path.parent / value

@@ -100,6 +100,7 @@ def landmark(lines: str) -> dict[str, str]:
 
 BAD = {
     "units missing": ({"units": ""}, "expected a key 'units', it is missing"),
+    "a path of Windows": ({"image": r'image = ".\frame.png"'}, "\\[frame\\] image: .*; write / in paths"),
     "unknown key": ({"image": 'imaeg = "frame.png"'}, "\\[frame\\] unknown key 'imaeg'; did you mean 'image'\\?"),
     "film without a number": (
         {"image": PARTS["image"] + '\nvideo = "a.mkv"'},
@@ -183,6 +184,20 @@ def test_any_landmark_and_provenance_is_accepted_or_refused_with_a_message(tmp_p
     more = f"{table}{key} = {as_toml(value)}"
     path = case_file(tmp_path_factory.getbasetemp(), more, units=f'units = "{units}"')
     assert message_of(path).startswith("case.toml: ")
+
+
+@pytest.mark.parametrize(
+    ("content", "advice"),
+    [
+        (b"units = 'Gr\xf6\xdfe'", "save it as UTF-8"),
+        (b'units = "C:\\Users"', r"write / in paths, not \\"),
+    ],
+)
+def test_what_an_editor_or_windows_writes_is_refused_with_advice(tmp_path, content, advice):
+    path = tmp_path / "case.toml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=advice):
+        read_case(path)
 
 
 @pytest.mark.parametrize(

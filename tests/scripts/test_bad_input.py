@@ -119,6 +119,10 @@ def test_explicit_poses_that_miss_the_surface_are_rendered_and_reported(case, tm
     np.save(tmp_path / "poses.npy", away[None])
     messages = run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
     assert "no view shows any surface" in messages
+    assert "poses: the first 1 show no surface; cam_from_mesh maps the mesh to OpenCV axes" in messages
+    np.save(tmp_path / "poses.npy", (np.diag([1.0, -1, -1, 1]) @ read_case(case).cam_from_mesh)[None])
+    with pytest.raises(InputError, match=r"^poses: expected the surface in front of the camera, .*negate its 2nd"):
+        run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
 
 
 def test_a_rasteriser_without_opengl_is_refused(case, tmp_path, render_command, run_command):

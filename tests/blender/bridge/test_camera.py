@@ -133,12 +133,12 @@ def test_a_closed_scene_leaves_no_engine_behind(bumpy_mesh, frontal_pose):
     with opened_engine("cycles", ColouredSurface(bumpy_mesh), CAMERAS["square, far off centre"]) as render:
         render(frontal_pose)
         assert engines_of("CYCLES")
+    gc.collect()
     assert not engines_of("CYCLES")
 
 
 def engines_of(name: str) -> list[bpy.types.RenderEngine]:
     """Blender's own instances of a render engine that is written in Python."""
     kinds = {kind for kind in bpy.types.RenderEngine.__subclasses__() if getattr(kind, "bl_idname", None) == name}
-    gc.collect()
     # isinstance would ask the objects themselves, of which some are left of operators that are gone
     return [found for found in gc.get_objects() if type(found) in kinds]

@@ -100,7 +100,6 @@ def landmark(lines: str) -> dict[str, str]:
 
 BAD = {
     "units missing": ({"units": ""}, "expected a key 'units', it is missing"),
-    "a path of Windows": ({"image": r'image = ".\frame.png"'}, "\\[frame\\] image: .*; write / in paths"),
     "unknown key": ({"image": 'imaeg = "frame.png"'}, "\\[frame\\] unknown key 'imaeg'; did you mean 'image'\\?"),
     "film without a number": (
         {"image": PARTS["image"] + '\nvideo = "a.mkv"'},

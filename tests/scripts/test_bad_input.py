@@ -84,6 +84,7 @@ def test_a_frame_of_another_size_than_the_cameras_is_refused(case):
 # --- frame, surface and pose together -------------------------------------------------------------------------------
 
 MISFITS = {
+    "a path of Windows": (('"frame.png"', r'".\frame.png"'), r"does not exist; write / in paths, not \\$"),
     "behind": (("-1, 340]", "-1, -340]"), "surface in front of the camera, all of it is behind .*mesh_from_cam"),
     "beside": (
         ("-12]", "150]"),

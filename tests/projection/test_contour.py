@@ -53,6 +53,14 @@ def test_the_contour_of_a_sphere_is_its_outline():
         assert length > 0.9 * 2 * np.pi * np.tan(expected) * CAMERA.fx * (1 if radius == 30 else 0.8)
 
 
+def test_hidden_edges_are_no_contour():
+    near, far = sphere((0, 0, 250), 30), sphere((0, 0, 400), 10)
+    mesh = joined(near, far)
+    ending, steps = visible_contours(SilhouetteEdges.of(mesh), CAMERA, np.eye(4), depth_of(mesh, np.eye(4)))
+    assert len(ending) > 0
+    assert len(steps) == 0
+
+
 @pytest.mark.parametrize("surface", ["bumpy_mesh", "stepped_mesh"])
 def test_the_depth_alone_is_that_of_the_raster(surface, oblique_pose, request):
     mesh = request.getfixturevalue(surface)

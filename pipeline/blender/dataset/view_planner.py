@@ -6,12 +6,13 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from ...colour.reference_view import ReferenceView, limited_to_incidence
+from ...colour.reference_view import ReferenceView, limited_to_incidence, without_highlights
 from ...dataset.description import distribution_of, trajectory_of, view_camera
-from ...dataset.options import RIGHT, DatasetOptions
+from ...dataset.options import DROP, RIGHT, DatasetOptions
 from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, ReferencePose
+from ...poses.pose_file import OTHER_CONVENTION
 from ...poses.stereo import right_from_left
 from ..render.surface_tree import ViewProbe
 
@@ -53,6 +54,8 @@ class ViewPlanner:
         self._options = options
         self._count = options.count if given_poses is None else len(given_poses)
         self.camera = view_camera(loaded, options)
+        if options.highlights == DROP:
+            reference = without_highlights(reference, loaded.frames)
         self.reference = limited_to_incidence(reference, options.max_incidence_deg)
         pose = ReferencePose(loaded.frame.cam_from_model, reference.pivot_model)
         self._video_path = trajectory_of(options, pose, self.camera)
@@ -103,7 +106,7 @@ class ViewPlanner:
         return replace(planned, cam_from_model=pose, statistics=self.probe(pose))
 
     def sampling_doubt(self) -> str:
-        """A message if hardly any pose meets the constraints; empty otherwise.
+        """A message if hardly any pose meets the constraints, or listed ones show nothing; empty otherwise.
 
         See :func:`oneframe.poses.constraints.sampling_doubt`.
 
@@ -112,7 +115,10 @@ class ViewPlanner:
         InputError
             One of the first views finds no pose.
         """
-        return sampling_doubt([self.plan(index).attempts for index in range(min(SAMPLED_VIEWS, self._count))])
+        plans = [self.plan(index) for index in range(min(SAMPLED_VIEWS, self._count))]
+        if isinstance(self._distribution, Listed) and not any(plan.statistics.surface_fraction for plan in plans):
+            return f"poses: the first {len(plans)} show no surface; {OTHER_CONVENTION}"
+        return sampling_doubt([plan.attempts for plan in plans])
 
     def video_poses(self, frames: int) -> np.ndarray:
         """``(frames, 4, 4)`` poses of the video's trajectory, ``cam_from_model``, mm."""

@@ -51,7 +51,7 @@ SPREAD = 2.0
 much."""
 ALIKE_PX = 0.4
 """How far a shift, turn and scale of the whole surface may move it, in pixels on the surface, times the part of the
-displacements, as squares, that they explain: 0.6 and more with K 5 % off, up to 0.3 with a right one."""
+displacements, as squares, that they explain: 0.9 and more with K 5 % off, up to 0.3 with a right one."""
 SAMPLES = 60
 FLOOR_PX = 1.25
 """Standard deviation up to which a place is confirmed, in pixels on the surface."""

@@ -18,7 +18,7 @@ MOST_PX, APART_PX = 2.0, 0.2
 BLURRED = 2.0
 """What is left in the middle of a frame, relative to that of all, from which it does not count."""
 LEAST_PLACES, AMONG = 8, 0.5
-"""Of them, each with more than this part of its neighbours: up to 3 where a wrong surface looks otherwise from the side
+"""Of them, each with more than this part of its neighbours: up to 4 where a wrong surface looks otherwise from the side
 that later frames are on, 21 to 57 where a floor is drilled 1 mm deeper."""
 
 
@@ -41,6 +41,5 @@ def changed_since(points: ControlPoints, known: Observed, left_px: np.ndarray, c
         before = np.where(told, shown, -np.inf)[:since].max(axis=0)
         after = np.where(told, shown, np.inf)[since:].min(axis=0)
         gone = both & (after > before + APART_PX)
-        among = np.sum(gone & (points.bending @ gone < 1 - AMONG))
-        changed[since] = among if among > LEAST_PLACES else 0
-    return int(np.argmax(changed)) if changed.any() else None
+        changed[since] = np.sum(gone & (points.bending @ gone < 1 - AMONG))
+    return int(np.argmax(changed)) if changed.max(initial=0) > LEAST_PLACES else None

@@ -22,6 +22,12 @@ LARGEST_LIST = 128 << 20
 FORMER_POSE_KEY = "cam_from_model"
 """The name of :data:`POSE_KEY` in files of version 0.1; readers accept it."""
 
+OTHER_CONVENTION = (
+    "cam_from_mesh maps the mesh to OpenCV axes (z forward): invert the matrix if it is mesh_from_cam, negate its 2nd "
+    "and 3rd row if its axes are OpenGL's, and give mesh and translation in the same unit"
+)
+"""What to do about poses that show nothing."""
+
 
 def pose_key(table: Mapping[str, object], where: str) -> str:
     """Find the key of the pose in a table; ``where`` begins the message, such as ``"case.toml: [pose] "``.

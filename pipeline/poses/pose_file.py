@@ -85,7 +85,7 @@ def _matrix(data: bytes, name: str) -> object:
     numbers = number_rows(text)
     if numbers is None or len(numbers) != 16:
         found = "words" if numbers is None else f"{len(numbers)} numbers"
-        raise InputError(f"{name}: expected 4 rows of 4 numbers, found {found}")
+        raise InputError(f"{name}: expected 4 rows of 4 numbers, with decimal points, found {found}")
     return numbers.reshape(4, 4)
 
 
@@ -219,8 +219,8 @@ def read_frame_poses(
     Raises
     ------
     InputError
-        As for :func:`read_poses`; or the number of poses is not that of the frames, a frame is named twice or does not
-        exist, or no frame has a pose.
+        As for :func:`read_poses`; or the number of poses is not that of the frames, a frame is named twice, does not
+        exist or is an image of a folder, or no frame has a pose.
     """
     path = Path(path)
     entries = _by_frame(_listed(path), path.name, frames)
@@ -252,6 +252,8 @@ def _by_frame(found: list[Any], name: str, frames: int) -> dict[int, Any]:
         where = f"{name}: entry {index} (counted from 0)"
         if not isinstance(entry, dict) or "frame" not in entry:
             raise InputError(f"{where}: expected the key frame, as other entries have it")
+        if entry.get("image"):
+            raise InputError(f"{where}: expected a frame of the video, found an image of a folder; register the video")
         number = entry["frame"]
         if not (isinstance(number, float) and number.is_integer() and 0 <= number < frames):
             raise InputError(f"{where}: expected frame = 0 to {frames - 1}, found {number!r}")

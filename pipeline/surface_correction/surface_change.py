@@ -42,4 +42,4 @@ def changed_since(points: ControlPoints, known: Observed, left_px: np.ndarray, c
         after = np.where(told, shown, np.inf)[since:].min(axis=0)
         gone = both & (after > before + APART_PX)
         changed[since] = np.sum(gone & (points.bending @ gone < 1 - AMONG))
-    return int(np.argmax(changed)) if changed.max() > LEAST_PLACES else None
+    return int(np.argmax(changed)) if np.max(changed) > LEAST_PLACES else None

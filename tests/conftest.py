@@ -42,6 +42,13 @@ LONG = ("benchmarks", "cluster", "outside", "window")
 """Folders of tests that start many processes."""
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Each worker of `make test` would import, and prepare, what it does not run."""
+    root = Path(__file__).parent
+    skipped = config.getoption("markexpr") == "not long" and collection_path in [root / name for name in LONG]
+    return True if skipped else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what takes long, and begin with what takes longest."""

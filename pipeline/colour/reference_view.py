@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
+from ..images.pixel_values import grown
 from ..light.exposure import matched_exposures
 from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
@@ -31,6 +33,8 @@ from .vertex_colours import VertexColours, colour_vertices
 CLASSIFIED = 0.45
 """Fraction of the time for a texture after which the faces are classified."""
 STEP = 0.05
+WHITE = 0.96
+"""Code value of all channels from which a pixel is a highlight: the lamp's reflection, not the surface's colour."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,15 @@ def limited_to_incidence(reference: ReferenceView, max_incidence_deg: float) -> 
     """The same views, which count surface as seen up to this angle between ray and normal."""
     views = tuple(replace(view, max_incidence_deg=max_incidence_deg) for view in reference.views)
     return replace(reference, views=views)
+
+
+def without_highlights(reference: ReferenceView, frames: Sequence[PosedFrame]) -> ReferenceView:
+    """The same views, in which white pixels of their frames, and those beside, show nothing."""
+    views = []
+    for view, frame in zip(reference.views, frames, strict=True):
+        kept = view.valid & ~grown(frame.image.min(axis=2) >= WHITE, 1)
+        views.append(replace(view, valid=kept, inverse_depth=view.inverse_depth * kept))
+    return replace(reference, views=tuple(views))
 
 
 def can_rasterise(loaded: LoadedCase) -> bool:

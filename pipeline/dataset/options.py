@@ -19,6 +19,11 @@ UNSEEN = {
     "neutral": "grey",
     "fill": "the observed colours, continued smoothly over the surface; the mask of the observed surface is the same",
 }
+KEEP, DROP = "keep", "drop"
+HIGHLIGHTS = {
+    KEEP: "as the frame shows them, where they were",
+    DROP: "not seen: they are the lamp's reflection, and would stay behind when it moves",
+}
 NONE, LENS, SHADOWS = "none", "lens", "shadows"
 LIGHTS = {
     NONE: "colours as the frame has them, with its shading",
@@ -33,7 +38,7 @@ SURROUNDINGS = {
 LEFT, RIGHT = "left", "right"
 EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
 """The right eye of each view of a dataset or a pack is in a dataset or a pack of its own, the folder of this name."""
-FOR_TRAINING = {"unseen": "fill", "surroundings": FRAME, "light": LENS}
+FOR_TRAINING = {"unseen": "fill", "highlights": DROP, "surroundings": FRAME, "light": LENS}
 """What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
 
@@ -183,6 +188,7 @@ class DatasetOptions:
     )  # fmt: skip
     colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
     unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
+    highlights: str = _option(KEEP, "white pixels of a frame", choices=HIGHLIGHTS, moves=True, since="0.2.0")
     light: str = _option(NONE, "light of the views", choices=LIGHTS, since="0.2.0")
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "

@@ -72,3 +72,12 @@ def mask_box(mask: np.ndarray, margin_px: int = 0) -> tuple[slice, slice]:
         slice(max(int(rows[0]) - margin_px, 0), min(int(rows[-1]) + margin_px + 1, height)),
         slice(max(int(columns[0]) - margin_px, 0), min(int(columns[-1]) + margin_px + 1, width)),
     )
+
+
+def grown(flags: np.ndarray, margin_px: int) -> np.ndarray:
+    """Flags ``(H, W)`` bool, and what is up to so many pixels beside them, along rows and columns."""
+    for axis in (0, 1):
+        padded = np.pad(flags, [(margin_px, margin_px) if each == axis else (0, 0) for each in (0, 1)])
+        size = flags.shape[axis]
+        flags = np.any([padded.take(range(at, at + size), axis) for at in range(2 * margin_px + 1)], axis=0)
+    return flags

@@ -13,7 +13,7 @@ from ..camera.pinhole import PinholeCamera
 from ..colour.fill import filled_colours
 from ..colour.lens_shading import LensShading, albedo_codes, shown_codes
 from ..colour.source_view import SourceView
-from ..images.pixel_values import sample_bilinear
+from ..images.pixel_values import grown, sample_bilinear
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import pixel_points
 from ..projection.z_buffer import rasterise_depth
@@ -76,7 +76,7 @@ class Surroundings:
         inverse_depth = _continued(view.inverse_depth, plane, flat, faces, (columns, rows))
         points_cam = view.camera.rays_cam(flat[:, :2]) / inverse_depth[:, None]
         mesh = TriangleMesh(transform_points(inverse_rigid(view.cam_from_model), points_cam), faces)
-        known = view.valid & ~_grown(surface)
+        known = view.valid & ~grown(surface, MARGIN_PX)
         image = view.image.astype(np.float32)
         if taken is not None and known.any():
             raster = rasterise_depth(mesh, view.camera, view.cam_from_model)
@@ -169,12 +169,3 @@ def _continued(
     continued += flat[:, :2] @ plane[:2] + plane[2]
     own = inverse_depth[known]
     return np.clip(continued, np.min(own) / FARTHEST, np.max(own) / NEAREST).astype(np.float64)
-
-
-def _grown(flags: np.ndarray) -> np.ndarray:
-    """Flags ``(H, W)`` and what is beside them."""
-    for axis in (0, 1):
-        padded = np.pad(flags, [(MARGIN_PX, MARGIN_PX) if each == axis else (0, 0) for each in (0, 1)])
-        size = flags.shape[axis]
-        flags = np.any([padded.take(range(at, at + size), axis) for at in range(2 * MARGIN_PX + 1)], axis=0)
-    return flags

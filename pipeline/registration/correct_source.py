@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -88,57 +89,19 @@ def correct_source(
             f"{loaded.case.path.name}: expected no distortion where the focal length is to be found, found "
             f"coefficients: they belong to the focal length of their calibration; correct the pose alone"
         )
-    registrar, name = CaseRegistrar(loaded), folder_or_video.name
+    registrar, name, first = CaseRegistrar(loaded), folder_or_video.name, loaded
     with registrar.frames(folder_or_video) as opened:
         every = -(-opened.count // MOST_FRAMES)
     with registrar.frames(folder_or_video, every) as opened:
         frames = [each for each in opened.frames if not each.problem]
-    first, pivot = loaded, registrar.pivot_model
-    start = (loaded.case.alignment or {}).get("method")
-    poses = dict[int, np.ndarray]()
-    for number in range(MOST_ROUNDS):
-        if poses:
-            registrar = CaseRegistrar(loaded)
-        fits, accepted = dict[int, FlowFit](), 0
-        for done, frame in enumerate(frames):
-            found = registrar.registered_alone(frame, poses.get(done))
-            if found.fit is not None:
-                fits[done] = found.fit
-                accepted += found.verdict.state == ACCEPTED
-            progress((number + (done + 1) / len(frames)) / MOST_ROUNDS)
-        if len(fits) < LEAST_FRAMES:
-            break
-        if not poses:
-            given = _checked(registrar, frames, {done: each.cam_from_model for done, each in fits.items()})
-        before = loaded
-        correction = SourceCorrection(registrar.mesh, registrar.camera, pivot, focal=focal)
-        fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
-        loaded = loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), {})
-        loaded = loaded.zoomed(fit.camera.fx / registrar.camera.fx)
-        poses = dict(zip(fits, fit.frames, strict=True))
-        points = np.concatenate([each.points_model for each in fits.values()])
-        if _moved_px(points, before, loaded) * registrar.camera.width / loaded.case.camera.width < SETTLED_PX:
-            break
-    progress(1.0)
-    # of the last round: at a wrong pose of the case's frame, few of the frames agree
-    if accepted < LEAST_FRAMES:
-        raise InputError(
-            f"{name}: expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from "
-            f"other sides, found {accepted} of {len(frames)}; the pose is not corrected"
-        )
-    if fit.agreement < LEAST_AGREEMENT:
-        raise InputError(
-            f"{name}: expected one pose of the case's frame with which the frames agree, found "
-            f"{fit.agreement:.0%} of their pixels in agreement; the pose is too far off, or the surface is wrong: "
-            f"align the frame again; the pose is not corrected"
-        )
-    camera, pose = loaded.case.camera, fit.cam_from_model
-    now = None if given is None else _checked(CaseRegistrar(loaded), frames, poses)
-    if given is not None and now is not None and now.words and now.share > MOST_WRONG * given.share:
-        raise InputError(
-            f"{name}: expected a pose of the case's frame at which the frames agree with the surface, found none: "
-            f"{now.words}; correct the surface first (oneframe correct); the pose is not corrected"
-        )
+    try:
+        found = _settled(registrar, frames, focal, progress)
+        _check(found, frames)
+    except InputError as error:
+        raise InputError(f"{name}: {error}; the pose is not corrected") from None
+    loaded, fit, points = found.loaded, found.fit, found.points_model
+    camera, pose, pivot = loaded.case.camera, fit.cam_from_model, registrar.pivot_model
+    start = (first.case.alignment or {}).get("method")
     uncertainty, relative = _uncertainty(fit, pivot, points)
     if uncertainty.largest_rotation_deg > LARGEST_DEG:
         raise InputError(
@@ -159,12 +122,80 @@ def correct_source(
     record |= uncertainty.entry(loaded.surface.mesh_from_model)
     text = (
         f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
-        f"{len(fits)} further frames; if the surface is right, it is off by about {format_two_digits(error_px)} px, "
-        f"least certain: {uncertainty.weakest}"
+        f"{len(fit.frames)} further frames; if the surface is right, it is off by about "
+        f"{format_two_digits(error_px)} px, least certain: {uncertainty.weakest}"
     )
     if focal:
         text += f", and the focal length is {camera.fx:.0f} px ± {relative:.1%} (it was {first.case.camera.fx:.0f} px)"
     return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
+
+
+class _Settled(NamedTuple):
+    """A case whose pose the frames have found, the fit of the last round, and points ``(N, 3)`` that it is from.
+
+    ``before`` is what the frames said of the surface at the case's own pose, ``poses`` are the frames', by number.
+    """
+
+    loaded: LoadedCase
+    fit: SourceFit
+    points_model: np.ndarray
+    before: SurfaceCheck | None
+    poses: Mapping[int, np.ndarray]
+
+
+def _settled(
+    registrar: CaseRegistrar, frames: Sequence[FurtherFrame], focal: bool, progress: Callable[[float], None]
+) -> _Settled:
+    """Register frames to the case and fit its pose to them, again and again until it stays."""
+    poses, pivot, before = dict[int, np.ndarray](), registrar.pivot_model, None
+    for number in range(MOST_ROUNDS):
+        fits, accepted = dict[int, FlowFit](), 0
+        for done, frame in enumerate(frames):
+            found = registrar.registered_alone(frame, poses.get(done))
+            if found.fit is not None:
+                fits[done] = found.fit
+                accepted += found.verdict.state == ACCEPTED
+            progress((number + (done + 1) / len(frames)) / MOST_ROUNDS)
+        if len(fits) < LEAST_FRAMES:
+            break
+        if not poses:
+            before = _checked(registrar, frames, {done: each.cam_from_model for done, each in fits.items()})
+        correction = SourceCorrection(registrar.mesh, registrar.camera, pivot, focal=focal)
+        fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
+        was = registrar.loaded
+        loaded = was.posed(fit.cam_from_model @ inverse_rigid(was.surface.mesh_from_model), {})
+        loaded = loaded.zoomed(fit.camera.fx / registrar.camera.fx)
+        poses = dict(zip(fits, fit.frames, strict=True))
+        points = np.concatenate([each.points_model for each in fits.values()])
+        moved_px = _moved_px(points, was, loaded) * registrar.camera.width / loaded.case.camera.width
+        if moved_px < SETTLED_PX:
+            break
+        registrar = CaseRegistrar(loaded)
+    progress(1.0)
+    # of the last round: at a wrong pose of the case's frame, few of the frames agree
+    if accepted < LEAST_FRAMES:
+        raise InputError(
+            f"expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from other sides, found "
+            f"{accepted} of {len(frames)}"
+        )
+    return _Settled(loaded, fit, points, before, poses)
+
+
+def _check(found: _Settled, frames: Sequence[FurtherFrame]) -> None:
+    """Refuse a pose with which frames and surface do not agree."""
+    if found.fit.agreement < LEAST_AGREEMENT:
+        raise InputError(
+            f"expected one pose of the case's frame with which the frames agree, found {found.fit.agreement:.0%} of "
+            "their pixels in agreement; the pose is too far off, or the surface is wrong: align the frame again"
+        )
+    if found.before is None:
+        return
+    now = _checked(CaseRegistrar(found.loaded), frames, found.poses)
+    if now is not None and now.words and now.share > MOST_WRONG * found.before.share:
+        raise InputError(
+            "expected a pose of the case's frame at which the frames agree with the surface, found none: "
+            f"{now.words}; correct the surface first (oneframe correct)"
+        )
 
 
 def _checked(

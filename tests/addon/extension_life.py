@@ -28,18 +28,16 @@ def modules_of_addon() -> list[str]:
 
 addon_utils.extensions_refresh(ensure_wheels=True)
 before = registered()
-found = {"cycles": []}
-for _ in range(2):
-    bpy.ops.preferences.addon_enable(module=PACKAGE)
-    for name in modules_of_addon():
-        importlib.import_module(name)
-    added = only_in(registered(), before)
-    # Blender looks for such imports before the next draw of the preferences
-    warnings = {name: list(some) for name, some in addon_utils._extensions_warnings_get().items()}
-    code = Code(PACKAGE)
-    bpy.ops.preferences.addon_disable(module=PACKAGE)
-    left = only_in(registered(), before)
-    found["cycles"].append({"added": added, "warnings": warnings, "left": left, "held": code.still_held()})
+bpy.ops.preferences.addon_enable(module=PACKAGE)
+for name in modules_of_addon():
+    importlib.import_module(name)
+added = only_in(registered(), before)
+# Blender looks for such imports before the next draw of the preferences
+warnings = {name: list(some) for name, some in addon_utils._extensions_warnings_get().items()}
+code = Code(PACKAGE)
+bpy.ops.preferences.addon_disable(module=PACKAGE)
+left = only_in(registered(), before)
+found = {"added": added, "warnings": warnings, "left": left, "held": code.still_held()}
 found["cv2"] = importlib.import_module("cv2").__file__
 found["numpy"] = importlib.import_module("numpy").__file__
 repository = [repository.module for repository in bpy.context.preferences.extensions.repos].index("user_default")

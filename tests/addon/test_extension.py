@@ -72,11 +72,10 @@ def test_is_enabled_disabled_and_removed_without_leftovers(installed, run_stock,
     assert ended.stderr == ""
     assert "Policy violation" not in ended.stdout
     messages = json.loads(ended.stdout.splitlines()[-1])
-    for cycle in messages["cycles"]:
-        assert "Scene.oneframe" in cycle["added"]["properties"]
-        assert {name for name in cycle["added"]["operators"] if not name.startswith("oneframe.")} == set()
-        assert cycle["added"]["operators"] != []
-        assert (cycle["warnings"], cycle["left"], cycle["held"]) == ({}, {}, [])
+    assert "Scene.oneframe" in messages["added"]["properties"]
+    assert {name for name in messages["added"]["operators"] if not name.startswith("oneframe.")} == set()
+    assert messages["added"]["operators"] != []
+    assert (messages["warnings"], messages["left"], messages["held"]) == ({}, {}, [])
     resources = tmp_path / "resources"
     assert Path(messages["cv2"]).is_relative_to(resources / "extensions" / ".local")
     assert not Path(messages["numpy"]).is_relative_to(resources)

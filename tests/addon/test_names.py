@@ -15,8 +15,8 @@ OTHERS = {"Box Select", "OneFrame", "Open in OneFrame", "Next Click", "Off By", 
 
 
 @cache
-def modules(folder: Path) -> tuple[ast.Module, ...]:
-    return tuple(ast.parse(path.read_text()) for path in sorted(folder.rglob("*.py")))
+def nodes(folder: Path) -> tuple[ast.AST, ...]:
+    return tuple(node for path in sorted(folder.rglob("*.py")) for node in ast.walk(ast.parse(path.read_text())))
 
 
 def literal(node: ast.AST | None) -> str | None:
@@ -27,7 +27,7 @@ def literal(node: ast.AST | None) -> str | None:
 def texts() -> tuple[str, ...]:
     """All texts of add-on and pipeline, docstrings too: they are tooltips. The parts of an f-string come together."""
     parts, found = set(), []
-    for node in (node for folder in (ADDON, PIPELINE) for tree in modules(folder) for node in ast.walk(tree)):
+    for node in (*nodes(ADDON), *nodes(PIPELINE)):
         if isinstance(node, ast.JoinedStr):
             parts |= set(map(id, node.values))
             found.append("".join(literal(each) or "{}" for each in node.values))
@@ -40,8 +40,8 @@ def texts() -> tuple[str, ...]:
 def operator_labels() -> dict[str, str]:
     """Operator -> its label."""
     found = {}
-    for node in (node for tree in modules(ADDON) for node in ast.walk(tree) if isinstance(node, ast.ClassDef)):
-        if node.name.startswith("ONEFRAME_OT_"):
+    for node in nodes(ADDON):
+        if isinstance(node, ast.ClassDef) and node.name.startswith("ONEFRAME_OT_"):
             label = [
                 each.value for each in node.body if isinstance(each, ast.Assign) and each.targets[0].id == "bl_label"
             ]
@@ -53,7 +53,7 @@ def operator_labels() -> dict[str, str]:
 def names() -> set[str]:
     """What stands on buttons, fields and tools, and over panels: the label of an operator where a panel draws it."""
     found, labels = set(), operator_labels()
-    for node in (node for tree in modules(ADDON) for node in ast.walk(tree)):
+    for node in nodes(ADDON):
         match node:
             case ast.ClassDef(name=name, body=body) if not name.startswith("ONEFRAME_OT_"):
                 for line in body:

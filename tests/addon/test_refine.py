@@ -30,7 +30,7 @@ from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector,
 from tests.alignment.test_refinement import hills
 from tests.remembered import refinement, remembered
 
-CAMERA = PinholeCamera(240, 180, fx=1300.0, fy=1304.0, cx=122.0, cy=87.5)
+CAMERA = PinholeCamera(180, 135, fx=975.0, fy=978.0, cx=91.5, cy=65.5)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
 START = TRUE_POSE @ rigid(rotation_from_vector(np.radians([1.5, -1.0, 1.0])), np.array([1.0, -1.0, 2.0]))
 CASE = """
@@ -38,8 +38,8 @@ units = "mm"
 [frame]
 image = "frame.png"
 [camera]
-size = [240, 180]
-K = [[1300.0, 0, 122.0], [0, 1304.0, 87.5], [0, 0, 1]]
+size = [180, 135]
+K = [[975.0, 0, 91.5], [0, 978.0, 65.5], [0, 0, 1]]
 [surface]
 mesh = "surface.ply"
 [pose]
@@ -65,7 +65,7 @@ def case_folder(tmp_path_factory):
     (folder / "frame.png").write_bytes(encode_png(photograph(stored)))
     mirrored = np.ascontiguousarray(photograph(stored)[:, ::-1])
     (folder / "mirrored.png").write_bytes(encode_png(mirrored))
-    (folder / "flat.png").write_bytes(encode_png(np.full((180, 240, 3), 128, np.uint8)))
+    (folder / "flat.png").write_bytes(encode_png(np.full((135, 180, 3), 128, np.uint8)))
     for name, pose in (("start", START), ("true", TRUE_POSE)):
         (folder / f"{name}.toml").write_text(CASE.format(pose=pose.tolist()))
     return folder
@@ -183,13 +183,14 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
         assert solve.is_current(scene, solve.solution(scene))
         return from_scene.cam_from_model(scene)
 
+    opened.oneframe.click_sigma_px = 1.5
     true = TRUE_POSE @ from_scene.mesh_from_model_of(from_scene.surface_of(opened))
-    clicks_px = np.array([[30.0, 22], [210, 30], [202, 150], [38, 158], [120, 90], [75, 52]])
+    clicks_px = np.array([[23.0, 17], [157, 23], [151, 112], [29, 118], [90, 67], [56, 39]])
     rng = np.random.default_rng(3)
     points = [frame_view.surface_point_at(opened, pixel) for pixel in clicks_px]
-    pixels = CAMERA.project(transform_points(true, np.array(points))) + rng.normal(0, 2, clicks_px.shape)
+    pixels = CAMERA.project(transform_points(true, np.array(points))) + rng.normal(0, 1.5, clicks_px.shape)
     for point, pixel in zip(points, pixels, strict=True):
-        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [239, 179]))
+        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [179, 134]))
     by_landmarks, of_landmarks = current(opened), uncertainty_px(opened)
     assert any("6 correspondences" in line for line in evidence_of(opened))
     assert solve.pulls(opened) == {"landmarks": None}
@@ -217,7 +218,7 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
         assert "image" in solve.solution(opened).alignment.kinds, count
     assert np.array_equal(current(opened), refined)
     for point, pixel in zip(points[:2], pixels[:2], strict=True):
-        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [239, 179]))
+        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [179, 134]))
     # moved by hand: no figure holds any more
     bpy.ops.oneframe.nudge(axis="x")
     assert uncertainty_px(opened) is None
@@ -249,7 +250,7 @@ def test_landmarks_and_image_are_solved_together(opened, case_folder, tmp_path):
     assert "checked" not in pose_record(scene)
     # but not with another K
     text = (tmp_path / "refined.toml").read_text()
-    (tmp_path / "refined.toml").write_text(re.sub(r"(\[camera\]\nsize = .*\nK = \[\n  \[)[0-9.]+", r"\g<1>777.0", text))
+    (tmp_path / "refined.toml").write_text(re.sub(r"(\[camera\]\nsize = .*\nK = \[\n  \[)[0-9.]+", r"\g<1>577.0", text))
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
     assert "image" not in solve.pulls(bpy.context.scene)
 
@@ -309,8 +310,8 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
 
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
     assert pose_record(opened)["method"] == "manual"
-    point = frame_view.surface_point_at(opened, np.array([75.0, 52.0]))
-    bpy.ops.oneframe.landmark_pin(point=point, pixel=(85.0, 57.0))
+    point = frame_view.surface_point_at(opened, np.array([56.0, 39.0]))
+    bpy.ops.oneframe.landmark_pin(point=point, pixel=(64.0, 43.0))
     pulled = pose_record(opened)
     assert (pulled["method"], pulled["pairs"]) == ("pins", 1)
     assert pulled["rms_px"] < 0.02

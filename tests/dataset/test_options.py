@@ -49,9 +49,10 @@ def test_write_names_every_array_that_an_option_asks_for():
     assert asked == WRITTEN
     assert merged({}, "--write", "points", "normals") == DatasetOptions(points=True, normals=True)
     assert merged({}, "--write", *WRITTEN, "--no-normals") == DatasetOptions(points=True, float_depth=True)
-    assert merged({"unseen": "neutral"}, "--for-training") == DatasetOptions(unseen="fill", surroundings="frame")
-    assert merged({}, "--for-training", lit=True) == DatasetOptions(unseen="fill", surroundings="frame", light="lens")
-    but = "--unseen", "neutral", "--surroundings", "none"
+    training = DatasetOptions(unseen="fill", highlights="drop", surroundings="frame")
+    assert merged({"unseen": "neutral"}, "--for-training") == training
+    assert merged({}, "--for-training", lit=True) == dataclasses.replace(training, light="lens")
+    but = "--unseen", "neutral", "--highlights", "keep", "--surroundings", "none"
     assert merged({}, *but, "--for-training", lit=True) == DatasetOptions(light="lens")
 
 

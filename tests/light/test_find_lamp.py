@@ -32,7 +32,7 @@ LAMP = LensLight((-13.0, 17.0, 0.0), 0.08)
 
 
 def hills():
-    x, y = np.meshgrid(np.linspace(-35, 35, 60), np.linspace(-28, 28, 48))
+    x, y = np.meshgrid(np.linspace(-35, 35, 42), np.linspace(-28, 28, 34))
     return grid_mesh(x, y, 3 * np.sin(x / 6) * np.cos(y / 7) + 2 * np.sin((x + y) / 9))
 
 

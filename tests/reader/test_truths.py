@@ -95,8 +95,9 @@ def test_a_plate_hides_what_is_behind_it_up_to_a_pixel_of_its_outline(stepped_me
         places = (camera.pixel_grid() + flow_px)[seen].astype(float)
         far = transform_points(poses[there], points[seen].astype(float))[:, 2]
         # what is in front at the place, and a pixel around it
-        around = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]
-        near = np.stack([intersect(stepped_mesh, camera, poses[there], places + step)[0] for step in around])
+        around = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+        asked = (places + around[:, None]).reshape(-1, 2)
+        near = intersect(stepped_mesh, camera, poses[there], asked)[0].reshape(len(around), -1)
         hidden = (near > 0) & (near < far - 1.0)
         inside = camera.contains(places)
         assert 200 < (hidden[0] & inside).sum() < 0.2 * inside.sum()

@@ -4,6 +4,7 @@ It is accepted if it explains the image better than the rough pose, has a low se
 halves of the image, and has a small estimated error (:mod:`.verification`).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -142,45 +143,10 @@ def judged(
         drawn_mm = bias_px * uncertainty.pivot_cam[2] / np.array([camera.fx, camera.fy])
         bias = np.diag([*(drawn_mm**2 / 2), 0, 0, 0, 0])
         uncertainty = replace(uncertainty, covariance=uncertainty.covariance + bias)
-    limit_error_px = max(MAX_ERROR_PX, MAX_ERROR_LEVEL_PX * levels[-1].px)
-    limit_bias_px = max(MAX_BIAS_PX, MAX_BIAS_LEVEL_PX * levels[-1].px)
-    limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * levels[-1].px)
     what = "the shape with the shadows of a side light" if bias_px > 0 else "the shape"
     explained = f"{what} explains {after:.0%} of the image's variation ({before:.0%} before)"
-    objection = ""
-    if after < MIN_SCORE:
-        objection = f"{explained}, which is too little (at least {MIN_SCORE:.0%})"
-    elif tests.second_peak_ratio > MAX_SECOND_PEAK_RATIO:
-        objection = (
-            f"{explained}, but another place fits {tests.second_peak_ratio:.0%} as well "
-            f"(at most {MAX_SECOND_PEAK_RATIO:.0%})"
-        )
-    elif rotation_deg > MAX_ROTATION_DEG:
-        objection = f"{explained}, but at a rotation of {rotation_deg:.0f}° (at most {MAX_ROTATION_DEG:.0f}°)"
-    elif tests.split_half_px > limit_px:
-        objection = (
-            f"{explained}, but the poses from two halves of the image differ by {tests.split_half_px:.1f} px "
-            f"(at most {limit_px:.1f} px)"
-        )
-    elif own_px > limit_error_px:
-        objection = (
-            f"{explained}, but without parts of the image the surface would move by {_px(own_px)} "
-            f"(at most {limit_error_px:.1f} px)"
-        )
-    elif bias_px > limit_bias_px:
-        objection = f"{explained}, but may be drawn {_px(bias_px)} off by these (at most {limit_bias_px:.1f} px)"
-    elif uncertainty is not None and uncertainty.largest_rotation_deg > MAX_ERROR_DEG:
-        objection = (
-            f"{explained}, but leaves a rotation uncertain by ± {format_two_digits(uncertainty.largest_rotation_deg)}° "
-            f"(at most {MAX_ERROR_DEG:g}°)"
-        )
-    elif uncertainty is not None and uncertainty.relative_depth > MAX_ERROR_RELATIVE_DEPTH:
-        distance_mm = float(np.linalg.norm(uncertainty.pivot_cam))
-        objection = (
-            f"{explained}, but leaves the distance uncertain by "
-            f"± {format_two_digits(uncertainty.relative_depth * distance_mm)} mm "
-            f"(at most {format_two_digits(MAX_ERROR_RELATIVE_DEPTH * distance_mm)} mm)"
-        )
+    reasons = _objections(tests, levels[-1].px, after, rotation_deg, own_px, bias_px, uncertainty)
+    objection = next((f"{explained}, {reason}" for reason in reasons), "")
     within_error = bias_px > 0 and moved_px <= error_px
     accepted = not objection and after > before and not within_error
     if objection:
@@ -212,6 +178,52 @@ def judged(
         verification=tests,
         uncertainty=uncertainty,
     )
+
+
+def _objections(
+    tests: Verification,
+    level_px: float,
+    score: float,
+    rotation_deg: float,
+    own_px: float,
+    bias_px: float,
+    uncertainty: PoseUncertainty | None,
+) -> Iterator[str]:
+    """What speaks against a refined pose, the plainest first; ``level_px`` is the size of the finest level's pixels."""
+    limit_error_px = max(MAX_ERROR_PX, MAX_ERROR_LEVEL_PX * level_px)
+    limit_bias_px = max(MAX_BIAS_PX, MAX_BIAS_LEVEL_PX * level_px)
+    limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * level_px)
+    if score < MIN_SCORE:
+        yield f"which is too little (at least {MIN_SCORE:.0%})"
+    if tests.second_peak_ratio > MAX_SECOND_PEAK_RATIO:
+        yield (f"but another place fits {tests.second_peak_ratio:.0%} as well (at most {MAX_SECOND_PEAK_RATIO:.0%})")
+    if rotation_deg > MAX_ROTATION_DEG:
+        yield f"but at a rotation of {rotation_deg:.0f}° (at most {MAX_ROTATION_DEG:.0f}°)"
+    if tests.split_half_px > limit_px:
+        yield (
+            f"but the poses from two halves of the image differ by {tests.split_half_px:.1f} px "
+            f"(at most {limit_px:.1f} px)"
+        )
+    if own_px > limit_error_px:
+        yield (
+            f"but without parts of the image the surface would move by {_px(own_px)} (at most {limit_error_px:.1f} px)"
+        )
+    if bias_px > limit_bias_px:
+        yield f"but may be drawn {_px(bias_px)} off by these (at most {limit_bias_px:.1f} px)"
+    if uncertainty is None:
+        return
+    if uncertainty.largest_rotation_deg > MAX_ERROR_DEG:
+        yield (
+            f"but leaves a rotation uncertain by ± {format_two_digits(uncertainty.largest_rotation_deg)}° "
+            f"(at most {MAX_ERROR_DEG:g}°)"
+        )
+    if uncertainty.relative_depth > MAX_ERROR_RELATIVE_DEPTH:
+        distance_mm = float(np.linalg.norm(uncertainty.pivot_cam))
+        yield (
+            f"but leaves the distance uncertain by "
+            f"± {format_two_digits(uncertainty.relative_depth * distance_mm)} mm "
+            f"(at most {format_two_digits(MAX_ERROR_RELATIVE_DEPTH * distance_mm)} mm)"
+        )
 
 
 def _px(distance_px: float) -> str:

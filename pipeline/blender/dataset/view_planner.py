@@ -6,9 +6,9 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from ...colour.reference_view import ReferenceView, limited_to_incidence
+from ...colour.reference_view import ReferenceView, limited_to_incidence, without_highlights
 from ...dataset.description import distribution_of, trajectory_of, view_camera
-from ...dataset.options import RIGHT, DatasetOptions
+from ...dataset.options import DROP, RIGHT, DatasetOptions
 from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, ReferencePose
@@ -53,6 +53,8 @@ class ViewPlanner:
         self._options = options
         self._count = options.count if given_poses is None else len(given_poses)
         self.camera = view_camera(loaded, options)
+        if options.highlights == DROP:
+            reference = without_highlights(reference, loaded.frames)
         self.reference = limited_to_incidence(reference, options.max_incidence_deg)
         pose = ReferencePose(loaded.frame.cam_from_model, reference.pivot_model)
         self._video_path = trajectory_of(options, pose, self.camera)

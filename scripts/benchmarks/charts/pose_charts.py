@@ -36,7 +36,8 @@ VERDICTS = (
 )
 DATASETS = {
     NEUTRAL: "default\noptions", "lens": "--light\nlens", "shadows": "--light\nshadows",
-    "fill": "--unseen\nfill", "fill-lens": "fill,\nlens", "occluders": "fill, lens,\noccluders",
+    "fill": "--unseen\nfill", "fill-lens": "fill,\nlens", "fill-shadows": "fill,\nshadows",
+    "highlights": "fill, lens,\nhighlights\ndropped", "occluders": "fill, lens,\noccluders",
     "surroundings": "fill,\nsur-\nroundings",
     "vertex": "--colour\nvertex\n(paper)", "cone10": "cone\n10°", "cone35": "cone\n35°",
     "frames": "6 more\nframes", PHOTOGRAPHS: "photo-\ngraphs",

@@ -43,6 +43,8 @@ DATASETS: Mapping[str, tuple[str, ...]] = {
     "lens": ("--light", "lens"),
     "shadows": ("--light", "shadows"),
     "fill-lens": ("--unseen", "fill", "--light", "lens"),
+    "fill-shadows": ("--unseen", "fill", "--light", "shadows"),
+    "highlights": ("--unseen", "fill", "--light", "lens", "--highlights", "drop"),
     "occluders": ("--unseen", "fill", "--light", "lens", "--occluders", "1.5"),
     "surroundings": ("--unseen", "fill", "--surroundings", "frame"),
     "cone10": ("--cone-deg", "10"),

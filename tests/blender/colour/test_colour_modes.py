@@ -6,7 +6,13 @@ import pytest
 from oneframe.blender.render.cycles import CyclesScene
 from oneframe.blender.render.engines import reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.reference_view import ReferenceView, colours_of, limited_to_incidence, unseen_colours_of
+from oneframe.colour.reference_view import (
+    ReferenceView,
+    colours_of,
+    limited_to_incidence,
+    unseen_colours_of,
+    without_highlights,
+)
 from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.rendered_view import RenderedView
@@ -134,3 +140,19 @@ def test_a_smaller_angle_of_incidence_counts_less_as_seen(bumpy_mesh, frontal_po
     )
     assert not (narrow & ~wide).any()
     assert 0.1 * wide.sum() < narrow.sum() < 0.9 * wide.sum()
+
+
+def test_dropped_highlights_are_not_seen_and_nothing_else_changes(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
+    image = np.minimum(sharp_image(CAMERA), 0.9)
+    image[40:44, 60:66] = 1.0
+    loaded = loaded_case(bumpy_mesh, image, frontal_pose, CAMERA)
+    source = reference_view_of(loaded)
+    kept, dropped = (
+        rendered_in("projective", each, frontal_pose) for each in (source, without_highlights(source, loaded.frames))
+    )
+    gone = kept.observed & ~dropped.observed
+    assert gone[40:44, 60:66].all()
+    gone[39:45, 59:67] = False
+    assert not gone.any()
+    assert np.array_equal(kept.rgb[dropped.observed], dropped.rgb[dropped.observed])
+    assert np.array_equal(kept.depth_mm, dropped.depth_mm)

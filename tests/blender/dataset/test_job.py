@@ -18,17 +18,16 @@ import pytest
 
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job, OpenJob, open_job
-from oneframe.blender.render.engines import engine_named
 from oneframe.blender.render.video import _is_whole, write_video
 from oneframe.case.case_file import read_case
 from oneframe.dataset import layout as dataset
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.options import COLOURS, DatasetOptions
+from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run import run_folder
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.run.run_folder import Shard
-from oneframe.errors import InputError, RunError
+from oneframe.errors import RunError
 from oneframe.images.png import encode_png
 from oneframe.progress import read_progress
 from oneframe.reader import open_dataset
@@ -621,33 +620,3 @@ def test_shards_of_fewer_and_of_more_views_are_merged(case, reference, tmp_path)
             run_here(case, out, few)
         run_here(case, out)
         assert_same_dataset(out, reference)
-
-
-def some_view(case: Path, out: Path, **settings: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Colours, depth and observed mask of one view with some options."""
-    run_here(case, out, dataclasses.replace(OPTIONS, count=1, **settings))
-    paths = ViewPaths(out, 0)
-    observed = cv2.imread(str(paths.file("mask_observed")), cv2.IMREAD_GRAYSCALE) > 0
-    return read_rgb(paths.file("rgb")), np.load(paths.file("depth_mm")), observed
-
-
-@pytest.mark.gl
-def test_eevee_agrees_with_cycles(case, tmp_path):
-    """What raster shows is compared with Cycles in tests/blender/render."""
-    try:
-        engine_named("eevee").check()
-    except InputError as error:
-        pytest.skip(str(error))
-    for colour in COLOURS:
-        exact, view = (
-            some_view(case, tmp_path / colour / engine, engine=engine, colour=colour) for engine in ("cycles", "eevee")
-        )
-        assert np.count_nonzero((view[1] > 0) != (exact[1] > 0)) <= 3
-        # nothing more is painted, and nothing less but at the rim, where the lookup's weights are rounded to 1/256
-        assert np.count_nonzero(view[2] & ~exact[2]) <= 3
-        inner = cv2.erode(exact[2].astype(np.uint8), np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
-        assert view[2][inner].all()
-        assert np.abs(view[1] - exact[1])[inner].max() < 0.05
-        difference = np.abs(view[0] - exact[0])[inner]
-        assert difference.max() <= 8
-        assert difference.mean() < 0.5

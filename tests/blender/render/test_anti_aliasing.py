@@ -179,14 +179,3 @@ def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose
     assert np.array_equal(views[0].rgb, views[4].rgb)
     assert np.array_equal(views[2].rgb, again[0].rgb)
     assert np.array_equal(views[3].rgb, again[1].rgb)
-
-
-@pytest.mark.gl
-def test_a_rasteriser_s_samples_do_not_mix_with_the_background(stepped_mesh, frontal_pose, oblique_pose, source_from):
-    plain = np.full((*FRAME.shape_hw, 3), 0.75, np.float32)
-    source = source_from(stepped_mesh, plain, frontal_pose)
-    with opened_engine("eevee", ColouredSurface(source.mesh, source.views), VIEW, samples=8) as render:
-        view = render(FARTHER @ oblique_pose)
-    assert not view.rgb[~view.mask].any()
-    # where the frame saw the surface, some samples may be grey, but none black
-    assert view.rgb[view.mask].min() > NEUTRAL - 0.01

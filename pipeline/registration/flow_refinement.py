@@ -105,8 +105,10 @@ def refined_by_flow(
         if last or not shift_px > SETTLED_PX:
             inside = ((placed >= 0) & (placed <= np.array(camera.size_wh) - 1)).all(axis=1)
             residuals_px = np.where(flow.closes, np.linalg.norm(flow.moved - placed, axis=1), np.inf)
-            parts = placed, residuals_px, points, flow.moved, flow.codes
-            return FlowFit(pose, camera, *(each[inside] for each in parts), smooth=smooth)
+            placed, residuals_px, points, moved, codes = (
+                each[inside] for each in (placed, residuals_px, points, flow.moved, flow.codes)
+            )
+            return FlowFit(pose, camera, placed, residuals_px, points, moved, codes, smooth)
     return None
 
 

@@ -52,6 +52,15 @@ def test_a_case_from_a_ct(tmp_path):
         oneframe.make_case(tmp_path / "other", surface=tmp_path / "no.ply", **given)
 
 
+def test_the_name_of_a_file_may_be_text(write_tiny_case, tmp_path):
+    case = oneframe.read_case(str(write_tiny_case(tmp_path / "case")))
+    oneframe.write_case(f"{tmp_path}/case/again.toml", case)
+    assert oneframe.read_case(f"{tmp_path}/case/again.toml").camera == case.camera
+    for refused in (oneframe.check_dataset, oneframe.open_dataset, lambda folder: oneframe.pack_dataset(folder, "p")):
+        with pytest.raises(oneframe.InputError, match="expected"):
+            refused(f"{tmp_path}/none")
+
+
 def test_everything_public_is_documented_and_found_late():
     page = PAGE.read_text()
     assert set(re.findall(r"auto(?:function|exception):: (\w+)$", page, re.M)) == set(oneframe.__all__)

@@ -133,7 +133,7 @@ class Case:
         return files | {f"structure {structure.name}": structure.mesh for structure in self.structures}
 
 
-def read_case(path: Path, *, posed: bool = True) -> Case:
+def read_case(path: Path | str, *, posed: bool = True) -> Case:
     """Read and check a case file.
 
     Parameters
@@ -148,6 +148,7 @@ def read_case(path: Path, *, posed: bool = True) -> Case:
     InputError
         The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
+    path = Path(path)
     case = case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
     if posed and not case.posed:
         raise InputError(

@@ -25,7 +25,7 @@ from .landmarks import Landmark
 UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 
 
-def write_case(path: Path, case: Case, *, comment: str = "") -> None:
+def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
     """Write a case as TOML, whole or not at all.
 
     A pose that is replaced goes into the file's history; that of another frame or surface ends.
@@ -50,6 +50,7 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     OSError, RunError
         The file cannot be written.
     """
+    path = Path(path)
     check_outputs([case_output(path)], {name: file for name, file in case.input_files().items() if name != "case"})
     text = case_text(path, case, comment=comment)
     data = encoded(path, text)

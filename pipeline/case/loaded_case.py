@@ -10,6 +10,7 @@ from ..camera.pinhole import whereabouts
 from ..errors import InputError
 from ..files.keys import nearest_name
 from ..images.overlay import draw_overlay
+from ..poses.pose_file import OTHER_CONVENTION
 from ..projection.initial_pose import initial_pose
 from ..projection.overlay_scene import OverlayScene
 from ..surface.mesh import TriangleMesh
@@ -118,7 +119,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     if not case.posed and not aligned:
         guess = initial_pose(mesh, case.camera) @ inverse_rigid(mesh_from_model)
         case = replace(case, cam_from_mesh=guess, posed=True, alignment={"method": INITIAL_GUESS})
-        messages = [*messages, "the case has no pose: an initial guess is shown, not aligned"]
+        messages = [*messages, "the case has no pose and begins with an initial guess"]
     frames = tuple(load_posed_frame(frame, mesh_from_model, name=case.path.name) for frame in case.every_frame)
     cam_from_model = case.cam_from_mesh @ mesh_from_model
     doubt = size_doubt(extents_of(mesh), UNIT_OF[case.mm_per_unit], case.camera, case.mesh.name)
@@ -176,9 +177,7 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
     if not in_front.any():
         raise InputError(
             f"{name}: expected the surface in front of the camera, all of it is behind (depth {depth.min():.4g} to "
-            f"{depth.max():.4g} mm); cam_from_mesh maps the mesh to OpenCV axes (z forward): "
-            "invert the matrix if it is mesh_from_cam, negate its 2nd and 3rd row if its axes are OpenGL's, "
-            "and give mesh and translation in the same unit"
+            f"{depth.max():.4g} mm); {OTHER_CONVENTION}"
         )
     distance = float(np.median(depth[in_front]))
     if not NEAREST_MM <= distance <= FARTHEST_MM:

@@ -23,7 +23,7 @@ them over time.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    parser.add_argument("video", metavar="VIDEO", type=Path, help="any video that OpenCV opens")
+    parser.add_argument("video", metavar="VIDEO", type=Path, help="a video: MP4, MOV, MKV, WebM, AVI, ...")
     selection = parser.add_argument_group("selection")
     selection.add_argument(
         "--count",

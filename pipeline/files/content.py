@@ -56,7 +56,9 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
             raise InputError(f"{place}: expected {what}, cannot read {it} (no regular file); copy it to a file first")
         yield
     except FileNotFoundError:
-        raise InputError(f"{place}: expected {what}, {it} does not exist; correct the path") from None
+        # as TOML reads ".\frame.png"
+        advice = "write / in paths, not \\" if set(it) & set("\b\t\f\r") else "correct the path"
+        raise InputError(f"{place}: expected {what}, {it} does not exist; {advice}") from None
     except OSError as error:
         raise InputError(
             f"{place}: expected {what}, cannot read {it} ({error.strerror}); check its permissions"

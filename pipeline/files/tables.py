@@ -74,7 +74,7 @@ def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
         _check_integers(table)
         return table
     except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
-        raise InputError(f"{where}: expected TOML, found a mistake: {error}; correct it") from None
+        raise InputError(f"{where}: expected TOML, found a mistake: {error}; {_advice(content, error)}") from None
 
 
 def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
@@ -105,6 +105,14 @@ def check_levels(value: object) -> None:
             if isinstance(part, dict | list)
         ]
     raise ValueError(f"lists or tables more than {MOST_LEVELS} deep in one another")
+
+
+def _advice(content: str | bytes, error: Exception) -> str:
+    """What to do about TOML that cannot be read: mostly another encoding, or a path of Windows."""
+    if isinstance(error, UnicodeDecodeError):
+        return "save it as UTF-8"
+    backslash = ("\\" if isinstance(content, str) else b"\\") in content  # type: ignore[operator]
+    return "correct it; write / in paths, not \\" if backslash else "correct it"
 
 
 def _text(content: str | bytes) -> str:

@@ -57,8 +57,8 @@ class PackOptions:
 
 
 def pack_dataset(
-    root: Path,
-    out: Path,
+    root: Path | str,
+    out: Path | str,
     options: PackOptions | None = None,
     *,
     views: Sequence[int] | None = None,
@@ -87,6 +87,7 @@ def pack_dataset(
     RunError
         A view is damaged, or the pack cannot be written; finished shards are kept.
     """
+    root, out = Path(root), Path(out)
     options = options or PackOptions()
     views_per_shard, jpeg_quality = options.views_per_shard, options.jpeg_quality
     _check_folders(root, out)

@@ -22,6 +22,12 @@ LARGEST_LIST = 128 << 20
 FORMER_POSE_KEY = "cam_from_model"
 """The name of :data:`POSE_KEY` in files of version 0.1; readers accept it."""
 
+OTHER_CONVENTION = (
+    "cam_from_mesh maps the mesh to OpenCV axes (z forward): invert the matrix if it is mesh_from_cam, negate its 2nd "
+    "and 3rd row if its axes are OpenGL's, and give mesh and translation in the same unit"
+)
+"""What to do about poses that show nothing."""
+
 
 def pose_key(table: Mapping[str, object], where: str) -> str:
     """Find the key of the pose in a table; ``where`` begins the message, such as ``"case.toml: [pose] "``.
@@ -213,8 +219,8 @@ def read_frame_poses(
     Raises
     ------
     InputError
-        As for :func:`read_poses`; or the number of poses is not that of the frames, a frame is named twice or does not
-        exist, or no frame has a pose.
+        As for :func:`read_poses`; or the number of poses is not that of the frames, a frame is named twice, does not
+        exist or is an image of a folder, or no frame has a pose.
     """
     path = Path(path)
     entries = _by_frame(_listed(path), path.name, frames)
@@ -246,6 +252,8 @@ def _by_frame(found: list[Any], name: str, frames: int) -> dict[int, Any]:
         where = f"{name}: entry {index} (counted from 0)"
         if not isinstance(entry, dict) or "frame" not in entry:
             raise InputError(f"{where}: expected the key frame, as other entries have it")
+        if entry.get("image"):
+            raise InputError(f"{where}: expected a frame of the video, found an image of a folder; register the video")
         number = entry["frame"]
         if not (isinstance(number, float) and number.is_integer() and 0 <= number < frames):
             raise InputError(f"{where}: expected frame = 0 to {frames - 1}, found {number!r}")

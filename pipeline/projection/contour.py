@@ -17,9 +17,6 @@ STEP_MM = 1.0
 PIECE_PX = 4.0
 """Longest piece of an edge that is visible or hidden as a whole."""
 
-HIDDEN_MM = 0.3
-"""An edge is hidden if all depths around it are so much smaller than its own."""
-
 
 def visible_contours(
     edges: SilhouetteEdges, camera: PinholeCamera, cam_from_model: np.ndarray, depth_mm: np.ndarray
@@ -67,9 +64,9 @@ def visible_contours(
     # background is as far as can be
     around = np.where(around > 0, around, np.inf)
     farthest = around.max(axis=0)
-    visible = depth <= farthest + HIDDEN_MM
-    ending = visible & np.isinf(farthest)
-    step = visible & ~ending & (farthest - depth > STEP_MM)
+    # what is hidden has nothing farther around it
+    ending = np.isinf(farthest)
+    step = ~ending & (farthest - depth > STEP_MM)
     start, direction = start[inside], direction[inside]
     first, last = (
         np.stack([start[kept] + along[kept, end, None] * direction[kept] for end in (0, 1)], axis=1)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..errors import InputError
 from ..images.pixel_values import linear_from_codes
 from .view import View
 
@@ -28,6 +29,9 @@ class Background:
         height, width = linear.shape[:2]
         if len(self.images):
             image = self.images[int(rng.integers(len(self.images)))]
+            if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+                found = f"{image.dtype} {image.shape}"
+                raise InputError(f"Background: expected images (h, w, 3) of uint8 RGB, found {found}; convert them")
             factor = max(width / image.shape[1], height / image.shape[0])
             size_wh = max(width, round(factor * image.shape[1])), max(height, round(factor * image.shape[0]))
             large = cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..errors import InputError
 from ..images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
 from .view import View
 
@@ -23,6 +24,8 @@ _CODES = to_uint8(codes_from_linear(np.arange(65536) / 65535))
 """Light of each code, and the code of light in steps of a 20th of the darkest codes' or less."""
 LAYER_PX, LARGEST_PX = 0.5, 12.0
 """Steps of the blur by depth, and its most: standard deviations, px."""
+_LEAST = 1e-6
+"""Of what must be above 0."""
 _HIDDEN = np.float32(1e-4)
 """Weight of a colour where there is no other."""
 
@@ -52,6 +55,18 @@ def through_lens(view: View, effects: Sequence[Effect], seed: int) -> tuple[np.n
     return _CODES[(np.where(shown[..., None], linear, 0).clip(0, 1) * 65535 + 0.5).astype(np.uint16)], shown
 
 
+def _check_ranges(effect: object, **bounds: Range) -> None:
+    """Refuse what is no range of an effect within its bounds, without any 0 and infinity."""
+    for name, ends in vars(effect).items():
+        low, high = ends if np.shape(ends) == (2,) else (np.nan, np.nan)
+        least, most = bounds.get(name, (0, np.inf))
+        if not (least <= low <= high <= most and np.isfinite(high - low)):
+            raise InputError(
+                f"{type(effect).__name__}: {name}: expected two numbers from {least:g} to {most:g}, the smaller one "
+                f"first, found {ends!r}"
+            )
+
+
 @dataclass(frozen=True)
 class Defocus:
     """Blur by depth; that of an edge is its nearer side's.
@@ -66,6 +81,9 @@ class Defocus:
 
     px_per_mm: Range = (0.0, 0.1)
     focus: Range = (0.05, 0.95)
+
+    def __post_init__(self) -> None:
+        _check_ranges(self, focus=(0, 1))
 
     def __call__(self, linear: np.ndarray, view: View, rng: np.random.Generator) -> np.ndarray:
         """Apply the effect, see :data:`Effect`."""
@@ -110,6 +128,9 @@ class RoundView:
     off: Range = (-0.05, 0.05)
     darker: Range = (0.0, 0.4)
 
+    def __post_init__(self) -> None:
+        _check_ranges(self, radius=(_LEAST, np.inf), off=(-np.inf, np.inf), darker=(0, 1))
+
     def __call__(self, linear: np.ndarray, view: View, rng: np.random.Generator) -> np.ndarray:
         """Apply the effect, see :data:`Effect`."""
         height, width = linear.shape[:2]
@@ -133,6 +154,9 @@ class Exposure:
     gain: Range = (0.5, 2.0)
     white: Range = (0.85, 1.18)
 
+    def __post_init__(self) -> None:
+        _check_ranges(self, gain=(_LEAST, np.inf), white=(_LEAST, np.inf))
+
     def __call__(self, linear: np.ndarray, view: View, rng: np.random.Generator) -> np.ndarray:
         """Apply the effect, see :data:`Effect`."""
         low, high = np.log([self.gain, self.white, self.white]).T
@@ -152,6 +176,9 @@ class SensorNoise:
 
     shot: Range = (0.0, 0.005)
     read: Range = (0.0, 0.01)
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
 
     def __call__(self, linear: np.ndarray, view: View, rng: np.random.Generator) -> np.ndarray:
         """Apply the effect, see :data:`Effect`."""

@@ -322,8 +322,8 @@ def frame_files(frames: Path) -> dict[str, Path]:
 
 
 def image_paths(folder: Path) -> list[Path]:
-    """The images of a folder by their names."""
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES)
+    """The images of a folder by their names, without hidden ones such as ``._1.jpg``, which a Mac puts beside each."""
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES and not path.name.startswith("."))
 
 
 def small_frame(frame: PosedFrame, longer_side_px: int = LONGER_SIDE_PX) -> PosedFrame:

@@ -47,6 +47,8 @@ class FilmInfo:
         How much shorter the film is than its header promises; above 0 the file is cut off.
     span_s
         Time from the first of the chosen frames to the last.
+    hdr
+        Whether it is HDR (HLG or PQ), whose colours come out pale.
     """
 
     frames: int
@@ -56,6 +58,7 @@ class FilmInfo:
     unique_times: bool
     missing_s: float
     span_s: float = 0.0
+    hdr: bool = False
 
     @property
     def cut_off(self) -> str:
@@ -142,6 +145,7 @@ class Film:
             found["unique_times"],
             found["missing_s"],
             found["span_s"],
+            found["hdr"],
         )
         self.broken = False
         """Whether decoding ended before the end."""

@@ -36,9 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--noise-px", metavar="X", type=float, nargs="+", default=[1.0, 2.0, 4.0], help="true click noise"
     )
     parser.add_argument("--case", metavar="CASE.toml", type=Path)
-    parser.add_argument(
-        "--flatness", metavar="X", type=float, default=1.0, help="of the points of one solve with the image"
-    )
 
 
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
@@ -46,7 +43,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     cv2.setNumThreads(1)
     trials, noise_px = arguments.trials, arguments.noise_px
     report("landmarks and image in one solve: coverage of the 95 % region")
-    for said in coverages(box_trial, MICROSCOPE, trials, noise_px, flatness=arguments.flatness):
+    for said in coverages(box_trial, MICROSCOPE, trials, noise_px):
         report(said)
     sets: list[tuple[str, DrawTrial, PinholeCamera]] = [("random points", box_trial, MICROSCOPE)]
     if arguments.case:

@@ -1,4 +1,6 @@
-"""Films are decoded in the test's process, as in tests/video."""
+"""The tiny case, opened; films are decoded in the test's process, as in tests/video."""
+
+from pathlib import Path
 
 import pytest
 
@@ -8,3 +10,23 @@ from tests.video.conftest import decoded_here  # noqa: F401
 @pytest.fixture(autouse=True)
 def films_decoded_here(decoded_here):  # noqa: F811
     """A process for each film takes longer than its frames."""
+
+
+@pytest.fixture
+def case_path(write_tiny_case, tmp_path) -> Path:
+    return write_tiny_case(tmp_path / "case")
+
+
+@pytest.fixture
+def folder(write_tiny_case, tmp_path) -> Path:
+    """Its folder, with nothing above it."""
+    return write_tiny_case(tmp_path).parent
+
+
+@pytest.fixture
+def opened(addon, case_path):
+    """The scene of the case."""
+    import bpy
+
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    return bpy.context.scene

@@ -20,11 +20,6 @@ POINTS = [[1.25, -7.5, 41.0], [10.25, -7.5, 41.0], [1.25, -17.5, 41.0], [15.25, 
 
 
 @pytest.fixture
-def folder(write_tiny_case, tmp_path):
-    return write_tiny_case(tmp_path).parent
-
-
-@pytest.fixture
 def aligned(addon, folder):
     """The small case, aligned by pins in its frame; the pose is exactly theirs."""
     bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))

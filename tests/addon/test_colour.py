@@ -22,17 +22,6 @@ KINDS = ("images", "materials", "meshes", "objects", "scenes", "cameras", "node_
 BLENDERS_OWN = ("Render Result", "Viewer Node")
 
 
-@pytest.fixture
-def case_path(write_tiny_case, tmp_path):
-    return write_tiny_case(tmp_path / "case")
-
-
-@pytest.fixture
-def opened(addon, case_path):
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    return bpy.context.scene
-
-
 def blocks() -> Counter:
     """Number of data-blocks by type and base name."""
     found = ((kind, block.name.split(".")[0]) for kind in KINDS for block in getattr(bpy.data, kind))

@@ -31,12 +31,6 @@ def case_path(write_tiny_case, tmp_path):
     return path
 
 
-@pytest.fixture
-def opened(addon, case_path):
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    return bpy.context.scene
-
-
 def script_job(case_path, out):
     case = read_case(case_path)
     options = checked_options(case.dataset, "test")

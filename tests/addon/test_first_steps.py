@@ -18,11 +18,6 @@ from oneframe.case.case_writer import write_case
 from oneframe.transforms import transform_points
 
 
-@pytest.fixture
-def folder(write_tiny_case, tmp_path):
-    return write_tiny_case(tmp_path).parent
-
-
 def drop(folder, *names):
     bpy.ops.oneframe.drop_files(directory=str(folder), files=[{"name": name} for name in names])
     return bpy.context.scene.oneframe

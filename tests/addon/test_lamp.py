@@ -23,7 +23,7 @@ from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.transforms import inverse_rigid, transform_points
-from tests.addon.test_dataset import case_path, opened, refused, script_job  # noqa: F401
+from tests.addon.test_dataset import case_path, refused, script_job  # noqa: F401
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, SOURCE, photograph, seen_from, write_case
 from tests.video.surgical_film import write_film
@@ -82,7 +82,7 @@ def test_the_lamp_of_the_file_stays_to_the_last_digit(opened, case_path):  # noq
         ({"lamp_cam_mm": (0.0, 0.0, 345.0)}, "at most a quarter of the way to the surface"),
     ],
 )
-def test_a_lamp_out_of_range_is_refused(opened, change, message):  # noqa: F811
+def test_a_lamp_out_of_range_is_refused(opened, change, message):
     refused(bpy.ops.oneframe.set_lamp, message, **(LAMP | change))
     assert lamp_of(opened) is None
 
@@ -164,6 +164,6 @@ def test_the_lamp_is_found_by_the_films_frames_as_the_command_finds_it(addon, tm
     assert read_case(case).light == light
 
 
-def test_where_the_frame_tells_no_lamp_the_figures_say_so(opened):  # noqa: F811
+def test_where_the_frame_tells_no_lamp_the_figures_say_so(opened):
     refused(bpy.ops.oneframe.find_lamp, r"one frame does not tell .* explains \d+% .*; open its film and press")
     assert lamp_of(opened) is None

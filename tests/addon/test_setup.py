@@ -62,12 +62,6 @@ def case_path(write_tiny_case, tmp_path):
     return path
 
 
-@pytest.fixture
-def opened(addon, case_path):
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    return bpy.context.scene
-
-
 def updated_pose(scene):
     bpy.context.view_layer.update()
     return from_scene.cam_from_model(scene)

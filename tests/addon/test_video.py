@@ -33,11 +33,6 @@ def video(tmp_path_factory):
     return write_film(tmp_path_factory.mktemp("film") / "surgery.mkv", film)
 
 
-@pytest.fixture
-def case_path(write_tiny_case, tmp_path):
-    return write_tiny_case(tmp_path / "case")
-
-
 @pytest.fixture(scope="module")
 def scored():
     """Scores a film as the window does; a part of it only once."""

@@ -34,17 +34,11 @@ def test_undistorted_frame_is_opencvs(values):
     expected = cv2.undistort(image, CAMERA.k, np.array(values))
     assert undistorted.dtype == image.dtype
     assert inside.mean() > 0.75
+    content = cv2.undistort(np.ones(CAMERA.shape_hw, np.float32), CAMERA.k, np.array(values)) > 1 - 1e-6
+    assert np.count_nonzero(inside != content) < 10
     # OpenCV rounds its map to 1/32 pixel
     assert np.abs(undistorted - expected)[inside].max() < 1 / 32
     assert np.abs(undistorted - image)[inside].max() > 0.3
-
-
-def test_inside_is_where_opencv_finds_content():
-    values = (0.2, -0.05, 0.004, -0.003, 0.02)
-    _, inside = undistort(np.ones((120, 160, 1)), CAMERA, Distortion(*values))
-    expected = cv2.undistort(np.ones((120, 160), np.float32), CAMERA.k, np.array(values)) > 1 - 1e-6
-    assert np.count_nonzero(~inside) > 500
-    assert np.count_nonzero(inside != expected) < 10
 
 
 @given(coefficients)

@@ -186,6 +186,20 @@ def test_any_landmark_and_provenance_is_accepted_or_refused_with_a_message(tmp_p
 
 
 @pytest.mark.parametrize(
+    ("content", "advice"),
+    [
+        (b"units = 'Gr\xf6\xdfe'", "save it as UTF-8"),
+        (b'units = "C:\\Users"', r"write / in paths, not \\"),
+    ],
+)
+def test_what_an_editor_or_windows_writes_is_refused_with_advice(tmp_path, content, advice):
+    path = tmp_path / "case.toml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=advice):
+        read_case(path)
+
+
+@pytest.mark.parametrize(
     "content",
     [
         b"units = ",

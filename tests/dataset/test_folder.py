@@ -203,9 +203,6 @@ def test_a_dataset_grows_and_never_shrinks(tmp_path):
     with pytest.raises(RunError, match="holds a dataset of 300 views, and 3 are wanted: a dataset may grow, but no"):
         RunFolder(tmp_path, IDENTITY, WHOLE)
     assert tree(tmp_path) == before
-    along = {"options": {"views": 3}}
-    with pytest.raises(RunError, match="poses along a trajectory depend on the number of views"):
-        RunFolder(tmp_path, larger | along, WHOLE)
 
 
 def test_growth_that_was_stopped_is_taken_back_unless_views_exist(tmp_path, monkeypatch):

@@ -39,6 +39,8 @@ def test_command_line_goes_before_the_table_and_that_before_the_defaults():
     options = merged({"count": 7, "cone_deg": 30, "float_depth": True}, "--count", "9", "--sampler", "shell")
     assert options == DatasetOptions(count=9, cone_deg=30.0, float_depth=True, sampler="shell")
     assert merged({"video": True}, "--no-video").video is False
+    # also where the table alone is in conflict with a default
+    assert merged({"distance_min": 1.2}, "--distance-max", "1.3").distance_max == 1.3
 
 
 def test_write_names_every_array_that_an_option_asks_for():
@@ -107,10 +109,6 @@ def test_a_sampler_is_a_class_that_takes_its_options_and_the_docs_list_it():
 def test_poses_are_relative_to_the_case_in_its_table_but_not_in_a_command():
     assert merged({"poses": "poses.npy"}).poses == str(Path("folder/poses.npy"))
     assert merged({"poses": "poses.npy"}, "--poses", "other.npy").poses == "other.npy"
-
-
-def test_the_command_line_may_resolve_a_conflict_in_the_table():
-    assert merged({"distance_min": 1.2}, "--distance-max", "1.3").distance_max == 1.3
 
 
 @pytest.mark.parametrize(

@@ -220,6 +220,7 @@ ONE = np.eye(4).tolist()
         ([{"frame": 4, "cam_from_mesh": ONE}], "entry 0 .*frame = 0 to 3"),
         ([{"frame": 1, "cam_from_mesh": ONE}] * 2, "another one for frame 1"),
         ([{"frame": 1, "cam_from_mesh": ONE}, ONE], "entry 1 .*: expected the key frame"),
+        ([{"frame": 1, "image": "1.png", "cam_from_mesh": ONE}], "found an image of a folder; register the video"),
     ],
 )
 def test_poses_that_do_not_fit_the_frames_are_refused(tmp_path, listed, message):

@@ -58,6 +58,22 @@ def test_a_background_shows_where_the_view_has_nothing(view, rng, size):
     assert (through_lens(view, [Background([flat])], seed=5)[0][~view.mask] == flat[0, 0]).all()
 
 
+def test_what_is_no_range_and_no_picture_is_refused(view):
+    for effect, ends in (
+        (Defocus, (1, 0)),
+        (RoundView, (0, 1)),
+        (Exposure, (0, 0)),
+        (SensorNoise, (-1, 0)),
+        (SensorNoise, (0, np.nan)),
+        (Defocus, 2),
+    ):
+        with pytest.raises(InputError, match=f"^{effect.__name__}: .*: expected two numbers"):
+            effect(ends)
+    for image in (np.ones((4, 4, 3)), np.ones((4, 4), np.uint8), np.ones((4, 4, 4), np.uint8)):
+        with pytest.raises(InputError, match=r"^Background: expected images \(h, w, 3\) of uint8 RGB"):
+            through_lens(view, [Background([image])], seed=5)
+
+
 def test_an_exposure_is_undone_by_the_inverse_one(view, rng):
     linear = rng.random((*CAMERA.shape_hw, 3), np.float32)
     brighter = Exposure((1.7, 1.7), (1.1, 1.1))(linear, view, rng)

@@ -372,6 +372,8 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     unusable["x wide"] = encode_png(np.zeros((240, 640, 3), np.uint8))
     for name, content in unusable.items():
         (folder / f"{name}.png").write_bytes(content)
+    # a Mac's, passed over
+    (folder / "._0.png").write_bytes(b"\0\5\x16\7")
     write_case(tmp_path, mesh, SOURCE)
     for name, options, reasons in (
         ("frames", (), ("an empty file", "cut off", "expected the proportions")),

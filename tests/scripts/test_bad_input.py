@@ -84,6 +84,7 @@ def test_a_frame_of_another_size_than_the_cameras_is_refused(case):
 # --- frame, surface and pose together -------------------------------------------------------------------------------
 
 MISFITS = {
+    "a path of Windows": (('"frame.png"', r'".\frame.png"'), r"does not exist; write / in paths, not \\$"),
     "behind": (("-1, 340]", "-1, -340]"), "surface in front of the camera, all of it is behind .*mesh_from_cam"),
     "beside": (
         ("-12]", "150]"),
@@ -119,6 +120,10 @@ def test_explicit_poses_that_miss_the_surface_are_rendered_and_reported(case, tm
     np.save(tmp_path / "poses.npy", away[None])
     messages = run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
     assert "no view shows any surface" in messages
+    assert "poses: the first 1 show no surface; cam_from_mesh maps the mesh to OpenCV axes" in messages
+    np.save(tmp_path / "poses.npy", (np.diag([1.0, -1, -1, 1]) @ read_case(case).cam_from_mesh)[None])
+    with pytest.raises(InputError, match=r"^poses: expected the surface in front of the camera, .*negate its 2nd"):
+        run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
 
 
 def test_a_rasteriser_without_opengl_is_refused(case, tmp_path, render_command, run_command):

@@ -78,6 +78,12 @@ def test_a_film_that_begins_late_is_not_cut_off(tmp_path, suffix):
         assert [number_of(frame.image) for frame in film] == list(range(60))
 
 
+@pytest.mark.parametrize(("transfer", "is_hdr"), [("arib-std-b67", True), ("smpte2084", True), ("bt709", False)])
+def test_a_film_with_the_transfer_of_hdr_is_known(tmp_path, transfer, is_hdr):
+    with Film(write_frames(tmp_path / "film.mp4", 2, color_trc=transfer)) as film:
+        assert film.info.hdr == is_hdr
+
+
 COLOURS = [
     *[("libx264", "yuv420p", matrix, stated) for matrix in (1, 2, 5, 6, 7, 9) for stated in (1, 2)],
     ("libx264", "yuv444p", 1, 1), ("libx265", "yuv420p10le", 9, 1), ("libx264", "yuvj420p", 2, 2),

@@ -9,12 +9,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from hands import Action
-from mathutils import Quaternion
-from user import User
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.dataset import background_job
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector
@@ -22,6 +16,9 @@ from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
 from bl_ext.user_default.oneframe.video import session
 from bl_ext.user_default.oneframe.view.zoom import STATUS_PX
+from hands import Action
+from mathutils import Quaternion
+from user import User
 
 operators: Any = bpy.ops
 """With the add-on's own, which Blender's type stubs do not know."""

@@ -24,6 +24,8 @@ import user as at_window
 
 def play(settings: dict) -> at_window.Action:
     """The scenario, from the first draw of the window."""
+    # a scenario imports what it needs of the add-on
+    bpy.ops.preferences.addon_enable(module=at_window.PACKAGE)
     user = at_window.User(Path(settings["case"]), Path(settings["folder"]), Path(settings["pictures"]))
     specification = importlib.util.spec_from_file_location("scenario", settings["scenario"])
     module = importlib.util.module_from_spec(specification)

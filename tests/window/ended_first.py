@@ -4,9 +4,6 @@ import json
 
 import bpy
 import x11
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.case_queue import queued
 from bl_ext.user_default.oneframe.setup import autosave
 from bl_ext.user_default.oneframe.state import from_scene
@@ -21,8 +18,7 @@ def scenario(user):
     files = [{"name": f"later_{number:02}.png"} for number in range(1, FRAMES)]
     for file in files:
         (user.folder / file["name"]).write_bytes((user.case.parent / "frame.png").read_bytes())
-    with user.context():
-        bpy.ops.oneframe.queue_frames("EXEC_DEFAULT", True, directory=str(user.folder), files=files)
+    user.call("queue_frames", "EXEC_DEFAULT", True, directory=str(user.folder), files=files)
     assert len(queued.queue_of(scene)) == FRAMES
     # what is kept at the end, it alone
     bpy.app.timers.unregister(autosave._tick)

@@ -5,9 +5,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.setup import autosave
 from bl_ext.user_default.oneframe.setup.case_in_scene import unsaved_parts
@@ -33,7 +30,6 @@ def scenario(user):
         )
         assert np.array_equal(found, pose), path
     assert unsaved_parts(scene) == ("pose", "landmarks")
-    with user.context():
-        bpy.ops.oneframe.save_case(filepath=scene.oneframe.case_path)
+    user.call("save_case", filepath=scene.oneframe.case_path)
     assert unsaved_parts(scene) == ()
     assert not left.exists()

@@ -1,25 +1,16 @@
 """From a CT to the drilled surface by hand: slices, threshold, surface, strokes of the drill; the brush of the mask."""
 
-from importlib import import_module
-
-import addon_utils
-import bpy
 import numpy as np
 from mathutils import Matrix, Vector
+from user import part
 
-PACKAGE = "bl_ext.user_default.oneframe"
 SIZE, SPACING = (49, 49, 45), 0.6
 MIDDLE = (np.array(SIZE) - 1) * SPACING / 2
-
-
-def part(name):
-    return import_module(f"{PACKAGE}.{name}")
 
 
 def scenario(user):
     path = user.folder / "ct.mha"
     written_ct(path)
-    addon_utils.enable(PACKAGE)
     yield from user.open_sidebar("OneFrame")
     yield from user.show_step("ct")
     yield from user.press("open_ct")
@@ -66,14 +57,12 @@ def scenario(user):
 
     # undo takes the pictures of the slices away, which show again
     zooms = [area.spaces.active.zoom[0] for area in areas.slice_areas(user.window.screen)]
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: user.window.scene.oneframe.surface is None, "undo")
+    yield from user.undo(lambda: user.window.scene.oneframe.surface is None, "undo")
     yield from user.until(lambda: len(areas.slice_areas(user.window.screen)) == 3, "the slices again", 30)
     yield 1.0
     again = [area.spaces.active.zoom[0] for area in areas.slice_areas(user.window.screen)]
     np.testing.assert_allclose(again, zooms, rtol=0.01)
-    yield from user.key("Z", user.middle(), ctrl=True, shift=True)
-    yield from user.until(lambda: user.window.scene.oneframe.surface is not None, "redo")
+    yield from user.redo(lambda: user.window.scene.oneframe.surface is not None, "redo")
     scene = user.window.scene
 
     # a stroke from the patient's left, undo and redo
@@ -86,12 +75,10 @@ def scenario(user):
     yield from user.until(lambda: strokes(user) == 1, "a stroke")
     yield from user.picture("3_drilled")
     drilled = blocks(user)
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: strokes(user) == 0, "no stroke after undo")
+    yield from user.undo(lambda: strokes(user) == 0, "no stroke after undo")
     assert session.of(user.window.scene) is not None
     assert blocks(user) != drilled
-    yield from user.key("Z", user.middle(), ctrl=True, shift=True)
-    yield from user.until(lambda: strokes(user) == 1, "the stroke after redo")
+    yield from user.redo(lambda: strokes(user) == 1, "the stroke after redo")
     assert blocks(user) == drilled
 
     # Esc takes back a stroke that is being drawn
@@ -125,8 +112,7 @@ def scenario(user):
     assert "0 mm³, not kept: no bone" in session.of(user.window.scene).said
 
     faces = len(user.window.scene.oneframe.surface.data.polygons)
-    with user.context():
-        bpy.ops.oneframe.make_surface("INVOKE_DEFAULT")
+    user.call("make_surface", "INVOKE_DEFAULT")
     # what is pressed meanwhile does nothing, and the header says so
     user.event("LEFTMOUSE", "PRESS", places[0])
     user.event("LEFTMOUSE", "RELEASE", places[0])
@@ -135,9 +121,8 @@ def scenario(user):
     assert len(user.window.scene.oneframe.surface.data.polygons) != faces
 
     scene = user.window.scene
-    with user.context():
-        bpy.ops.oneframe.load_frame(True, filepath=str(user.case.parent / "frame.png"))
-        bpy.ops.oneframe.load_camera(True, filepath=str(user.case))
+    user.call("load_frame", True, filepath=str(user.case.parent / "frame.png"))
+    user.call("load_camera", True, filepath=str(user.case))
     yield from painting(user)
     yield from user.picture("4_masked_frame")
 
@@ -153,9 +138,7 @@ def painting(user):
         yield from user.drag(user.of_pixel(*start), user.of_pixel(*end), **modifiers)
         yield from user.until(lambda: user.window.scene.oneframe.frame_path != before, "the painted mask", 20)
 
-    with user.context():
-        bpy.ops.wm.tool_set_by_id(name="oneframe.mask_tool")
-    yield from user.redraw()
+    yield from user.take_tool("oneframe.mask_tool")
     untouched = shown()
     yield from stroke((500, 200), (700, 300))
     strip = shown()

@@ -8,9 +8,6 @@ import itertools
 
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.pipeline.camera.pinhole import PinholeCamera
 from bl_ext.user_default.oneframe.pipeline.case.case_file import Case
 from bl_ext.user_default.oneframe.pipeline.case.case_writer import write_case

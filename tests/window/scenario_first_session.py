@@ -4,9 +4,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.pipeline.transforms import transform_points

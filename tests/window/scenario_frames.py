@@ -2,20 +2,15 @@
 
 from importlib import import_module
 
-import addon_utils
 import bpy
 import numpy as np
 import x11
+from user import part
 
 WINDOW = 1024, 640
-PACKAGE = "bl_ext.user_default.oneframe"
 COUNT, LOST = 6, 5
 DRAWN = 0.005
 """Share of a picture's pixels that clearly differ where surface or structures are drawn over it."""
-
-
-def part(name):
-    return import_module(f"{PACKAGE}.{name}")
 
 
 def pose(user):
@@ -23,13 +18,11 @@ def pose(user):
 
 
 def scenario(user):
-    addon_utils.enable(PACKAGE)
     yield from user.open_case()
     yield from user.open_sidebar("OneFrame")
     yield from user.show_step("frames")
-    with user.context():
-        bpy.ops.oneframe.open_video("EXEC_DEFAULT", True, filepath=str(user.case.with_name("film.avi")))
-        bpy.ops.oneframe.case_frame()
+    user.call("open_video", "EXEC_DEFAULT", True, filepath=str(user.case.with_name("film.avi")))
+    user.call("case_frame")
     before = pose(user)
     yield from see(user, 2, "0_not_registered", alone=True)
     yield from user.key("ESC", user.middle())

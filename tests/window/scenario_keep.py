@@ -3,9 +3,6 @@
 from pathlib import Path
 
 import bpy
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.dataset import background_job
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.refine.status_line import status
@@ -13,8 +10,7 @@ from bl_ext.user_default.oneframe.setup.case_in_scene import unsaved_parts
 
 
 def scenario(user):
-    with user.context():
-        bpy.ops.oneframe.open_case(filepath=str(user.case))
+    user.call("open_case", filepath=str(user.case))
     # of the workbench
     scene = user.window.scene
     settings = scene.oneframe
@@ -29,17 +25,14 @@ def scenario(user):
     yield from user.key("ESC", user.middle())
     yield from user.until(lambda: not user.window.modal_operators, "the end of the operator")
     assert "oneframe_colour" not in surface
-    with user.context():
-        bpy.ops.oneframe.project_colour("INVOKE_DEFAULT", mode="texture")
+    user.call("project_colour", "INVOKE_DEFAULT", mode="texture")
     yield from user.until(lambda: "oneframe_colour" in surface, "the colours")
     assert bpy.data.is_dirty, "colours are a change that Blender asks about before it quits"
-    with user.context():
-        bpy.ops.oneframe.preview_view()
+    user.call("preview_view")
     assert not [image.name for image in bpy.data.images if image.is_dirty]
 
     # another case: a question, however it would be opened; Return and Escape are safe answers, and leave no dialog
-    with user.context():
-        bpy.ops.oneframe.nudge("INVOKE_DEFAULT", axis="x")
+    user.call("nudge", "INVOKE_DEFAULT", axis="x")
     assert unsaved_parts(scene) == ("pose",)
     dropped = {"directory": str(user.case.parent), "files": [{"name": user.case.name}]}
     for operator, settings_of, answer in (
@@ -48,16 +41,14 @@ def scenario(user):
         ("open_sample", {}, "RET"),
         ("drop_files", dropped, "RET"),
     ):
-        with user.context():
-            getattr(bpy.ops.oneframe, operator)("INVOKE_DEFAULT", **settings_of)
+        user.call(operator, "INVOKE_DEFAULT", **settings_of)
         yield 0.5
         yield from user.key(answer)
         yield 0.5
         assert unsaved_parts(user.window.scene) == ("pose",), operator
         assert not [area for area in user.window.screen.areas if area.type == "FILE_BROWSER"], operator
     # the key that its button underlines
-    with user.context():
-        bpy.ops.oneframe.drop_files("INVOKE_DEFAULT", **dropped)
+    user.call("drop_files", "INVOKE_DEFAULT", **dropped)
     yield 0.5
     yield from user.key("O")
     yield from user.until(lambda: not unsaved_parts(user.window.scene), "the case as its file has it")
@@ -65,8 +56,7 @@ def scenario(user):
     # a run renders a snapshot, and keeps the file "modified" even after it has been saved
     settings.dataset_out = str(user.folder / "dataset")
     settings.dataset.count = 2000
-    with user.context():
-        bpy.ops.oneframe.render_dataset()
+    user.call("render_dataset")
     bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "work.blend"))
     yield from user.until(lambda: bpy.data.is_dirty, "the mark of a running job")
     yield from user.key("Q", user.middle(), ctrl=True)
@@ -76,13 +66,11 @@ def scenario(user):
     yield from user.key("ESC")
     yield 0.3
     assert background_job.current().check(), "the run goes on until the user answers"
-    with user.context():
-        bpy.ops.oneframe.cancel_dataset()
+    user.call("cancel_dataset")
     yield from user.until(lambda: not background_job.current().running, "the end of the run")
 
     # dialogs begin beside the case
-    with user.context():
-        bpy.ops.oneframe.load_surface("INVOKE_DEFAULT")
+    user.call("load_surface", "INVOKE_DEFAULT")
     selector = yield from user.file_selector()
     assert Path(selector.spaces.active.params.directory.decode()) == user.case.parent
     yield from user.leave_file_selector()
@@ -90,12 +78,10 @@ def scenario(user):
     # a pose that nobody has aligned: asked about, Return is the safe answer
     surface = user.folder / "bone.ply"
     surface.write_bytes((user.case.parent / "surface.ply").read_bytes())
-    with user.context():
-        bpy.ops.oneframe.load_surface(filepath=str(surface))
+    user.call("load_surface", filepath=str(surface))
     for answer in ("RET", "S"):
         assert all(area.type != "FILE_BROWSER" for area in user.window.screen.areas), "Return asks for no file"
-        with user.context():
-            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")
+        user.call("save_case", "INVOKE_DEFAULT")
         yield 0.7
         yield from user.key(answer)
         yield 0.7

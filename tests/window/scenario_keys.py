@@ -3,9 +3,6 @@
 import bpy
 import numpy as np
 import x11
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_reader import read_mesh
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
 from bl_ext.user_default.oneframe.state import from_scene
@@ -16,8 +13,7 @@ def scenario(user):
     # the first file changes the workspace, which must not take the question with it
     mesh, _ = read_mesh(user.case.parent / "surface.ply")
     write_ply(user.folder / "metres.ply", mesh.scaled(1e-3))
-    with user.context():
-        bpy.ops.oneframe.load_surface(filepath=str(user.folder / "metres.ply"))
+    user.call("load_surface", filepath=str(user.folder / "metres.ply"))
     yield from user.at_workbench()
     yield 0.5
     yield from user.key("RET")
@@ -26,7 +22,7 @@ def scenario(user):
     yield from user.open_case()
     user.plain_view()
     scene = user.window.scene
-    yield from choose(user, MOVE_TOOL)
+    yield from user.take_tool(MOVE_TOOL)
     start = from_scene.cam_from_model(scene)
     yield from user.key("PAGE_DOWN", user.middle(), ctrl=True)
     yield from user.until(lambda: "oneframe_workspace" not in user.window.workspace, "Blender's next workspace", 20)
@@ -44,7 +40,7 @@ def scenario(user):
     yield from user.until(lambda: from_scene.cam_from_model(scene)[2, 3] > start, "a step away", 20)
 
     # ring and number follow the key, though the pointer rests
-    yield from choose(user, MASK_TOOL)
+    yield from user.take_tool(MASK_TOOL)
     yield from user.move(user.middle())
     before = yield from user.look()
     size = scene.oneframe.mask_brush_px
@@ -58,12 +54,6 @@ def scenario(user):
     top = user.window.height - header.y - header.height
     assert around.any(), "the ring"
     assert changed[top : top + header.height].any(), "the number in the header"
-
-
-def choose(user, tool):
-    with user.context():
-        bpy.ops.wm.tool_set_by_id(name=tool)
-    yield from user.redraw()
 
 
 def close_second_window():

@@ -3,9 +3,6 @@
 import addon_utils
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.landmarks import solve
 from bl_ext.user_default.oneframe.landmarks.tool import TOOL
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
@@ -68,10 +65,8 @@ def pull(user, points):
         on_screen = errors_px(points)[:count] * frame_view(user).magnification
         assert on_screen.max() < 2.5, (count, before, on_screen)
     pose = from_scene.cam_from_model(bpy.context.scene)
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: len(entries()) == len(points) - 1, "a pin undone")
-    yield from user.key("Z", user.middle(), ctrl=True, shift=True)
-    yield from user.until(lambda: len(entries()) == len(points), "a pin redone")
+    yield from user.undo(lambda: len(entries()) == len(points) - 1, "a pin undone")
+    yield from user.redo(lambda: len(entries()) == len(points), "a pin redone")
     yield from user.until(lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "its pose redone")
 
 

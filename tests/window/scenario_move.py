@@ -2,9 +2,6 @@
 
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.state.pose import pivot_of
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
@@ -14,9 +11,7 @@ from bl_ext.user_default.oneframe.ui.keymap import MOVE_TOOL
 def scenario(user):
     yield from user.open_case()
     user.plain_view()
-    with user.context():
-        bpy.ops.wm.tool_set_by_id(name=MOVE_TOOL)
-    yield from user.redraw()
+    yield from user.take_tool(MOVE_TOOL)
     start = pose()
 
     yield from user.move(user.middle())
@@ -27,8 +22,7 @@ def scenario(user):
     user.event("RIGHT_ARROW", "RELEASE")
     yield from user.until(lambda: moved(start)[0] > 2.5, "three steps to the right")
     assert np.allclose(moved(start), [3, 0], atol=1e-6)
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: np.array_equal(pose(), start), "all of them undone at once")
+    yield from user.undo(lambda: np.array_equal(pose(), start), "all of them undone at once")
 
     middle = user.middle()
     for mode, held, path, expected in (
@@ -43,8 +37,7 @@ def scenario(user):
         assert np.allclose(moved(start), np.array(expected) / per_px, atol=1.5 / per_px), (mode, moved(start))
         if mode == "depth":
             assert pose()[2, 3] > start[2, 3], "dragged up, the surface moves away"
-        yield from user.key("Z", user.middle(), ctrl=True)
-        yield from user.until(lambda: np.array_equal(pose(), start), f"the drag undone ({mode})")
+        yield from user.undo(lambda: np.array_equal(pose(), start), f"the drag undone ({mode})")
 
     yield from user.move(middle)
     user.event("LEFTMOUSE", "PRESS", middle)

@@ -2,9 +2,6 @@
 
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.case_queue import queued
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.pipeline.case.case_history import earlier_poses
@@ -23,8 +20,7 @@ def scenario(user):
     files = [{"name": f"taken_{number}.png"} for number in range(1, FRAMES)]
     for file in files:
         (user.folder / file["name"]).write_bytes((user.case.parent / "frame.png").read_bytes())
-    with user.context():
-        bpy.ops.oneframe.queue_frames("EXEC_DEFAULT", True, directory=str(user.folder), files=files)
+    user.call("queue_frames", "EXEC_DEFAULT", True, directory=str(user.folder), files=files)
     entries, zoom = queued.queue_of(scene), user.view.view_camera_zoom
     assert len(entries) == FRAMES
     yield from user.redraw()
@@ -70,14 +66,12 @@ def over_a_checked_pose(user, path):
     yield from user.until(lambda: at() == here + 1, "the next frame after Replace")
     assert read_case(path).alignment["method"] == "pins"
     assert "checked" in earlier_poses(path)[0].alignment
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: at() == here, "the frame before, by undo")
+    yield from user.undo(lambda: at() == here, "the frame before, by undo")
     assert path.read_bytes() == text
     assert np.allclose(pose(), moved, atol=1e-9)
     yield autosave.PERIOD_S + 1
     assert autosave.aside(path).exists()
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: np.array_equal(pose(), kept), "the checked pose, by undo")
+    yield from user.undo(lambda: np.array_equal(pose(), kept), "the checked pose, by undo")
     yield autosave.PERIOD_S + 1
     assert not autosave.aside(path).exists()
 

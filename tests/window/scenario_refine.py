@@ -2,9 +2,6 @@
 
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.images.image_reader import read_image
 from bl_ext.user_default.oneframe.pipeline.images.pixel_values import to_uint8
@@ -34,8 +31,7 @@ def scenario(user):
     mirrored = user.folder / "mirrored.png"
     image = to_uint8(read_image(user.case.parent / "frame.png")[0])[:, ::-1]
     mirrored.write_bytes(encode_png(np.ascontiguousarray(image)))
-    with user.context():
-        bpy.ops.oneframe.load_frame(True, filepath=str(mirrored))
+    user.call("load_frame", True, filepath=str(mirrored))
     refused = yield from preview(user, start)
     yield from user.picture("1_refused")
     yield from user.key("RET")
@@ -44,8 +40,7 @@ def scenario(user):
     assert np.array_equal(pose(), start)
     assert pose_record(scene)["method"] == "another frame"
     yield from user.move(user.middle())
-    with user.context():
-        bpy.ops.oneframe.take_refused("INVOKE_DEFAULT", True)
+    user.call("take_refused", "INVOKE_DEFAULT", True)
     yield from user.until(lambda: np.array_equal(pose(), refused), "the refused pose once more")
     yield from user.key("RET", user.middle(), ctrl=True)
     yield from user.until(lambda: "refused" in pose_record(bpy.context.scene), "the refused pose taken")

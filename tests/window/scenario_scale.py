@@ -2,9 +2,6 @@
 
 import bpy
 import numpy as np
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.frames import band
 from bl_ext.user_default.oneframe.landmarks import loupe, tool
 from bl_ext.user_default.oneframe.ui.keymap import LANDMARK_TOOL, MOVE_TOOL
@@ -28,8 +25,7 @@ def scenario(user):
     watch_texts(user)
     yield from user.redraw()
     for name, places in ((LANDMARK_TOOL, ((0.5, 0.4), (0.95, 0.1), (0.05, 0.1))), (MOVE_TOOL, ((0.5, 0.5),))):
-        with user.context():
-            bpy.ops.wm.tool_set_by_id(name=name)
+        yield from user.take_tool(name)
         for place in places:
             low, high = free_rectangle(user.area)
             x, y = low + np.array(place) * (high - low)
@@ -51,8 +47,7 @@ def scenario(user):
     yield from user.key("ESC")
     bpy.context.scene.oneframe.surface.scale = 1.0, 1.0, 1.0
 
-    with user.context():
-        bpy.ops.oneframe.open_video("INVOKE_DEFAULT", filepath=str(user.case.with_name("film.avi")))
+    user.call("open_video", "INVOKE_DEFAULT", filepath=str(user.case.with_name("film.avi")))
     yield from user.until(lambda: session.of(user.window.scene) is not None, "the film")
     TEXTS.clear()
     yield from user.redraw()

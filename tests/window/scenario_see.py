@@ -6,9 +6,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 import x11
-
-bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
-
 from bl_ext.user_default.oneframe.landmarks import loupe
 from bl_ext.user_default.oneframe.pipeline.images.image_reader import read_image
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
@@ -130,8 +127,7 @@ def shown(user):
 
 def magnify(user, scene):
     """The loupe shows the file's picture, enlarged about exactly the pixel under the pointer."""
-    with user.context():
-        bpy.ops.wm.tool_set_by_id(name=loupe.TOOL)
+    yield from user.take_tool(loupe.TOOL)
     image, _ = read_image(Path(bpy.path.abspath(scene.oneframe.frame_path)))
     size = loupe.size_in(user.area)
     region, best = user.region(), []
@@ -154,8 +150,7 @@ def magnify(user, scene):
     user.facts["loupe"] = best
     assert all(shift == (0.0, 0.0) and error < 2 for shift, error in best), best
     yield from in_a_second_window(user)
-    with user.context():
-        bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
+    yield from user.take_tool(PIN_TOOL)
 
 
 def in_a_second_window(user):

@@ -2,12 +2,11 @@
 
 from importlib import import_module
 
-import addon_utils
 import bpy
 import numpy as np
 import x11
+from user import part
 
-PACKAGE = "bl_ext.user_default.oneframe"
 KINDS = ("clear", "tool", "clear", "blur", "clear", "glare", "clear")
 EACH = 7
 SIZE_WH = 480, 360
@@ -15,12 +14,7 @@ SAME = 12
 """Code values by which the picture of the window may differ from the film on average: it is scaled."""
 
 
-def part(name):
-    return import_module(f"{PACKAGE}.{name}")
-
-
 def scenario(user):
-    addon_utils.enable(PACKAGE)
     path = user.folder / "surgery.avi"
     written_film(path, user.case.parent / "frame.png")
     yield from alone(user, path)
@@ -46,8 +40,7 @@ def alone(user, path):
     """Before there is a case: the best frame fills the view over the strip."""
     session = part("video.session")
     for stopped in (True, False):
-        with user.context():
-            bpy.ops.oneframe.open_video("INVOKE_DEFAULT", filepath=str(path))
+        user.call("open_video", "INVOKE_DEFAULT", filepath=str(path))
         assert len(user.window.modal_operators) == 1, "it is scored in the background"
         if stopped:
             yield from user.key("ESC")
@@ -80,9 +73,8 @@ def set_up(user):
     part("pipeline.surface.mesh_writer").write_ply(mesh, part("pipeline.surface.mesh").TriangleMesh(points, faces))
     typed = scene.oneframe.camera
     typed.fx = typed.fy = "1500"
-    with user.context():
-        bpy.ops.oneframe.set_camera("EXEC_DEFAULT", True)
-        bpy.ops.oneframe.load_surface("EXEC_DEFAULT", True, filepath=str(mesh))
+    user.call("set_camera", "EXEC_DEFAULT", True)
+    user.call("load_surface", "EXEC_DEFAULT", True, filepath=str(mesh))
     yield from user.at_workbench()
 
 
@@ -193,8 +185,7 @@ def keys(user, film):
     yield from user.key("RIGHT_ARROW", user.middle())
     yield from user.until(lambda: (placed(user) != pose).any(), "a nudge of the surface")
     assert film.shown == shown + 1
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: np.allclose(placed(user), pose), "the pose after undo")
+    yield from user.undo(lambda: np.allclose(placed(user), pose), "the pose after undo")
 
 
 def take(user, film):
@@ -205,6 +196,5 @@ def take(user, film):
     yield from user.until(lambda: user.window.scene.oneframe.frame_path != before, "another frame", 30)
     assert user.window.scene.oneframe.frame_path.endswith("surgery_frame_000008.png")
     assert not part("video.shown_frame").is_shown(user.window.scene)
-    yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: user.window.scene.oneframe.frame_path == before, "the frame before")
+    yield from user.undo(lambda: user.window.scene.oneframe.frame_path == before, "the frame before")
     assert part("video.session").of(user.window.scene) is film

@@ -1,14 +1,11 @@
 """The add-on works in a workspace and a scene of its own; the user's come back as they were."""
 
 import bpy
-
-PACKAGE = "bl_ext.user_default.oneframe"
-bpy.ops.preferences.addon_enable(module=PACKAGE)
-
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
 from bl_ext.user_default.oneframe.view.zoom import free_rectangle
+from user import PACKAGE
 
 
 def scenario(user):
@@ -19,19 +16,16 @@ def scenario(user):
     bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "users.blend"), copy=True)
 
     # a new file, frame, typed K, surface: the default cube hides nothing
-    with user.context():
-        bpy.ops.oneframe.load_frame("EXEC_DEFAULT", True, filepath=str(user.case.parent / "frame.png"))
+    user.call("load_frame", "EXEC_DEFAULT", True, filepath=str(user.case.parent / "frame.png"))
     yield from user.at_workbench()
     true = read_case(user.case).camera
     typed = bpy.context.scene.oneframe.camera
     typed.fx = typed.fy = repr(true.fx)
-    with user.context():
-        bpy.ops.oneframe.set_camera("EXEC_DEFAULT", True)
+    user.call("set_camera", "EXEC_DEFAULT", True)
     yield 0.5
     yield from user.redraw()
     assert_frame_is_free(user)
-    with user.context():
-        bpy.ops.oneframe.load_surface("EXEC_DEFAULT", True, filepath=str(user.case.parent / "surface.ply"))
+    user.call("load_surface", "EXEC_DEFAULT", True, filepath=str(user.case.parent / "surface.ply"))
     yield from user.redraw()
     yield from user.open_case()
     assert len(bpy.data.scenes) == 2
@@ -76,8 +70,7 @@ def workspaces():
 
 def side_by_side(user):
     """Two pictures of one size beside one sidebar; the same button closes the second."""
-    with user.context():
-        bpy.ops.oneframe.side_by_side()
+    user.call("side_by_side")
     yield 0.5
     views = sorted((area for area in user.window.screen.areas if area.type == "VIEW_3D"), key=lambda area: area.x)
     yield from user.picture("side_by_side")

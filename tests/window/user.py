@@ -3,14 +3,22 @@
 Every action that takes time is a generator, to be run with ``yield from``: see :mod:`hands`.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 import numpy as np
 import x11
 from hands import HOVER_S, Action, Hands
+
+PACKAGE = "bl_ext.user_default.oneframe"
+
+
+def part(name: str) -> ModuleType:
+    """A module of the installed add-on, by its name in it."""
+    return import_module(f"{PACKAGE}.{name}")
 
 
 class User(Hands):
@@ -53,7 +61,7 @@ class User(Hands):
 
     def show_step(self, step: str, *, parts: bool = False) -> Action:
         """Open a step of the work, and its parts that are closed at first if wanted."""
-        steps = import_module("bl_ext.user_default.oneframe.ui.step_panel")
+        steps = part("ui.step_panel")
         steps.show(bpy.context.scene, step)
         for panel in steps.PartPanel.__subclasses__() if parts else ():
             if "DEFAULT_CLOSED" in vars(panel).get("bl_options", ()):
@@ -68,6 +76,27 @@ class User(Hands):
         with self.context("UI"):
             getattr(bpy.ops.oneframe, name)("INVOKE_DEFAULT", True, **settings)
         yield HOVER_S
+
+    def call(self, name: str, *how: object, **settings: object) -> set[str]:
+        """Call an operator of the add-on in the 3D view; ``how``: its context and whether it is an undo step."""
+        with self.context():
+            return getattr(bpy.ops.oneframe, name)(*how, **settings)
+
+    def take_tool(self, name: str) -> Action:
+        """Choose a tool of the toolbar."""
+        with self.context():
+            bpy.ops.wm.tool_set_by_id(name=name)
+        yield from self.redraw()
+
+    def undo(self, condition: Callable[[], object], what: str) -> Action:
+        """Undo a step by its key, and wait as :meth:`until` does."""
+        yield from self.key("Z", self.middle(), ctrl=True)
+        yield from self.until(condition, what)
+
+    def redo(self, condition: Callable[[], object], what: str) -> Action:
+        """The same the other way."""
+        yield from self.key("Z", self.middle(), ctrl=True, shift=True)
+        yield from self.until(condition, what)
 
     # --- the workbench ---------------------------------------------------------------------------------------------
 

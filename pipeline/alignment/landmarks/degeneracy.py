@@ -164,8 +164,8 @@ def check_fit(
             raise UndeterminedPose(
                 "mirrored",
                 f"landmarks: no pose fits these {count} correspondences as well as one fits their mirror image, to "
-                f"{format_two_digits(mirrored.noise_px)} px: the mesh is mirrored, or the points are; "
-                "mirror the mesh along one of its axes",
+                f"{format_two_digits(mirrored.noise_px)} px: the pixels are mirrored (u and v exchanged, "
+                "or v counted from below), or the mesh is: correct the pixels, or take a mesh that is not mirrored",
                 candidates,
             )
     if found:

@@ -12,6 +12,7 @@ from ...dataset.options import DROP, RIGHT, DatasetOptions
 from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, ReferencePose
+from ...poses.pose_file import OTHER_CONVENTION
 from ...poses.stereo import right_from_left
 from ..render.surface_tree import ViewProbe
 
@@ -105,7 +106,7 @@ class ViewPlanner:
         return replace(planned, cam_from_model=pose, statistics=self.probe(pose))
 
     def sampling_doubt(self) -> str:
-        """A message if hardly any pose meets the constraints; empty otherwise.
+        """A message if hardly any pose meets the constraints, or listed ones show nothing; empty otherwise.
 
         See :func:`oneframe.poses.constraints.sampling_doubt`.
 
@@ -114,7 +115,10 @@ class ViewPlanner:
         InputError
             One of the first views finds no pose.
         """
-        return sampling_doubt([self.plan(index).attempts for index in range(min(SAMPLED_VIEWS, self._count))])
+        plans = [self.plan(index) for index in range(min(SAMPLED_VIEWS, self._count))]
+        if isinstance(self._distribution, Listed) and not any(plan.statistics.surface_fraction for plan in plans):
+            return f"poses: the first {len(plans)} show no surface; {OTHER_CONVENTION}"
+        return sampling_doubt([plan.attempts for plan in plans])
 
     def video_poses(self, frames: int) -> np.ndarray:
         """``(frames, 4, 4)`` poses of the video's trajectory, ``cam_from_model``, mm."""

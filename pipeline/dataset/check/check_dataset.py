@@ -84,7 +84,7 @@ class CheckReport:
 
 
 def check_dataset(
-    root: Path,
+    root: Path | str,
     *,
     views: int = DEFAULT_VIEWS,
     hashes: bool = True,
@@ -117,6 +117,7 @@ def check_dataset(
     InputError
         Not a dataset at all, or one of another format.
     """
+    root = Path(root)
     has_views = (root / SPLIT).is_dir() and not (root.parent / CASES).is_dir()
     if not (root / RECORD).exists() and not has_views:
         raise InputError(

@@ -133,6 +133,9 @@ def find_series(folder: Path) -> tuple[Series, ...]:
             if kind == _CT:
                 raise _unreadable(f"{folder}: file {index + 1} of {len(paths)} in the order of their names", path)
             continue
+        if not tags["modality"] and kind == _CT:
+            # an anonymised file may say it by the class of its image alone
+            tags["modality"] = "CT"
         number = int(tags["series number"]) if re.fullmatch(r"-?\d{1,9}", tags["series number"]) else 0
         # identifiers are not always unique
         same = found.setdefault(tags["series"], {}).setdefault((tags["instance"], tags["position"]), [])

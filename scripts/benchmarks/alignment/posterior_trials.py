@@ -24,12 +24,10 @@ APART = 0.02
 """Least distance between two clicks, in widths of the frame: another feature."""
 
 
-def coverages(
-    draw: DrawTrial, camera: PinholeCamera, trials: int, noise_px: Sequence[float], *, flatness: float = 1.0
-) -> Iterator[str]:
+def coverages(draw: DrawTrial, camera: PinholeCamera, trials: int, noise_px: Sequence[float]) -> Iterator[str]:
     """How often the 95 % region of any mode holds the truth, for landmarks alone and with the image, in words.
 
-    ``flatness`` scales the third axis of the drawn points. Refused trials have no pose.
+    Refused trials have no pose.
     """
     for sigma_px in noise_px:
         for count in COUNTS:
@@ -37,7 +35,6 @@ def coverages(
                 rng, inside, refused = np.random.default_rng([count, int(10 * sigma_px), with_image]), [], 0
                 for _ in range(trials):
                     trial = draw(rng, count, sigma_px)
-                    trial = _flattened(trial, camera, flatness)
                     image = _image(rng, trial.cam_from_model) if with_image else None
                     modes = _modes(trial, camera, image)
                     refused += not modes
@@ -121,11 +118,3 @@ def _image(rng: np.random.Generator, true: np.ndarray) -> PoseEvidence:
 def _deviations(angle_deg: float, relative_depth: float, pose: np.ndarray, pivot: np.ndarray) -> np.ndarray:
     angle, distance = np.radians(angle_deg), float(np.linalg.norm(transform_points(pose, pivot)))
     return np.array([10 * angle, 10 * angle, relative_depth * distance, angle, angle, angle])
-
-
-def _flattened(trial: LandmarkTrial, camera: PinholeCamera, flatness: float) -> LandmarkTrial:
-    """The same clicks, by their noise, on points nearly in a plane."""
-    noise = trial.pixels - camera.project(transform_points(trial.cam_from_model, trial.points_model))
-    points = trial.points_model * [1.0, 1.0, flatness]
-    pixels = camera.project(transform_points(trial.cam_from_model, points)) + noise
-    return LandmarkTrial(points, pixels, trial.cam_from_model, trial.mesh_points)

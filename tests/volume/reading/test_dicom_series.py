@@ -72,6 +72,11 @@ def test_several_series_are_listed_and_chosen_by_number(write_series, tmp_path):
         read_volume(tmp_path, series=4)
 
 
+def test_an_anonymised_ct_without_modality_is_told_by_its_class(write_series, tmp_path):
+    stored = write_series(tmp_path, Modality=None)
+    np.testing.assert_array_equal(read_volume(tmp_path).values, stored)
+
+
 BAD = {
     "a missing slice": ({"missing": [4]}, r"slices every 0.9 mm, 1 is missing \(after slice 4 of 7"),
     "varying steps": ({"places": [0, 1, 2, 3, 4.3, 5.6, 6.9, 8.2]}, "steps of 0.9 to 1.17 mm; resample"),

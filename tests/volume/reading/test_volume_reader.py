@@ -19,7 +19,6 @@ from tests.volume.solids import check_crop
 sitk = pytest.importorskip("SimpleITK")
 nib = pytest.importorskip("nibabel")
 
-DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LPS_FROM_RAS = np.diag([-1.0, -1, 1, 1])
 
@@ -251,14 +250,3 @@ def test_bad_files_are_refused_in_a_sentence(tmp_path, name):
     path = make(tmp_path / file)
     with pytest.raises(InputError, match=expected):
         read_volume(path)
-
-
-@pytest.mark.skipif(not (DATA / "head_ct").is_dir(), reason="needs the test data beside the project")
-def test_the_head_and_the_temporal_bone_are_read_with_left_on_the_left():
-    head = read_volume(DATA / "head_ct/head_crop_int16.nii.gz")
-    assert head.grid.size == (280, 300, 121)
-    np.testing.assert_allclose(head.grid.spacing_mm, [0.9765625, 0.9765625, 2])
-    assert (head.values.min(), head.values.max()) == (-1024, 2970)
-    bone = read_volume(DATA / "temporal_bones/LT143_pseudoct_semisynthetic.nii.gz")
-    np.testing.assert_allclose(bone.grid.mesh_from_index[:3, 3], 0.0961, atol=1e-3)
-    assert not bone.grid.is_left_handed

@@ -34,8 +34,8 @@ times as large as without it on eight frames of the sample, 3 to 5 times on 39 o
 millimetres."""
 
 SMOOTH_PX = 1.5
-"""By how much blocks of a frame that is blurred are off, too. Of 433 trials with four other sources of "bloster", 13 more
-were accepted after smoothing, all right; without it 17 and a wrong one."""
+"""By how much blocks of a frame that is blurred are off, too. Of 433 trials with four other sources of "bloster", 13
+more were accepted after smoothing, all right; without it 17 and a wrong one."""
 
 
 def blocks_of(pixels: np.ndarray) -> tuple[int, np.ndarray]:

@@ -70,7 +70,7 @@ def content_table(data: bytes, path: Path) -> object:
     numbers = number_rows(text)
     if numbers is not None:
         if len(numbers) != 9:
-            raise InputError(f"{name}: expected a 3x3 matrix K, found {len(numbers)} numbers")
+            raise InputError(f"{name}: expected a 3x3 matrix K, with decimal points, found {len(numbers)} numbers")
         return {"K": numbers.tolist()}
     if begin.startswith("<"):
         return _xml(text, name)

@@ -85,7 +85,7 @@ def _matrix(data: bytes, name: str) -> object:
     numbers = number_rows(text)
     if numbers is None or len(numbers) != 16:
         found = "words" if numbers is None else f"{len(numbers)} numbers"
-        raise InputError(f"{name}: expected 4 rows of 4 numbers, found {found}")
+        raise InputError(f"{name}: expected 4 rows of 4 numbers, with decimal points, found {found}")
     return numbers.reshape(4, 4)
 
 

@@ -30,8 +30,9 @@ SHARP = 0.8
 SOURCE_PRIOR, FRAME_PRIOR = (0.005, 0.00005), (2.0, 0.02)
 """Standard deviations of the shift, mm, and of the rotation, rad, of the poses: only the case's is taken for right, or
 all poses would follow where the surface is wrong."""
-SOURCE_MM = 0.05
-"""Standard deviation of what all displacements share, as poses and surface trade."""
+SHARED_MM, SHARED = 0.05, 0.4
+"""Standard deviation of what all displacements share, and relative to their median: nearer to the case's camera
+and smaller, the other cameras with it, a surface looks the same."""
 LEAST_FRAMES, MOST_FRAMES, LEAST_ANGLE_DEG = 10, 15, 15.0
 """Fewer, or nearer to one another, do not tell surface from poses; more take longer."""
 LEAST_TEXTURED = 0.1
@@ -48,13 +49,13 @@ LEAST_COUNT = 6.0
 SPREAD = 2.0
 """Factor of the standard deviations: neighbouring pixels err together. Also where what is left exceeds the median, as
 much."""
-MOST_ALIKE, ALIKE_PX = 0.5, 0.5
-"""Part of the displacements, as squares, that a shift, turn and scale of the whole surface may explain, and how far
-they may then move it, in pixels on the surface: 0.75 and more is the error of the case's pose or K, not its surface."""
+ALIKE_PX = 0.4
+"""How far a shift, turn and scale of the whole surface may move it, in pixels on the surface, times the part of the
+displacements, as squares, that they explain: 0.9 and more with K 5 % off, up to 0.3 with a right one."""
 SAMPLES = 60
 FLOOR_PX = 1.25
 """Standard deviation up to which a place is confirmed, in pixels on the surface."""
-AGREES_PX = 1.0
+AGREES_PX = 0.85
 """Disagreement with the sweep up to which it is, in these pixels."""
 
 
@@ -245,7 +246,7 @@ class _Run:
         known = Observed.joined(parts)
         found = fit(self._points, known, self._now, rng, samples)
         self._check_alike(found)
-        since = changed_since(known, found.left_px, len(self._frames))
+        since = changed_since(self._points, known, found.left_px, len(self._frames))
         if since is not None:
             raise SurfaceChanged(self._kept[since])
         self._now = self._now.after(found)
@@ -264,7 +265,7 @@ class _Run:
         values, *_ = np.linalg.lstsq(by_all, heights, rcond=None)
         alike = np.sum((by_all @ values) ** 2)
         share = alike / max(float(heights @ heights), 1e-12)
-        if share > MOST_ALIKE and alike > len(heights) * (ALIKE_PX * self._now.pixel_mm) ** 2:
+        if share * np.sqrt(alike / len(heights)) > ALIKE_PX * self._now.pixel_mm:
             raise InputError(
                 f"expected a surface that is wrong in places, found one that fits better as a whole, {values[6]:+.1%} "
                 f"in size, shifted and turned: that explains {share:.0%} of its displacements. The case's pose or K is "
@@ -275,8 +276,8 @@ class _Run:
         """What is confirmed of the result of the last round."""
         points, weights = self._points, self._points.weights
         left_px, known = weights @ result.residuals_px, weights @ result.counts > LEAST_COUNT
-        usual_px = float(np.median(left_px[known])) if known.any() else 1.0
-        std_mm = SPREAD * np.sqrt(weights @ result.std_mm**2) * np.maximum(left_px / usual_px, 1)
+        heights_mm, told = weights @ result.heights_mm, known if known.any() else slice(None)
+        std_mm = SPREAD * np.sqrt(weights @ result.std_mm**2) * np.maximum(left_px / np.median(left_px[told]), 1)
         floor_mm = FLOOR_PX * self._now.pixel_mm
         laid = [(view.frame, view.pose) for view in self._views]
         sweeps = [(self._views[each], laid[:each] + laid[each + 1 :]) for each in self._references]
@@ -285,9 +286,10 @@ class _Run:
         means, share = neighbour_means(self._given), confirmed.astype(float)
         for _ in range(int(np.clip(FADING_PX * self._now.pixel_mm / self._given.median_edge, 1, 40))):
             share = np.maximum(confirmed, means @ share)
-        deviation_mm = share * (weights @ result.heights_mm)
+        shared_mm = np.hypot(SHARED_MM, SHARED * np.median(np.abs(heights_mm[told])))
+        deviation_mm = share * heights_mm
         mesh = replace(self._given, vertices=self._given.vertices + points.normals * deviation_mm[:, None])
-        std_mm = np.where(known, np.hypot(std_mm, SOURCE_MM), np.nan)
+        std_mm = np.where(known, np.hypot(std_mm, shared_mm), np.nan)
         count = len(self._frames) - 1
         return SurfaceCorrection(
             mesh, deviation_mm, std_mm, confirmed, count, self._left_out, self._angle_deg, floor_mm

@@ -49,7 +49,7 @@ def is_confirmed(normals: np.ndarray, mesh: TriangleMesh, sweeps: Sequence[Sweep
         inside &= np.abs(points_cam[:, 2] - view.depth_mm[v, u]) < TOLERANCE_PX * view.pixel_mm
         off_mm, says = swept_depths(view, others, STEP_PX * view.pixel_mm, FINE_PX)
         np.clip(off_mm, -MOST_PX * view.pixel_mm, MOST_PX * view.pixel_mm, out=off_mm)
-        off_mm = np.sqrt(cv2.blur(off_mm**2, (WINDOW_PX, WINDOW_PX)))
+        off_mm = np.sqrt(cv2.blur(off_mm**2, (FINE_PX, FINE_PX)))
         agrees = off_mm[v, u] * np.abs((view.rays[v, u] * normals).sum(axis=1)) < most_mm
         votes += np.where(inside & says[v, u], np.where(agrees, 1, -1), 0)
     return votes > 0

@@ -6,6 +6,7 @@ later one. It is compared with the rest of the same frame, so blur does not look
 
 import numpy as np
 
+from .control_points import ControlPoints
 from .displacement_fit import Observed
 
 LEAST_FRAMES = 3
@@ -16,11 +17,12 @@ MOST_PX, APART_PX = 2.0, 0.2
 """What is left beyond which more says nothing, and between the largest before and the smallest after."""
 BLURRED = 2.0
 """What is left in the middle of a frame, relative to that of all, from which it does not count."""
-LEAST_PLACES, LEAST_CHANGED = 15, 0.004
-"""Of them, and as a part: up to 6 and 0.002 change by chance, 40 and 0.01 where a floor is drilled 1 mm deeper."""
+LEAST_PLACES, AMONG = 8, 0.5
+"""Of them, each with more than this part of its neighbours: up to 4 where a wrong surface looks otherwise from the side
+that later frames are on, 21 to 57 where a floor is drilled 1 mm deeper."""
 
 
-def changed_since(known: Observed, left_px: np.ndarray, count: int) -> int | None:
+def changed_since(points: ControlPoints, known: Observed, left_px: np.ndarray, count: int) -> int | None:
     """The first of ``count`` frames, in the order of time, that shows a changed surface; ``None`` without one.
 
     ``(N,)`` px is what a fit leaves at the pixels; the case's frame is the first of all.
@@ -36,7 +38,8 @@ def changed_since(known: Observed, left_px: np.ndarray, count: int) -> int | Non
     changed, told = np.zeros(count), np.isfinite(shown)
     for since in range(1 + LEAST_FRAMES, count + 1 - LEAST_FRAMES):
         both = (told[:since].sum(axis=0) >= LEAST_FRAMES) & (told[since:].sum(axis=0) >= LEAST_FRAMES)
-        before, after = np.nanmax(shown[:since, both], axis=0), np.nanmin(shown[since:, both], axis=0)
-        gone = np.sum(after > before + APART_PX)
-        changed[since] = gone if gone > max(LEAST_PLACES, LEAST_CHANGED * both.sum()) else 0
-    return int(np.argmax(changed)) if changed.any() else None
+        before = np.where(told, shown, -np.inf)[:since].max(axis=0)
+        after = np.where(told, shown, np.inf)[since:].min(axis=0)
+        gone = both & (after > before + APART_PX)
+        changed[since] = np.sum(gone & (points.bending @ gone < 1 - AMONG))
+    return int(np.argmax(changed)) if np.max(changed) > LEAST_PLACES else None

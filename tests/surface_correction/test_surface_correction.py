@@ -5,6 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy import sparse
 
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.camera.pinhole import PinholeCamera
@@ -17,9 +18,10 @@ from oneframe.projection.overlay_scene import smooth_normals
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface_correction.control_points import ControlPoints
 from oneframe.surface_correction.correct_surface import AGREES_PX, SurfaceChanged, correct_surface
-from oneframe.surface_correction.displacement_fit import observed
+from oneframe.surface_correction.displacement_fit import Observed, observed
 from oneframe.surface_correction.frame_flow import Flow, Surface, SurfaceFrame
 from oneframe.surface_correction.plane_sweep import is_confirmed
+from oneframe.surface_correction.surface_change import changed_since
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.conftest import grid_mesh
 
@@ -126,11 +128,14 @@ def test_relief_finer_than_what_moves_is_not_confirmed_in_the_mean(true_surface,
     assert confirmed(wrong)[np.abs(height_error(wrong, true_surface)) > 0.6].mean() < 0.3
 
 
-@pytest.mark.parametrize("longer", [0.94, 1.06])
-def test_a_wrong_k_is_not_taken_for_a_wrong_surface(true_surface, frames, longer):
+@pytest.mark.parametrize(("longer", "rough_mm"), [(0.94, 0.0), (1.06, 0.0), (1.06, 1.2)])
+def test_a_wrong_k_is_not_taken_for_a_wrong_surface(true_surface, frames, longer, rough_mm):
     camera = replace(CAMERA, fx=longer * CAMERA.fx, fy=longer * CAMERA.fy)
+    x, y, _ = true_surface.vertices.T
+    waves = rough_mm * np.sin(x / 1.7) * np.sin(y / 1.9)
+    mesh = replace(true_surface, vertices=true_surface.vertices + waves[:, None] * [0, 0, 1])
     with pytest.raises(InputError, match="The case's pose or K is wrong"):
-        corrected(true_surface, [replace(frame, camera=camera) for frame in frames])
+        corrected(mesh, [replace(frame, camera=camera) for frame in frames])
 
 
 def test_a_surface_that_changes_between_frames_is_noticed(true_surface):
@@ -140,6 +145,19 @@ def test_a_surface_that_changes_between_frames_is_noticed(true_surface):
         with pytest.raises(SurfaceChanged) as raised:
             corrected(true_surface, [*before[:since], *after[since:]])
         assert raised.value.since == since
+
+
+def test_places_that_change_count_together_not_scattered(true_surface):
+    points = ControlPoints.of(true_surface, np.ones(len(true_surface.vertices), bool), 2.5)
+    count, since, many = 12, 7, len(points.places)
+    frames = np.stack([np.zeros(count * many, int), np.repeat(np.arange(1, count + 1), many)], axis=1)
+    nothing = np.zeros((len(frames), 2))
+    known = Observed(frames, nothing, nothing, sparse.vstack([sparse.identity(many, format="csr")] * count), nothing)
+    nearest = np.argsort(np.linalg.norm(points.places - points.places[many // 2], axis=1))
+    for places, expected in ((nearest[:30], since), (nearest[:: many // 30], None)):
+        left_px = np.full((count, many), 0.1)
+        left_px[since - 1 :, places] = 1.0
+        assert changed_since(points, known, left_px.ravel(), count + 1) == expected
 
 
 def tissue_moved(frame, seed, amount_px=2.0):

@@ -105,7 +105,7 @@ class ViewRenderer(ViewPlanner):
             if without:
                 said.append(
                     f"--occluder-meshes: number {number} by name finds no place in {without} of the first {len(views)} "
-                    "views, and is left out there; its shaft must be longer than what the image shows of it"
+                    "views, and is left out there; its shaft must be longer than what the image shows of it, in mm"
                 )
         return "; ".join(filter(None, said))
 

@@ -17,7 +17,7 @@ from ..alignment.reprojection import Correspondences, Poses
 from ..camera.pinhole import PinholeCamera
 from ..light.local_mean import without_light
 from ..transforms import transform_points
-from .known_views import KnownView, KnownViews
+from .known_views import KnownView, KnownViews, smoothed_codes
 
 ROUNDS, STEPS = 4, 15
 """Rounds of flow and fit, and steps of a fit."""
@@ -53,6 +53,8 @@ class FlowFit:
         ``(N, 3)`` the points, and ``(N, 2)`` where the frame shows them.
     codes
         ``(N, 2)`` code values, without light, of the known view and of the frame there.
+    smooth
+        Whether both were blurred first.
     """
 
     cam_from_model: np.ndarray
@@ -62,6 +64,7 @@ class FlowFit:
     points_model: np.ndarray
     moved: np.ndarray
     codes: np.ndarray
+    smooth: bool = False
 
     def returning(self, most: int) -> np.ndarray:
         """``(M,)`` numbers of points whose flow comes back, evenly chosen: about ``most`` of them."""
@@ -78,15 +81,18 @@ class _Flow(NamedTuple):
 
 
 def refined_by_flow(
-    views: KnownViews, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray
+    views: KnownViews, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray, *, smooth: bool = False
 ) -> FlowFit | None:
     """The pose near a rough one ``(4, 4)`` at which the known view lies on a frame; ``None`` if there is none.
 
-    ``grey`` is ``(H, W)`` uint8, ``valid`` ``(H, W)`` bool: pixels that may be used.
+    ``grey`` is ``(H, W)`` uint8, ``valid`` ``(H, W)`` bool: pixels that may be used. With ``smooth`` both
+    are blurred a little first, as frames under blur need.
     """
-    frame, pose = without_light(grey, valid), cam_from_model
+    frame = without_light(smoothed_codes(grey, valid) if smooth else grey, valid)
+    pose = cam_from_model
     for last in (*[False] * (ROUNDS - 1), True):
         view = views.near(pose)
+        view = view.smoothed if smooth else view
         if len(view.textured) < LEAST_PIXELS:
             return None
         flow = _flow(view, frame, valid, pose)
@@ -99,8 +105,10 @@ def refined_by_flow(
         if last or not shift_px > SETTLED_PX:
             inside = ((placed >= 0) & (placed <= np.array(camera.size_wh) - 1)).all(axis=1)
             residuals_px = np.where(flow.closes, np.linalg.norm(flow.moved - placed, axis=1), np.inf)
-            parts = placed, residuals_px, points, flow.moved, flow.codes
-            return FlowFit(pose, camera, *(each[inside] for each in parts))
+            placed, residuals_px, points, moved, codes = (
+                each[inside] for each in (placed, residuals_px, points, flow.moved, flow.codes)
+            )
+            return FlowFit(pose, camera, placed, residuals_px, points, moved, codes, smooth)
     return None
 
 

@@ -153,7 +153,7 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     found = registrar.register(image, everywhere())
     zoom = zoom_of(found.fit, PIVOT)
     assert abs(zoom.factor - factor) < max(0.02, 3 * zoom.sigma)
-    found, clean = replace(found, zoom=zoom), replace(found, zoom=Zoom(1.0, zoom.sigma))
+    found, clean = replace(found, zoom=zoom), replace(found, zoom=zoom._replace(factor=1.0))
     (alone,) = judged_together([found])
     assert (alone.verdict.state == ACCEPTED) == (factor == 1)
     # the others of its set say how exact the case is
@@ -171,7 +171,7 @@ def test_zooms_that_scatter_widen_the_covariances(registrar, mesh):
     logs = np.random.default_rng(0).normal(0, 1, 40)
     logs *= 0.03 / np.sqrt((logs**2).mean())
     for times in (0.5, 1.0, 3.0):
-        frames = [replace(found, zoom=Zoom(factor, 0.03 / times)) for factor in np.exp(logs)]
+        frames = [replace(found, zoom=Zoom(factor, 0.03 / times, 0.025)) for factor in np.exp(logs)]
         judged = judged_together(frames)
         wider = judged[0].uncertainty.covariance / found.uncertainty.covariance
         assert wider == pytest.approx(max(1.0, times) ** 2, rel=0.15)
@@ -189,7 +189,7 @@ def test_zooms_are_judged_as_a_set():
         def same(logs: np.ndarray, stated: float = sigma, rng: np.random.Generator = rng) -> np.ndarray:
             # where the surface is exact, estimates err by half of what they state
             found = logs + rng.normal(0, stated / 2, len(logs))
-            return at_same_focal_length([Zoom(factor, stated) for factor in np.exp(found)])
+            return at_same_focal_length([Zoom(factor, stated, 0.025) for factor in np.exp(found)])
 
         assert same(exact).min() > 0.97
         # all, half and one of them

@@ -39,6 +39,8 @@ LEAST_FEATURES = 200
 
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
 """Steps of the fit at most, how far one goes, and how small the last one is, as the logarithm of the focal length."""
+SURE = 0.995
+"""Probability of a guess above which features are not asked: they find another pose in a few of those below."""
 SOFTNESS, SOFTNESS_PX = 0.04, 1.45
 """Standard deviation of what a surface, a K and a pose that are not exact add to the logarithm of a zoom, before other
 frames tell: it counts as much as one frame. It is less where blocks that are off by so many px cannot shift the zoom as
@@ -226,7 +228,7 @@ class Registrar:
         near
             ``(4, 4)`` a pose that may be near, such as the frame's before.
         guesses
-            Further ones, tried before the features, which take longer.
+            Further ones, tried before the features, which take longer and follow where none of these is sure.
 
         Raises
         ------
@@ -240,7 +242,7 @@ class Registrar:
         others = list[RegisteredFrame]()
         for guess in guesses:
             others.append(self._refined(grey, valid, guess))
-            if others[-1].verdict.state == ACCEPTED:
+            if others[-1].verdict.probability > SURE:
                 return others[-1]
         found = localised(self._bank, self.camera, grey, valid)
         own = self._judged(None, None) if found is None else self._refined(grey, valid, found.cam_from_model, found)

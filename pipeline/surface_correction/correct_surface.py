@@ -112,7 +112,7 @@ class SurfaceCorrection:
             f"{self.frames} further frames over {self.angle_deg:.0f}° tell of {known.mean():.0%} of the surface; of "
             f"that, {self.confirmed.sum() / max(int(known.sum()), 1):.0%} is confirmed{others}"
         )
-        if moved.any():
+        if moved.sum() >= 0.005 * self.confirmed.sum() > 0:
             low, high = np.percentile(self.deviation_mm[moved], (2, 98))
             text += f", and {moved.mean() / self.confirmed.mean():.0%} of it was {low:+.2f} to {high:+.2f} mm off"
         return f"{text}; below {self.floor_mm:.2f} mm a deviation means nothing{self.later and f'; {self.later}'}"

@@ -99,7 +99,7 @@ class ONEFRAME_PT_dataset_options(PartPanel):
                 if option.key not in {"count", *PATHS}:
                     column.prop(options, option.key)
         column.prop(options, "stereo_mm")
-        if options.stereo_mm:  # type: ignore[attr-defined]  # from DatasetOptions
+        if options.stereo_mm or options.converge_mm:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "converge_mm")
         column.prop(options, "video")
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions

@@ -301,10 +301,10 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
             f"{where}: expected distance_min <= distance_max, found {options.distance_min:g} > "
             f"{options.distance_max:g}; swap them"
         )
-    if options.converge_mm and not options.converge_mm >= options.stereo_mm:
+    if options.converge_mm and not 0 < options.stereo_mm <= options.converge_mm:
         raise InputError(
-            f"{where}: expected converge_mm of at least stereo_mm, {options.stereo_mm:g} mm, found "
-            f"{options.converge_mm:g} mm; give the working distance, or 0 for parallel axes"
+            f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
+            f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
         )
     return options
 

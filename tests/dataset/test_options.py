@@ -118,6 +118,7 @@ def test_poses_are_relative_to_the_case_in_its_table_but_not_in_a_command():
         ({"conut": 7}, "unknown option 'conut'; did you mean 'count'\\?"),
         ({"engine": "cycle"}, "found 'cycle'; did you mean 'cycles'\\?"),
         ({"distance_min": 1.2}, "expected distance_min <= distance_max, found 1.2 > 1.1; swap them"),
+        ({"converge_mm": 300}, "expected converge_mm of at least stereo_mm, and that above 0, found 300 and 0 mm"),
     ],
     ids=str,
 )

@@ -111,8 +111,7 @@ def _advice(content: str | bytes, error: Exception) -> str:
     """What to do about TOML that cannot be read: mostly another encoding, or a path of Windows."""
     if isinstance(error, UnicodeDecodeError):
         return "save it as UTF-8"
-    backslash = ("\\" if isinstance(content, str) else b"\\") in content  # type: ignore[operator]
-    return "correct it; write / in paths, not \\" if backslash else "correct it"
+    return "correct it; write / in paths, not \\" if "\\" in _text(content) else "correct it"
 
 
 def _text(content: str | bytes) -> str:

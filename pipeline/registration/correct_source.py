@@ -148,7 +148,10 @@ def _settled(
 ) -> _Settled:
     """Register frames to the case and fit its pose to them, again and again until it stays."""
     poses, pivot, before = dict[int, np.ndarray](), registrar.pivot_model, None
+    loaded = registrar.loaded
     for number in range(MOST_ROUNDS):
+        if poses:
+            registrar = CaseRegistrar(loaded)
         fits, accepted = dict[int, FlowFit](), 0
         for done, frame in enumerate(frames):
             found = registrar.registered_alone(frame, poses.get(done))
@@ -170,7 +173,6 @@ def _settled(
         moved_px = _moved_px(points, was, loaded) * registrar.camera.width / loaded.case.camera.width
         if moved_px < SETTLED_PX:
             break
-        registrar = CaseRegistrar(loaded)
     progress(1.0)
     # of the last round: at a wrong pose of the case's frame, few of the frames agree
     if accepted < LEAST_FRAMES:

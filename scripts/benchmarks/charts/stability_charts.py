@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from oneframe.case.precision import EXACT_PX
+from oneframe.case.surface_doubts import EXACT_PX
 from oneframe.charts.page import PEER, WARNING
 from oneframe.surface_correction.correct_surface import FLOOR_PX
 

@@ -18,7 +18,8 @@ from .case.frame import read_frame
 from .case.landmark_file import read_landmarks
 from .case.loaded_case import load_case
 from .commands.render import own_command
-from .dataset.options import checked_options, option_arguments
+from .dataset.option_arguments import option_arguments
+from .dataset.options import checked_options
 from .dataset.run.run_folder import Shard
 from .files.outputs import check_folder
 from .surface.mesh import TriangleMesh

@@ -234,10 +234,12 @@ class _Run:
         known = Observed.joined(parts)
         found = fit(self._points, known, self._now)
         self._now = found.estimate
-        self._check_alike(found)
-        since = changed_since(self._points, known, found.left_px, len(self._views))
-        if since is not None:
-            raise SurfaceChanged(self._kept[since])
+        # where little is explained, as where tissue moves, what is left tells of nothing else
+        if found.weight >= LEAST_WEIGHT:
+            self._check_alike(found)
+            since = changed_since(self._points, known, found.left_px, len(self._views))
+            if since is not None:
+                raise SurfaceChanged(self._kept[since])
         moved = self._points.moved(self._now.heights_mm)
         self._views = self._looked(moved, [view.frame for view in self._views], self._now.poses)
         return found

@@ -25,12 +25,7 @@ NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 class SizeDoubt:
     """An implausible size.
 
-    Attributes
-    ----------
-    message
-        What is implausible, for the user.
-    better_units
-        The unit with which the size is plausible; ``None`` if there is none.
+    ``better_units`` is the unit with which it is plausible; ``None`` if there is none.
     """
 
     message: str

@@ -37,11 +37,6 @@ def main() -> None:
 def dispatch(argv: Sequence[str]) -> int:
     """Run a command.
 
-    Parameters
-    ----------
-    argv
-        The command and its arguments, or options of the program itself.
-
     Returns
     -------
     The exit code.

@@ -53,10 +53,7 @@ def tissue_mask(
 def single_mask(image: np.ndarray) -> np.ndarray:
     """As :func:`tissue_mask`, of a frame without its film: metal and gloves by their colour, glare, the view's circle.
 
-    Parameters
-    ----------
-    image
-        ``(H, W, 3)`` uint8 RGB.
+    Of ``(H, W, 3)`` uint8 RGB.
 
     Returns
     -------

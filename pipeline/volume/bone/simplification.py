@@ -82,14 +82,8 @@ def tolerance_near(
 ) -> np.ndarray:
     """A tolerance for each vertex that keeps detail in a ball, e.g. where the frame looks.
 
-    Parameters
-    ----------
-    mesh
-        The surface.
-    centre, radius_mm
-        The ball: (3,) in the frame of the mesh, mm.
-    near_mm, far_mm
-        Tolerances in the ball, and from twice its radius on; between them it grows smoothly.
+    The ball has its centre, (3,), in the frame of the mesh, mm. In it the tolerance is ``near_mm``, from twice its
+    radius on ``far_mm``; between them it grows smoothly.
 
     Returns
     -------

@@ -102,10 +102,7 @@ def file_voxels(
     corners_mm
         ``(8, 3)`` of a box in LPS to keep; ``None`` keeps all.
 
-    Raises
-    ------
-    InputError
-        As for :func:`read_volume`.
+    Errors are those of :func:`read_volume`.
     """
     where, grid = path.name, header.grid
     needed = (_COPIES * header.voxel_bytes + 2) * int(np.prod(grid.size, dtype=object))

@@ -35,6 +35,8 @@ class SizeDoubt:
 def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None, name: str) -> SizeDoubt | None:
     """Judge the size of a surface by itself, and by the distance from which it fills the frame.
 
+    ``None`` if it is plausible.
+
     Parameters
     ----------
     extents_mm
@@ -45,10 +47,6 @@ def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None,
         Intrinsics of the frame, px; ``None`` if they are not known yet.
     name
         Begins the message, such as the file's name.
-
-    Returns
-    -------
-    ``None`` if the size is plausible.
     """
     if _is_plausible(extents_mm, camera):
         return None

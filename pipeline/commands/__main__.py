@@ -35,11 +35,7 @@ def main() -> None:
 
 
 def dispatch(argv: Sequence[str]) -> int:
-    """Run a command.
-
-    Returns
-    -------
-    The exit code.
+    """Run a command, and give its exit code.
 
     Raises
     ------

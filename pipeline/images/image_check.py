@@ -55,11 +55,7 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
     orientation and others, such as Blender's, do not: the same pixel coordinates then mean different pixels. And a file
     of some hundred kilobytes can announce more pixels than fit in memory.
 
-    ``where`` begins the messages.
-
-    Returns
-    -------
-    The bytes that were checked.
+    It gives the bytes that were checked; ``where`` begins the messages.
 
     Raises
     ------

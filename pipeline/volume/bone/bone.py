@@ -97,11 +97,7 @@ def without_crumbs(
 def without_couch(volume: Volume, bone: np.ndarray) -> np.ndarray:
     """Take the couch, and what lies behind it, out of a mask where it touches the patient.
 
-    ``bone`` is ``(Z, Y, X)`` bool.
-
-    Returns
-    -------
-    ``bone`` itself if the volume shows no couch.
+    ``bone`` is ``(Z, Y, X)`` bool; the result is the same if the volume shows no couch.
     """
     # the axes of the array that run to the patient's left, back and head, if they are oblique: most nearly
     toward = volume.grid.mesh_from_index[:3, :3] / volume.grid.spacing_mm

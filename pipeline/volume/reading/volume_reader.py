@@ -25,7 +25,7 @@ _SLAB = 16
 
 
 def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | None = None) -> Volume:
-    """Read a CT.
+    """Read a CT in Hounsfield units, rounded to whole ones.
 
     Parameters
     ----------
@@ -36,10 +36,6 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
         Number of the DICOM series as :func:`list_series` counts; needed only where several CTs are in the folder.
     crop_mm
         ``(2, 3)`` two corners of a box in LPS, mm; only the voxels that cover it are kept.
-
-    Returns
-    -------
-    The volume in Hounsfield units, rounded to whole ones.
 
     Raises
     ------

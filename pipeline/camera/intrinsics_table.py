@@ -134,15 +134,26 @@ def _matrix(keys: Mapping[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]
             return matrix, ()
     parts = [next((keys[name] for name in names if name in keys), None) for names in PARTS.values()]
     fx, fy, cx, cy = (number_of(part) for part in parts)
-    angle, width, height = (number_of(keys.get(name)) for name in (ANGLE, "w", "h"))
-    if fx is None and angle and width and height and 0 < angle < math.pi:
-        # NeRF's transforms.json for square pixels; instant-ngp takes the middle, too
-        fx = width / 2 / math.tan(angle / 2)
-        fy = fx if fy is None else fy
-        cx, cy = width / 2 if cx is None else cx, height / 2 if cy is None else cy
+    if fx is None and (fx := _focal_of_angle(keys, ANGLE, "w")) is not None:
+        # NeRF's transforms.json, whose readers take square pixels and the middle
+        fy = _focal_of_angle(keys, "cameraangley", "h") if fy is None else fy
+        cx, cy = (_half(keys, side) if at is None else at for side, at in (("w", cx), ("h", cy)))
+    kalibr = numbers_of(keys.get("intrinsics"))
+    if keys.get("cameramodel") == "pinhole" and kalibr is not None and len(kalibr) == 4:
+        fx, fy, cx, cy = kalibr
     if fx is None or cx is None or cy is None:
         return None, ()
     return np.array([[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1]]), ()
+
+
+def _half(keys: Mapping[str, Any], side: str) -> float | None:
+    pixels = number_of(keys.get(side))
+    return None if pixels is None else pixels / 2
+
+
+def _focal_of_angle(keys: Mapping[str, Any], name: str, side: str) -> float | None:
+    angle, half = number_of(keys.get(name)), _half(keys, side)
+    return None if half is None or angle is None or not 0 < angle < math.pi else half / math.tan(angle / 2)
 
 
 def _size(scopes: tuple[Mapping[str, Any], ...]) -> tuple[float, float] | None:

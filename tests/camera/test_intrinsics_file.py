@@ -138,6 +138,9 @@ ALL = {
     "ros yaml as it is printed": lambda k: f"---\n{ros(k)}\n---\n",
 }  # fmt: skip
 WITH_SIZE = {
+    "kalibr": lambda k: yaml.dump(
+        {"cam0": {"camera_model": "pinhole", "intrinsics": [*map(float, parts(k).values())], "resolution": list(SIZE)}}
+    ),
     "bop camera.json": lambda k: as_json(**parts(k), depth_scale=0.1, width=1920, height=1080),
     "colmap": lambda k: colmap(k, "PINHOLE", f"{k[0, 0]:.17g} {k[1, 1]:.17g}"),
     "vision6d, protocol 4": lambda k: vision6d(k, 4),

@@ -22,7 +22,8 @@ from .case.landmark_file import read_landmarks
 from .case.loaded_case import load_case
 from .commands.render import own_command
 from .dataset.description import input_files
-from .dataset.options import LEFT, OPTIONS, RIGHT, merged_options, option_arguments
+from .dataset.option_arguments import merged_options, option_arguments
+from .dataset.options import LEFT, OPTIONS, RIGHT
 from .dataset.run.run_folder import Shard
 from .errors import InputError
 from .files.keys import nearest_name

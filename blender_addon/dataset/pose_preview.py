@@ -21,7 +21,8 @@ from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.reference_view import ReferenceView
-from ..pipeline.dataset.options import NONE, OPTIONS, DatasetOptions, merged_options
+from ..pipeline.dataset.option_arguments import merged_options
+from ..pipeline.dataset.options import NONE, OPTIONS, DatasetOptions
 from ..pipeline.errors import InputError
 from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses

@@ -172,7 +172,7 @@ def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":
     if arguments.mask is not None:
         frame = frame.with_mask(arguments.mask)
     if arguments.denoise:
-        from ..video.denoise import denoised
+        from ..video.frame_measures import denoised
 
         codes, said = denoised(to_uint8(frame.colours), frame.shown)
         output.write(f"{said}\n")

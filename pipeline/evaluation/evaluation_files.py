@@ -21,14 +21,12 @@ from .conditions import Conditions, current_conditions, write_table
 from .evaluate import (
     NOVEL_POSES,
     EvaluationRun,
-    Findings,
     Settings,
-    bounds,
-    distributions,
     evaluate_case,
     named_cases,
     steps_px,
 )
+from .findings import Findings, bounds, distributions
 from .finished_scores import FinishedScores, identity_of
 from .gallery import FIGURE, PAIR_COLUMNS, PAIR_ROWS, PAIRS, PICTURES, Gallery, picture_stems
 from .methods import ChosenMethods

@@ -12,7 +12,7 @@ from ..alignment.landmarks.picture import MAGNIFIED, with_residuals
 from ..case.case_folder import made_by_file
 from ..case.case_queue import state_of
 from ..case.loaded_case import LoadedCase
-from ..case.surface_size import size_text
+from ..case.surface_doubts import size_text
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.numbers import format_two_digits

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from oneframe.dataset.option_arguments import add_option_arguments, merged_options, option_arguments
 from oneframe.dataset.options import (
     OPTIONS,
     RIGHT,
@@ -17,10 +18,7 @@ from oneframe.dataset.options import (
     WRITTEN,
     DatasetOptions,
     Option,
-    add_option_arguments,
     checked_options,
-    merged_options,
-    option_arguments,
 )
 from oneframe.dataset.run.run_folder import Shard, parse_shard
 from oneframe.dataset.truths import TRUTHS

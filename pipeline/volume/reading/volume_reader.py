@@ -11,7 +11,8 @@ from ...errors import InputError
 from ...files.content import read_beginning
 from ..simple_itk import simple_itk
 from ..volume import Volume, VoxelGrid, box_corners, box_slices
-from .dicom_series import SeriesInfo, chosen_series, find_series, is_dicom_beginning, series_voxels
+from .dicom_header import is_dicom_beginning
+from .dicom_series import SeriesInfo, chosen_series, find_series, series_voxels
 from .header_checks import check_memory
 from .volume_header import VolumeHeader, check_stored, read_header, unreadable, volume_suffix
 from .voxel_values import ValueSurvey

@@ -17,7 +17,8 @@ from oneframe.case.case_file import read_case
 from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
 from oneframe.dataset.check.rerendered import Rerendering
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.options import DatasetOptions, merged_options
+from oneframe.dataset.option_arguments import merged_options
+from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png

@@ -25,12 +25,7 @@ NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 class SizeDoubt:
     """An implausible size.
 
-    Attributes
-    ----------
-    message
-        What is implausible, for the user.
-    better_units
-        The unit with which the size is plausible; ``None`` if there is none.
+    ``better_units`` is the unit with which it is plausible; ``None`` if there is none.
     """
 
     message: str
@@ -39,6 +34,8 @@ class SizeDoubt:
 
 def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None, name: str) -> SizeDoubt | None:
     """Judge the size of a surface by itself, and by the distance from which it fills the frame.
+
+    ``None`` if it is plausible.
 
     Parameters
     ----------
@@ -50,10 +47,6 @@ def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None,
         Intrinsics of the frame, px; ``None`` if they are not known yet.
     name
         Begins the message, such as the file's name.
-
-    Returns
-    -------
-    ``None`` if the size is plausible.
     """
     if _is_plausible(extents_mm, camera):
         return None

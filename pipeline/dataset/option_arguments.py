@@ -91,10 +91,7 @@ def merged_options(
 
     ``lit`` is whether the case has a lamp at the lens, for ``for_training``; ``where`` begins messages on arguments.
 
-    Raises
-    ------
-    InputError
-        As :func:`oneframe.dataset.options.checked_options`.
+    Errors are those of :func:`oneframe.dataset.options.checked_options`.
     """
     from_table = checked_values(table, f"{case_path.name}: [dataset]")
     for name in PATHS & from_table.keys():

@@ -39,14 +39,7 @@ Section = tuple[str, list[tuple[str, str]]]
 def record_page(loaded: LoadedCase, picture: np.ndarray, write: Write) -> np.ndarray:
     """The page, ``(H, W, 3)`` uint8, A4 upright.
 
-    Parameters
-    ----------
-    loaded
-        The case, at its pose.
-    picture
-        Its :func:`.case_picture`, ``(H, W, 3)`` uint8.
-    write
-        Draws letters.
+    ``picture`` is the :func:`.case_picture` of the case at its pose, ``(H, W, 3)`` uint8.
 
     Raises
     ------

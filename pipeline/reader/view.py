@@ -240,11 +240,6 @@ class View:
     def flow_to(self, other: "View") -> tuple[np.ndarray, np.ndarray]:
         """Optical flow to another view of the same surface, and what of the surface can be seen in that.
 
-        Parameters
-        ----------
-        other
-            From this dataset, or another one of the same surface.
-
         Returns
         -------
         ``(H, W, 2)`` float32 px: ``(u, v)`` in ``other`` minus ``(u, v)`` here, NaN where there is no surface or it is

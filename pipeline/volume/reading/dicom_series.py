@@ -143,14 +143,7 @@ def chosen_series(series: Sequence[Series], number: int | None, where: str) -> S
 def series_voxels(chosen: Series, corners_mm: np.ndarray | None, folder: str) -> tuple[np.ndarray, VoxelGrid]:
     """The voxels of a series in HU, read-only ``(Z, Y, X)`` int16, and where they lie.
 
-    Parameters
-    ----------
-    chosen
-        The series.
-    corners_mm
-        ``(8, 3)`` of a box in LPS to keep; ``None`` keeps all.
-    folder
-        Begins messages.
+    ``corners_mm``, ``(8, 3)``, is a box in LPS to keep, or all if ``None``; ``folder`` begins messages.
 
     Raises
     ------

@@ -25,7 +25,7 @@ _SLAB = 16
 
 
 def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | None = None) -> Volume:
-    """Read a CT.
+    """Read a CT in Hounsfield units, rounded to whole ones.
 
     Parameters
     ----------
@@ -36,10 +36,6 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
         Number of the DICOM series as :func:`list_series` counts; needed only where several CTs are in the folder.
     crop_mm
         ``(2, 3)`` two corners of a box in LPS, mm; only the voxels that cover it are kept.
-
-    Returns
-    -------
-    The volume in Hounsfield units, rounded to whole ones.
 
     Raises
     ------
@@ -102,10 +98,7 @@ def file_voxels(
     corners_mm
         ``(8, 3)`` of a box in LPS to keep; ``None`` keeps all.
 
-    Raises
-    ------
-    InputError
-        As for :func:`read_volume`.
+    Errors are those of :func:`read_volume`.
     """
     where, grid = path.name, header.grid
     needed = (_COPIES * header.voxel_bytes + 2) * int(np.prod(grid.size, dtype=object))

@@ -4,7 +4,6 @@ The poses come from the planner of the dataset run itself. They are stored with 
 drawn only while the key matches the scene: they are never outdated, even after undo.
 """
 
-import argparse
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,7 +21,8 @@ from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.reference_view import ReferenceView
-from ..pipeline.dataset.options import NONE, OPTIONS, DatasetOptions, merged_options
+from ..pipeline.dataset.option_arguments import merged_options
+from ..pipeline.dataset.options import NONE, OPTIONS, DatasetOptions
 from ..pipeline.errors import InputError
 from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
@@ -83,7 +83,7 @@ def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
         The options are not compatible with each other.
     """
     case_path = Path(bpy.path.abspath(scene.oneframe.case_path) or "the scene")
-    return merged_options(from_scene.dataset_table(scene), argparse.Namespace(), case_path)
+    return merged_options(from_scene.dataset_table(scene), {}, case_path)
 
 
 def content_key(

@@ -44,13 +44,7 @@ class ONEFRAME_OT_drop_files(Asking, ChosenFiles):
 
 
 def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
-    """The operator for each file, in an order in which they can follow each other.
-
-    Raises
-    ------
-    InputError
-        Nothing opens a file of this kind, or several files compete for one place.
-    """
+    """The operator for each file, in an order in which they can follow each other."""
     meshes = [path for path in paths if path.suffix.lower() in extensions(MESHES) or path.name == RECORD]
     bones = [path for path in meshes if structure_colour(path.stem) == OTHER]
     if len(bones) > 1 or (meshes and not bones and from_scene.present_surface(scene) is None):

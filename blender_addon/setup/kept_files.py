@@ -23,6 +23,8 @@ DRILL = "drill.toml"
 def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace: bool) -> list[Path]:
     """Copy files into the case's folder as ``oneframe case`` does, use the copies, and write the drill plan.
 
+    It gives the files in the folder that were copied or written.
+
     Parameters
     ----------
     folder
@@ -32,10 +34,6 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     replace
         The folder is that of the case that is saved: its drill plan is replaced, and files with other content than
         those of the same names get one of their content, since these may be the user's own.
-
-    Returns
-    -------
-    The files in the folder that were copied or written.
 
     Raises
     ------

@@ -9,8 +9,8 @@ from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.surface_doubts import SizeDoubt, extents_of, place_doubt, size_doubt, size_text
 from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
-from ..pipeline.case.surface_size import SizeDoubt, extents_of, place_doubt, size_doubt, size_text
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.images.image_reader import read_image

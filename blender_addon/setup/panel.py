@@ -3,7 +3,7 @@
 import bpy
 
 from ..pipeline.camera.plausibility import camera_doubts
-from ..pipeline.case.surface_size import size_text
+from ..pipeline.case.surface_doubts import size_text
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene, workbench
 from ..state.to_scene import frame_warnings

@@ -44,12 +44,7 @@ def check_own(scene: bpy.types.Scene) -> None:
 def leave_frame(scene: bpy.types.Scene, image: np.ndarray, valid: np.ndarray) -> bool:
     """Say whose pose and image points are, before a picture replaces the frame's.
 
-    Parameters
-    ----------
-    scene
-        The scene.
-    image, valid
-        ``(H, W, 3)`` and ``(H, W)`` of the new picture, as :func:`.read_image` returns them.
+    ``(H, W, 3)`` and ``(H, W)`` of the new picture are as :func:`.read_image` returns them.
 
     Returns
     -------

@@ -103,10 +103,7 @@ def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
 def cam_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
     """``(4, 4)`` the current pose in the frame of the mesh file, mm; that of the known case until the surface moves.
 
-    Raises
-    ------
-    InputError
-        As :func:`cam_from_model`.
+    Errors are those of :func:`cam_from_model`.
     """
     found = cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene)))
     known = known_case(scene)

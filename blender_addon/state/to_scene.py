@@ -70,7 +70,7 @@ def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
 def set_frame(
     context: bpy.types.Context, path: Path, picture: tuple[np.ndarray, np.ndarray], video: tuple[str, int] | None = None
 ) -> tuple[str, ...]:
-    """Use an image file as the frame.
+    """Use an image file as the frame; gives warnings if K does not fit it.
 
     Parameters
     ----------
@@ -80,10 +80,6 @@ def set_frame(
         What :func:`.read_image` has read from it.
     video
         Name of the film that the frame was taken from, and the frame's number in it.
-
-    Returns
-    -------
-    Warnings if K does not fit it.
     """
     scene = workbench.enter(context)
     settings = scene.oneframe
@@ -209,9 +205,7 @@ def set_surface(
 def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Colour]]) -> list[str]:
     """Add structures in mm to the surface, by their names; those of the same names are replaced.
 
-    Returns
-    -------
-    Messages about the files.
+    It gives messages about the files.
 
     Raises
     ------

@@ -42,12 +42,7 @@ def _keymap_of(tool: str) -> str:
 class Place:
     """A keymap: of a tool, or of an editor, whose other keys stay what they are.
 
-    Attributes
-    ----------
-    name, space_type
-        As in Blender.
-    is_tool
-        Whether it is that of a tool.
+    ``name`` and ``space_type`` are Blender's; ``is_tool``: of a tool.
     """
 
     name: str

@@ -24,14 +24,8 @@ Key = tuple[str, int, str]
 class LoadedCT:
     """A CT in memory.
 
-    Attributes
-    ----------
-    volume
-        Its voxels.
-    labels
-        The structures, as in their file, if there are any.
-    label_values
-        ``(Z, Y, X)`` their labels on the grid of the volume.
+    ``labels`` are the structures as in their file, ``label_values`` ``(Z, Y, X)`` their labels on the grid of the
+    volume.
     """
 
     volume: Volume

@@ -83,13 +83,7 @@ def ct_text(ct: LoadedCT) -> str:
 
 
 def _file_or_folder(filepath: str) -> Path:
-    """The file or folder chosen in a dialog; for a DICOM slice its folder.
-
-    Raises
-    ------
-    InputError
-        Nothing was chosen.
-    """
+    """The file or folder chosen in a dialog; for a DICOM slice its folder."""
     if not filepath:
         raise InputError("expected a CT, found none; choose a file, or go into the folder of its DICOM slices")
     path = Path(bpy.path.abspath(filepath))

@@ -9,8 +9,8 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..class_registration import prop
+from ..pipeline.case.surface_doubts import extents_of, size_text
 from ..pipeline.case.surface_folder import write_meshes
-from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import Ball, TriangleMesh, ball_around
 from ..pipeline.surface.mesh_reader import read_mesh

@@ -32,14 +32,7 @@ def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, ob
 def refinement_record(refinement: Refinement, start: Mapping[str, object], tool: str, date: str) -> dict[str, object]:
     """The record of a pose that was refined against the image.
 
-    Parameters
-    ----------
-    refinement
-        Accepted, or refused and taken all the same.
-    start
-        The record of the initial pose.
-    tool, date
-        Program and version; day in ISO 8601.
+    ``start`` is the record of the initial pose, ``date`` a day in ISO 8601.
     """
     start = {f"start_{key}": start[key] for key in KEPT_OF_START if key in start}
     # a pose that failed the verification may be anywhere: standard deviations would promise too much
@@ -72,14 +65,7 @@ def joined_record(
 ) -> dict[str, object]:
     """The record of a pose from a refinement and landmarks, or from whichever of them takes part.
 
-    Parameters
-    ----------
-    refinement
-        Its record.
-    image, found
-        The refined pose, and the pose from all evidence, in one frame.
-    tool, date
-        Program and version; day in ISO 8601.
+    ``image`` is the refined pose, ``found`` that of all evidence, in one frame; ``date`` is a day in ISO 8601.
     """
     if IMAGE not in found.kinds:
         return alignment_record(found, tool, date)

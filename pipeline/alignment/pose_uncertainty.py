@@ -298,12 +298,7 @@ class PoseMode:
 class PoseEvidence:
     """What the image says of the pose: a normal density.
 
-    Attributes
-    ----------
-    cam_from_model
-        ``(4, 4)`` its mean, mm.
-    uncertainty
-        That of this pose.
+    Its mean is ``cam_from_model``, ``(4, 4)`` mm, of which the uncertainty is.
     """
 
     cam_from_model: np.ndarray

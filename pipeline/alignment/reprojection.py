@@ -100,7 +100,7 @@ def residuals(correspondences: Correspondences, poses: Poses) -> tuple[np.ndarra
 
 
 def twist_jacobians(camera: PinholeCamera, offsets_cam: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Derivatives of the predicted pixels with respect to a twist about the pivot.
+    """Derivatives of the predicted pixels by a twist about the pivot: ``(K, N, 2, 6)`` px per mm, px per radian.
 
     Parameters
     ----------
@@ -110,10 +110,6 @@ def twist_jacobians(camera: PinholeCamera, offsets_cam: np.ndarray, positions: n
         ``(K, N, 3)`` points minus the pivot, camera axes, mm.
     positions
         ``(K, 3)`` the pivot in the camera frame, mm.
-
-    Returns
-    -------
-    ``(K, N, 2, 6)`` px per mm, px per radian.
     """
     x, y, z = np.moveaxis(offsets_cam + positions[:, None], -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):

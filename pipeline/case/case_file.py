@@ -136,12 +136,7 @@ class Case:
 def read_case(path: Path | str, *, posed: bool = True) -> Case:
     """Read and check a case file.
 
-    Parameters
-    ----------
-    path
-        The file.
-    posed
-        Whether it must have a pose: not before the alignment.
+    ``posed`` is whether it must have a pose: not before the alignment.
 
     Raises
     ------
@@ -160,10 +155,7 @@ def read_case(path: Path | str, *, posed: bool = True) -> Case:
 def case_from_text(text: str | bytes, path: Path) -> Case:
     """Check a case from the text of its file; file names in it are relative to the folder of ``path``.
 
-    Raises
-    ------
-    InputError
-        As :func:`read_case`.
+    Errors are those of :func:`read_case`.
     """
     name = path.name
     table = parsed_toml(text, name)

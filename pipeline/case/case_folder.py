@@ -36,15 +36,7 @@ _BARE_PLY = re.compile(
 
 @dataclass(frozen=True)
 class KeptFile:
-    """A file of the folder.
-
-    Attributes
-    ----------
-    path
-        Where.
-    data
-        Its content.
-    """
+    """A file of the folder."""
 
     path: Path
     data: bytes
@@ -111,10 +103,7 @@ def kept_case(case: Case) -> KeptFile:
 def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path]) -> None:
     """Write files of a folder, in their order; those that are already there stay.
 
-    Parameters
-    ----------
-    files, inputs
-        What to write; what was read, by what it is.
+    ``inputs`` is what was read, by what it is.
 
     Raises
     ------

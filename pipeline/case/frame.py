@@ -129,10 +129,7 @@ class PosedFrame:
 def load_posed_frame(frame: UnreadFrame, mesh_from_model: np.ndarray, *, name: str) -> PosedFrame:
     """Read and undistort a posed frame; ``name`` begins messages.
 
-    Raises
-    ------
-    InputError
-        As :func:`load_frame`.
+    Errors are those of :func:`load_frame`.
     """
     image, valid = load_frame(frame.image, frame.camera, frame.distortion, name=name)
     return PosedFrame(image, valid, frame.camera, frame.cam_from_mesh @ mesh_from_model, path=frame.image)

@@ -26,18 +26,9 @@ _BOOLEANS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0"
 
 
 def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, ...]:
-    """Read landmarks: JSON if the file begins with a bracket, else CSV.
+    """Read landmarks, points in mm: JSON if the file begins with a bracket, else CSV.
 
-    Parameters
-    ----------
-    path
-        The file.
-    mm_per_unit
-        Factor from the unit of the points (that of the mesh file) to millimetres.
-
-    Returns
-    -------
-    Points in mm.
+    ``mm_per_unit`` is the factor from the unit of the points, that of the mesh file, to millimetres.
 
     Raises
     ------

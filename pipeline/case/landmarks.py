@@ -91,10 +91,7 @@ def landmark_from_table(
 ) -> Landmark:
     """Check one landmark; ``place`` begins the messages. Strips white space around the name.
 
-    Raises
-    ------
-    InputError
-        As :func:`landmarks_from_tables`.
+    Errors are those of :func:`landmarks_from_tables`.
     """
     check_keys(entry, ("name",), ("surface", "pixel", "enabled"), place)
     name, point, pixel = checked_name(entry["name"], place), None, None

@@ -21,8 +21,7 @@ from .alignment_record import INITIAL_GUESS
 from .case_file import Case, Structure
 from .case_writer import UNIT_OF
 from .frame import PosedFrame, load_posed_frame
-from .precision import precision_doubts
-from .surface_size import FARTHEST_MM, NEAREST_MM, extents_of, size_doubt
+from .surface_doubts import FARTHEST_MM, NEAREST_MM, extents_of, precision_doubts, size_doubt
 
 MAX_EXTENT_RATIO = 200.0
 """Largest ratio of the surface's extent to the frame's at the pose, or of the frame's to the surface's: wrong units

@@ -41,8 +41,8 @@ from .case_folder import (
 from .case_queue import NewFrame, cases_of_frames
 from .frame import Frame
 from .loaded_case import LoadedCase, check_pose, frame_overlay, load_case
+from .surface_doubts import extents_of, place_doubt, size_doubt, size_text
 from .surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
-from .surface_size import extents_of, place_doubt, size_doubt, size_text
 
 
 @dataclass(frozen=True)

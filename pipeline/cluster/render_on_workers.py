@@ -21,7 +21,8 @@ from distributed import Client, Worker
 from ..case.case_file import read_case
 from ..dataset.identity import description_bytes
 from ..dataset.layout import RECORD, ViewPaths
-from ..dataset.options import PATHS, option_arguments
+from ..dataset.option_arguments import option_arguments
+from ..dataset.options import PATHS
 from ..dataset.run.elsewhere import CASE, MissingViews, case_parcel, gather_view
 from ..dataset.run.render_processes import AHEAD, RenderProcess
 from ..dataset.run.survey import is_finished

@@ -1,5 +1,6 @@
 """The connection with a running scheduler of Dask."""
 
+import gc
 import logging
 import re
 import threading
@@ -58,13 +59,15 @@ def _check_address(address: str, *, insecure: bool) -> None:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Client]:
-    found: list[Client | Exception] = []
+    found: list[Client | str] = []
 
     def connect() -> None:
         try:
             found.append(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
         except Exception as error:  # whatever Dask makes of the answer; reported below
-            found.append(error)
+            found.append(" ".join(str(error.__cause__ or error).split()))
+        # a half-made client ends here; later, garbage is collected in any thread, also in one that holds Dask's locks
+        gc.collect()
 
     # Dask waits for an answer without end where something else listens, such as a web server
     thread = threading.Thread(target=connect, daemon=True)
@@ -73,10 +76,10 @@ def _connected(address: str) -> Iterator[Client]:
     client = found[0] if found else None
     if not isinstance(client, Client):
         host, _, port = address.rstrip("/").rpartition(":")
-        text = " ".join(str("" if client is None else client.__cause__ or client).split())[-200:]
+        answer = (client or "no answer that Dask understands")[-200:]
         raise RunError(
             f"--cluster: expected a Dask scheduler at {address}, found none within {CONNECT_SECONDS:.0f} s "
-            f"({text or 'no answer that Dask understands'}); start it (dask scheduler --host {host} --port {port}) and "
+            f"({answer}); start it (dask scheduler --host {host} --port {port}) and "
             f"workers (dask worker {address}), or correct the address, or the certificates (distributed.comm.tls in "
             "Dask's configuration)"
         )

@@ -32,12 +32,7 @@ def pose_doubt(alignment: Mapping[str, object]) -> str:
 def magnification_doubt(view_focal_px: float, frame_focal_px: float, nearest: float = 1.0) -> str:
     """A message if views enlarge the frame more than :data:`MAX_MAGNIFICATION` times; else empty.
 
-    Parameters
-    ----------
-    view_focal_px, frame_focal_px
-        Focal lengths of the views and of the frame.
-    nearest
-        Smallest distance of a view from the surface, relative to the frame's.
+    ``nearest`` is the smallest distance of a view from the surface, relative to the frame's.
     """
     magnification = view_focal_px / (frame_focal_px * nearest)
     if magnification <= MAX_MAGNIFICATION:
@@ -51,14 +46,7 @@ def magnification_doubt(view_focal_px: float, frame_focal_px: float, nearest: fl
 def reduction_doubt(view_focal_px: float, frame_focal_px: float, farthest: float, samples: int) -> str:
     """A message if views with one ray a pixel reduce the frame more than :data:`MAX_REDUCTION` times; else empty.
 
-    Parameters
-    ----------
-    view_focal_px, frame_focal_px
-        Focal lengths of the views and of the frame.
-    farthest
-        Largest distance of a view from the surface, relative to the frame's.
-    samples
-        Rays a pixel.
+    ``farthest`` is the largest distance of a view from the surface, relative to the frame's.
     """
     reduction = frame_focal_px * farthest / view_focal_px
     if samples > 1 or reduction <= MAX_REDUCTION:

@@ -76,7 +76,7 @@ def _scattered(index: np.ndarray) -> np.ndarray:
 
 
 def filled_colours(vertices: np.ndarray, faces: np.ndarray, rgb: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Continue the colours of some vertices over a mesh.
+    """``(V, 3)`` float32: the colours of some vertices, continued over a mesh.
 
     Parameters
     ----------
@@ -86,10 +86,6 @@ def filled_colours(vertices: np.ndarray, faces: np.ndarray, rgb: np.ndarray, kno
         ``(V, 3)`` code values 0..1.
     known
         ``(V,)`` bool: the vertices whose colours are known.
-
-    Returns
-    -------
-    ``(V, 3)`` float32: ``rgb`` where known.
 
     Raises
     ------

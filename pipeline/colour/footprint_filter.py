@@ -25,10 +25,7 @@ LARGEST_SIDE = 32
 def squares_for(scale: float) -> tuple[int, float]:
     """The averaged frame for a scale, and where to look it up.
 
-    Parameters
-    ----------
-    scale
-        Side of the view's pixel in texels.
+    ``scale`` is the side of the view's pixel in texels.
 
     Returns
     -------

@@ -132,14 +132,7 @@ class RayTracer:
     ) -> None:
         """Prepare what the views share.
 
-        Parameters
-        ----------
-        surface, camera
-            What to render, and the intrinsics of the views.
-        samples
-            Rays in each pixel at an edge.
-        rays
-            What casts rays at the mesh; Embree if left out.
+        ``samples`` are rays in each pixel at an edge; ``rays`` are Embree's if left out.
 
         Raises
         ------

@@ -113,10 +113,7 @@ class SourceView(PosedFrame):
     def own_colours(self, points_model: np.ndarray, normals_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Colours of points beside a depth step, where the bilinear lookup would mix in another surface.
 
-        Parameters
-        ----------
-        points_model, normals_model
-            ``(N, 3)`` surface points, mm, and unit normals of the surface there.
+        Of ``(N, 3)`` surface points, mm, and unit normals of the surface there.
 
         Returns
         -------

@@ -35,16 +35,7 @@ def main() -> None:
 
 
 def dispatch(argv: Sequence[str]) -> int:
-    """Run a command.
-
-    Parameters
-    ----------
-    argv
-        The command and its arguments, or options of the program itself.
-
-    Returns
-    -------
-    The exit code.
+    """Run a command, and give its exit code.
 
     Raises
     ------

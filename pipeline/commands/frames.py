@@ -32,10 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=5,
         help="number of frames to write at most (default %(default)s)",
     )
-    selection.add_argument(
-        "--apart", metavar="S", type=at_least(0, float), default=1.0,
-        help="time between two of them in s; less where good frames are rare (default %(default)g)",
-    )  # fmt: skip
     film = parser.add_argument_group("film")
     film.add_argument(
         "--every", metavar="N", type=at_least(1), default=1, help="score only every N-th frame (default %(default)s)"
@@ -74,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
         scores = score_frames(
             video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=shown.reach
         )
-    chosen = best_frames(scores.frames, arguments.count, apart_s=arguments.apart)
+    chosen = best_frames(scores.frames, arguments.count)
     output.writelines(f"{line}\n" for line in report_lines(video, scores, len(chosen), arguments.count))
     written = write_frames(video, out, scores, chosen)
     for rank, frame in enumerate(written, start=1):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..dataset.options import add_option_arguments
+from ..dataset.option_arguments import add_option_arguments
 from ..errors import InputError, naming
 from ..process.arguments import (
     add_cluster_arguments,
@@ -144,11 +144,11 @@ def _of_right_eye(arguments: argparse.Namespace) -> argparse.Namespace:
 def _job(arguments: argparse.Namespace) -> "Job":
     from ..blender.dataset.job import Job
     from ..case.case_file import read_case
-    from ..dataset.options import merged_options
+    from ..dataset.option_arguments import merged_options
     from ..dataset.run.run_folder import parse_shard
 
     case = read_case(arguments.case)
-    options = merged_options(case.dataset, arguments, arguments.case, lit=case.light is not None)
+    options = merged_options(case.dataset, vars(arguments), arguments.case, lit=case.light is not None)
     return Job(case, arguments.out, options, parse_shard(arguments.shard))
 
 

@@ -162,12 +162,7 @@ class FileSurvey:
 def survey_files(root: Path, identity: str, *, hashes: bool = False) -> FileSurvey:
     """Compare the files that ``checksums.json`` lists with it; none is intact where there is no such file.
 
-    Parameters
-    ----------
-    root, identity
-        The dataset's folder and identity.
-    hashes
-        Compare the hashes too, not only the sizes.
+    ``hashes``: compare these too, not only the sizes.
     """
     known = (read_checksums(root, identity) or Checksums()).files
     problems = {name: damaged_file(root, name, known[name], hashes=hashes) for name in known}
@@ -178,14 +173,7 @@ def survey_files(root: Path, identity: str, *, hashes: bool = False) -> FileSurv
 def damaged_file(root: Path, name: str, known: FileSum, *, hashes: bool = False) -> str | None:
     """What is wrong with a file of the dataset, as a clause; ``None`` if nothing is.
 
-    Parameters
-    ----------
-    root, name
-        The dataset's folder; the file relative to it.
-    known
-        What it was when it was written.
-    hashes
-        Also compare the hash, not only the size.
+    ``name`` is relative to ``root``; ``hashes``: compare these too, not only the sizes.
     """
     try:
         size = (root / name).stat().st_size

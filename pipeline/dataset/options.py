@@ -1,12 +1,10 @@
 """The options of a dataset run: one list for the command line, the case file's [dataset] table and the record."""
 
-import argparse
 import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
@@ -284,17 +282,19 @@ def checked_options(values: Mapping[str, object], where: str) -> DatasetOptions:
     InputError
         An unknown name; a value of the wrong kind, not finite or out of range; options that exclude each other.
     """
-    return _checked_together(_checked_values(values, where), where)
+    return checked_together(checked_values(values, where), where)
 
 
-def _checked_values(values: Mapping[str, object], where: str) -> dict[str, object]:
+def checked_values(values: Mapping[str, object], where: str) -> dict[str, object]:
+    """Check each option by itself, as :func:`checked_options`."""
     for name in values:
         if name not in OPTIONS:
             raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, tuple(OPTIONS))}")
     return {name: _checked_value(OPTIONS[name], value, where) for name, value in values.items()}
 
 
-def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptions:
+def checked_together(checked: Mapping[str, object], where: str) -> DatasetOptions:
+    """The options of these values, each checked, if they can be together, as :func:`checked_options`."""
     options = DatasetOptions(**checked)  # type: ignore[arg-type]
     if options.distance_min > options.distance_max:
         raise InputError(
@@ -306,6 +306,8 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
             f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
             f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
         )
+    if options.eye == RIGHT and not options.stereo_mm:
+        raise InputError(f"{where}: expected stereo_mm with eye {RIGHT!r}, found none; give the eyes' distance")
     return options
 
 
@@ -329,87 +331,3 @@ def _checked_value(option: Option, value: Any, where: str) -> object:
         limits = f"at least {least:g}" if most == math.inf else f"{least:g} to {most:g}"
         raise InputError(f"{where}: expected {limits}, found {value!r}")
     return kind(value)
-
-
-class _Write(argparse.Action):
-    """Sets the options that ask for arrays."""
-
-    def __call__(self, parser: object, namespace: argparse.Namespace, values: Any, flag: object = None) -> None:
-        for name in values:
-            setattr(namespace, WRITTEN[name], True)
-
-
-def add_option_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add a command line option for each, under their headings; the namespace holds only those that the user sets."""
-    for title, options in option_groups().items():
-        group = parser.add_argument_group(title)
-        for option in options:
-            if option.kind is bool:
-                group.add_argument(
-                    option.flag, action=argparse.BooleanOptionalAction, default=argparse.SUPPRESS, help=option.text
-                )
-                continue
-            default = "" if option.default is None else f" (default {option.default})"
-            choices, numeric = option.choices, option.kind in (int, float)
-            metavar = "|".join(choices) if choices else ("X" if option.kind is float else "N") if numeric else "PATH"
-            group.add_argument(
-                option.flag,
-                type=_number if numeric else str,
-                default=argparse.SUPPRESS,
-                metavar=metavar,
-                help=option.text + default,
-            )
-        if title == "views":
-            group.add_argument(
-                "--for-training", action="store_true", default=argparse.SUPPRESS,
-                help="what networks learn from most: " + ", ".join(f"--{key} {it}" for key, it in FOR_TRAINING.items())
-                + " if the case has [light]; an option beside it counts more",
-            )  # fmt: skip
-            group.add_argument(
-                "--write", action=_Write, nargs="+", choices=WRITTEN, default=argparse.SUPPRESS,
-                help="further arrays, as by " + ", ".join(OPTIONS[key].flag for key in WRITTEN.values()),
-            )  # fmt: skip
-
-
-def option_arguments(options: DatasetOptions) -> list[str]:
-    """The command line that gives exactly these options, whatever a case file says."""
-    arguments = []
-    for option in OPTIONS.values():
-        value = getattr(options, option.key)
-        if option.kind is bool:
-            arguments.append(option.flag if value else option.flag.replace("--", "--no-", 1))
-        elif value is not None:
-            arguments.append(f"{option.flag}={value}")
-    return arguments
-
-
-def _number(text: str) -> int | float:
-    try:
-        return int(text)
-    except ValueError:
-        return float(text)
-
-
-_number.__name__ = "number"  # argparse uses the name in its message
-
-
-def merged_options(
-    table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path, *, lit: bool = False
-) -> DatasetOptions:
-    """Options of a run: the command line takes precedence over the case file's [dataset] table.
-
-    ``lit`` is whether the case has a lamp at the lens, for ``--for-training``.
-
-    Raises
-    ------
-    InputError
-        As :func:`checked_options`.
-    """
-    from_table = _checked_values(table, f"{case_path.name}: [dataset]")
-    for name in PATHS & from_table.keys():
-        from_table[name] = str(case_path.parent / str(from_table[name]))
-    given = {name: getattr(arguments, name) for name in OPTIONS if hasattr(arguments, name)}
-    if hasattr(arguments, "for_training"):
-        given = {name: value for name, value in FOR_TRAINING.items() if lit or name != "light"} | given
-    # combinations only now: the command line may resolve a conflict in the table
-    return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

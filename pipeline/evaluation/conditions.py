@@ -60,12 +60,7 @@ class Conditions:
 def current_conditions(configuration: Mapping[str, object], *, blender: str | None = None) -> Conditions:
     """The conditions here and now.
 
-    Parameters
-    ----------
-    configuration
-        What is measured, see :class:`Conditions`.
-    blender
-        Blender's version if it takes part: this package does not import it.
+    ``blender`` is its version if it takes part: this package does not import it.
     """
     versions = {"OneFrame": __version__, "Python": platform.python_version()}
     if blender is not None:

@@ -21,14 +21,12 @@ from .conditions import Conditions, current_conditions, write_table
 from .evaluate import (
     NOVEL_POSES,
     EvaluationRun,
-    Findings,
     Settings,
-    bounds,
-    distributions,
     evaluate_case,
     named_cases,
     steps_px,
 )
+from .findings import Findings, bounds, distributions
 from .finished_scores import FinishedScores, identity_of
 from .gallery import FIGURE, PAIR_COLUMNS, PAIR_ROWS, PAIRS, PICTURES, Gallery, picture_stems
 from .methods import ChosenMethods
@@ -123,15 +121,7 @@ def run_evaluation(run: EvaluationRun, *, stream: TextIO) -> Iterator[str]:
 
 
 def _check(run: EvaluationRun) -> None:
-    """Check before any work that the files can be written.
-
-    Raises
-    ------
-    InputError
-        The folder holds something else, or a file must not be replaced.
-    RunError
-        The files cannot be written.
-    """
+    """Check before any work that the files can be written."""
     out = run.out
     read = dict(run.inputs) | {
         f"photograph {number} of {case.name}": photograph.image
@@ -152,11 +142,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
 
     What a killed run of the same has scored is taken from its folder, see :mod:`oneframe.evaluation.finished_scores`.
 
-    ``reach`` gets the share of the work, 0..1, that is finished.
-
-    Returns
-    -------
-    The evaluation, and notes for the user.
+    ``reach`` gets the share of the work, 0..1, that is finished. It gives notes for the user, too.
 
     Raises
     ------

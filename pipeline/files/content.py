@@ -104,12 +104,7 @@ def read_file(path: Path, most: int = LARGEST_INPUT) -> bytes:
 def read_content(path: Path, what: str, where: str | None = None, most: int = LARGEST_INPUT) -> bytes:
     """Read the bytes of a file that the user named.
 
-    Parameters
-    ----------
-    path, what, where
-        As for :func:`reading`.
-    most
-        Largest number of bytes that is accepted.
+    ``most`` is the largest number of bytes that is accepted; the rest is as for :func:`reading`.
 
     Raises
     ------
@@ -136,10 +131,7 @@ def read_content(path: Path, what: str, where: str | None = None, most: int = LA
 def read_beginning(path: Path, what: str, most: int, where: str | None = None) -> bytes:
     """Read up to ``most`` bytes from the beginning of a file that the user named; none of one without a size.
 
-    Raises
-    ------
-    InputError
-        As for :func:`reading`.
+    Errors are those of :func:`reading`.
     """
     with reading(path, what, where), open(path, "rb") as file:
         return file.read(min(os.fstat(file.fileno()).st_size, most))
@@ -172,10 +164,7 @@ def decoded(data: bytes) -> str | None:
 def write_bytes_atomically(path: Path, data: bytes) -> None:
     """Write a file, whole or not at all, and durably: see :func:`written_file`.
 
-    Raises
-    ------
-    OSError
-        As for :func:`written_file`.
+    Errors are those of :func:`written_file`.
     """
     write_files_atomically({Path(path): data})
 

@@ -55,18 +55,7 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
     orientation and others, such as Blender's, do not: the same pixel coordinates then mean different pixels. And a file
     of some hundred kilobytes can announce more pixels than fit in memory.
 
-    Parameters
-    ----------
-    path
-        The file.
-    where
-        Begins the messages.
-    most_pixels
-        Largest number of pixels that is accepted.
-
-    Returns
-    -------
-    The bytes that were checked.
+    It gives the bytes that were checked; ``where`` begins the messages.
 
     Raises
     ------
@@ -82,10 +71,7 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
 def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) -> tuple[int, int]:
     """Check the bytes of an image file, as :func:`check_image_file` does, and give its width and height.
 
-    Raises
-    ------
-    InputError
-        As :func:`check_image_file`.
+    Errors are those of :func:`check_image_file`.
     """
     if not data.startswith(SIGNATURES):
         raise InputError(

@@ -56,15 +56,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class ScaleBar:
-    """A length at a depth.
-
-    Attributes
-    ----------
-    length_mm, length_px
-        The bar.
-    label
-        What is written above it.
-    """
+    """A length at a depth."""
 
     length_mm: float
     length_px: float

@@ -21,7 +21,7 @@ _ROUNDING = 0.05
 
 
 def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndarray:
-    """Where a mask shows the surface.
+    """``(H, W)`` bool: where a mask shows the surface.
 
     Parameters
     ----------
@@ -30,10 +30,6 @@ def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndar
         the mask; otherwise the grey values are, and 0 shows no surface.
     where
         Begins the messages.
-
-    Returns
-    -------
-    ``(H, W)`` bool.
 
     Raises
     ------
@@ -73,7 +69,7 @@ def joined_mask(valid: np.ndarray, shown: np.ndarray, frame: str, mask: str) -> 
 
 
 def painted(shown: np.ndarray, way_px: np.ndarray, radius_px: float, *, shows: bool) -> np.ndarray:
-    """What a frame shows after a round brush went along a way.
+    """``(H, W)`` bool: what a frame shows after a round brush went along a way.
 
     Parameters
     ----------
@@ -85,10 +81,6 @@ def painted(shown: np.ndarray, way_px: np.ndarray, radius_px: float, *, shows: b
         Of the brush.
     shows
         Whether the brush shows or hides.
-
-    Returns
-    -------
-    ``(H, W)`` bool.
     """
     result = shown.copy()
     for start, end in zip(way_px, np.concatenate([way_px[1:], way_px[-1:]]), strict=True):

@@ -12,7 +12,7 @@ from ..alignment.landmarks.picture import MAGNIFIED, with_residuals
 from ..case.case_folder import made_by_file
 from ..case.case_queue import state_of
 from ..case.loaded_case import LoadedCase
-from ..case.surface_size import size_text
+from ..case.surface_doubts import size_text
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.numbers import format_two_digits
@@ -39,14 +39,7 @@ Section = tuple[str, list[tuple[str, str]]]
 def record_page(loaded: LoadedCase, picture: np.ndarray, write: Write) -> np.ndarray:
     """The page, ``(H, W, 3)`` uint8, A4 upright.
 
-    Parameters
-    ----------
-    loaded
-        The case, at its pose.
-    picture
-        Its :func:`.case_picture`, ``(H, W, 3)`` uint8.
-    write
-        Draws letters.
+    ``picture`` is the :func:`.case_picture` of the case at its pose, ``(H, W, 3)`` uint8.
 
     Raises
     ------

@@ -80,12 +80,7 @@ def mask_json(mask: np.ndarray) -> bytes:
 def mask_columns(data: bytes, shape: tuple[int, int], where: str) -> np.ndarray:
     """The mask of :func:`mask_json`, ``(W, H)`` uint8 of 0 and 1: transposed, as run lengths go down the columns.
 
-    Parameters
-    ----------
-    data, shape
-        The JSON, and (H, W) of the mask.
-    where
-        Names the file in messages.
+    ``shape`` is (H, W) of the mask; ``where`` names the file in messages.
 
     Raises
     ------

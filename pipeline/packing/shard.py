@@ -62,12 +62,7 @@ def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) ->
 
     The same order makes the same bytes on any machine; with JPEG, those with the same version of OpenCV.
 
-    Parameters
-    ----------
-    order
-        What to write.
-    on_view
-        Called after each view.
+    ``on_view`` is called after each view.
 
     Raises
     ------

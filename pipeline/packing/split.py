@@ -75,12 +75,7 @@ class Split:
 def split_of_dataset(dataset: WholeDataset, *, gap_px: float | None = None) -> Split:
     """Divide a dataset's views into train, val and test.
 
-    Parameters
-    ----------
-    dataset
-        The dataset.
-    gap_px
-        As for :func:`split_of_views`.
+    ``gap_px`` is as for :func:`split_of_views`.
 
     Raises
     ------

@@ -30,14 +30,7 @@ DAMAGED, FOREIGN, OTHER = "damaged files", "foreign files", "shards unlike the d
 class VerifyReport:
     """The result of verifying a pack.
 
-    Attributes
-    ----------
-    count, shards
-        Views and shards of the pack.
-    compared
-        Whether the shards were made again from the dataset.
-    findings
-        What is wrong; empty if the pack is whole.
+    ``compared``: the shards were made again from the dataset. Without ``findings`` the pack is whole.
     """
 
     count: int

@@ -21,12 +21,7 @@ AGAIN = "run the command that rendered it again"
 class WholeDataset:
     """A dataset that is complete, as far as names and the files beside its views tell.
 
-    Attributes
-    ----------
-    root
-        Its folder.
-    description, sums
-        ``dataset.json`` and ``checksums.json``.
+    ``description`` and ``sums`` are ``dataset.json`` and ``checksums.json``.
     """
 
     root: Path

@@ -148,10 +148,7 @@ def plan_pose(distribution: Drawn, constraints: Constraints, probe: Probe, *, se
 def sampling_doubt(attempts: Sequence[int]) -> str:
     """A message if so few poses meet the constraints that a long run may fail; empty otherwise.
 
-    Parameters
-    ----------
-    attempts
-        Poses tried for each of some views that found one.
+    ``attempts`` are the poses tried for each of some views that found one.
     """
     tried = sum(attempts)
     if not tried or len(attempts) >= LEAST_ACCEPTANCE * tried:

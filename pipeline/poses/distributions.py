@@ -90,13 +90,7 @@ class ReferencePose:
 
 @dataclass(frozen=True, kw_only=True)
 class PoseDistribution:
-    """A distribution of camera poses around a reference.
-
-    Attributes
-    ----------
-    reference
-        The frame's pose.
-    """
+    """A distribution of camera poses around a reference."""
 
     reference: ReferencePose
 
@@ -304,10 +298,7 @@ class Trajectory(Orbit):
 class Listed(PoseDistribution):
     """The user's own poses.
 
-    Attributes
-    ----------
-    poses
-        ``(N, 4, 4)`` ``cam_from_model``, mm.
+    ``(N, 4, 4)`` ``cam_from_model``, mm.
     """
 
     poses: np.ndarray

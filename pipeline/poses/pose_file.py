@@ -112,14 +112,8 @@ def read_poses(
     lists, or a list of objects with the key ``cam_from_mesh``. Objects in which it is ``null`` are left out, with a
     message.
 
-    Parameters
-    ----------
-    path
-        The file.
-    mesh_from_model
-        ``(4, 4)`` rigid, mm.
-    mm_per_unit
-        Factor from the unit of the translations to millimetres, e.g. 1000 if the poses are in metres.
+    ``mesh_from_model`` is ``(4, 4)`` rigid, mm; ``mm_per_unit`` the factor from the unit of the translations to
+    millimetres, e.g. 1000 if the poses are in metres.
 
     Returns
     -------
@@ -203,14 +197,7 @@ def read_frame_poses(
     objects with the key ``cam_from_mesh``, with ``null`` for frames, or for the ``cam_from_mesh`` of frames, without.
     If the objects have the key ``frame``, a whole number from 0, frames that no object names have no pose.
 
-    Parameters
-    ----------
-    path
-        The file.
-    frames
-        How many the video has.
-    mesh_from_model, mm_per_unit
-        As for :func:`read_poses`.
+    ``frames`` is how many the video has; the rest is as for :func:`read_poses`.
 
     Returns
     -------

@@ -106,13 +106,7 @@ def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str]
 
 @contextmanager
 def _explained_imports() -> Iterator[None]:
-    """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error.
-
-    Raises
-    ------
-    RunError
-        A package is missing, e.g. OpenCV in a Blender program without the extension.
-    """
+    """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -61,10 +61,7 @@ class MeshRays:
     def __init__(self, mesh: TriangleMesh) -> None:
         """Keep the mesh: the first rays build the search structure, which takes a second for a million faces.
 
-        Raises
-        ------
-        InputError
-            As :func:`require_embree`.
+        Errors are those of :func:`require_embree`.
         """
         require_embree()
         self._mesh = mesh

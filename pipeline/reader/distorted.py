@@ -22,12 +22,7 @@ class DistortedView:
     def __init__(self, view: View, coefficients: Sequence[float] | None = None) -> None:
         """Prepare a view.
 
-        Parameters
-        ----------
-        view
-            Of the pinhole camera.
-        coefficients
-            OpenCV's k1, k2, p1, p2, k3; those of the case's frame if left out.
+        ``coefficients`` are OpenCV's k1, k2, p1, p2, k3; those of the case's frame if left out.
 
         Raises
         ------

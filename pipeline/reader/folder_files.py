@@ -16,12 +16,7 @@ from .view import Boxes, Numbers, ViewFiles
 class FolderFiles(ViewFiles):
     """The files of a dataset's views.
 
-    Attributes
-    ----------
-    root, description
-        The dataset's folder and what it says.
-    opened
-        Opens another folder, that of the right eyes.
+    ``opened`` opens another folder, that of the right eyes.
     """
 
     root: Path

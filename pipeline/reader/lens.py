@@ -166,13 +166,7 @@ class Exposure:
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Noise of light and of the sensor, of variance ``shot`` × light + ``read`` squared; white is 1.
-
-    Attributes
-    ----------
-    shot, read
-        As above.
-    """
+    """Noise of light and of the sensor, of variance ``shot`` × light + ``read`` squared; white is 1."""
 
     shot: Range = (0.0, 0.005)
     read: Range = (0.0, 0.01)

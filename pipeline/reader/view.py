@@ -12,9 +12,10 @@ from ..dataset.decoding import decoded, depth_mm
 from ..dataset.identity import eyes_apart
 from ..dataset.layout import MODEL_FILES, eyes_of
 from ..dataset.model_file import read_model
+from ..dataset.normals import normal_codes, unit_vectors
 from ..dataset.options import RIGHT
 from ..dataset.run.resume_record import Box
-from ..dataset.truths import TRUTHS, normal_codes, points_model, unit_vectors
+from ..dataset.truths import TRUTHS, points_model
 from ..errors import InputError
 from ..surface.mesh import TriangleMesh
 from .flow import flow
@@ -238,11 +239,6 @@ class View:
 
     def flow_to(self, other: "View") -> tuple[np.ndarray, np.ndarray]:
         """Optical flow to another view of the same surface, and what of the surface can be seen in that.
-
-        Parameters
-        ----------
-        other
-            From this dataset, or another one of the same surface.
 
         Returns
         -------

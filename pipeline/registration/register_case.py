@@ -79,7 +79,7 @@ def register_case(
     colour_frames
         Choose so many accepted frames, at most, to colour the surface with.
     denoise
-        Remove noise from these, see :mod:`oneframe.video.denoise`.
+        Remove noise from these, see :func:`oneframe.video.frame_measures.denoised`.
     progress
         Called with the finished share, 0..1.
 

@@ -23,9 +23,9 @@ from ..images.png import encode_png
 from ..surface_correction import surface_check
 from ..surface_correction.surface_check import SurfaceCheck
 from ..transforms import inverse_rigid
-from ..video.denoise import denoised
 from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
+from ..video.frame_measures import denoised
 from .colour_sources import Candidate, Candidates, evenly
 from .known_views import grey_codes
 from .register import RegisteredFrame, Registrar, judged_together, zoom_of

@@ -61,10 +61,7 @@ class _Folder:
 def evaluation_page(root: Path) -> bytes:
     """Make the page.
 
-    Parameters
-    ----------
-    root
-        The evaluation's folder. What is missing in it is named on the page.
+    What is missing in the evaluation's folder is named on the page.
 
     Raises
     ------

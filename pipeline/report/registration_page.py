@@ -42,13 +42,6 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
     """Make the page.
 
     It names neither the case nor the frames: such names may be those of patients.
-
-    Parameters
-    ----------
-    evidence
-        What was found.
-    name
-        Of the registration.
     """
     frames, camera, counts = evidence.frames, evidence.source.camera, evidence.counts
     facts = [f"{spaced(len(frames))} frames{' of a video' if evidence.is_film else ''}"]

@@ -135,14 +135,7 @@ def subtract_burrs(grid: ImplicitGrid, centres: np.ndarray, radii: np.ndarray) -
 def tube(path: np.ndarray, radius: float, sides: int = 16, steps: int = 8) -> TriangleMesh:
     """A nerve or vessel: a closed tube of ``radius`` (mm) around a Catmull-Rom curve through ``(N, 3)`` points (mm).
 
-    Parameters
-    ----------
-    path
-        ``(N, 3)`` points.
-    radius
-        Same unit as the points.
-    sides, steps
-        Vertices per ring; rings per segment of the path.
+    ``sides`` are vertices per ring, ``steps`` rings per segment of the path.
     """
     padded = np.concatenate([[2 * path[0] - path[1]], path, [2 * path[-1] - path[-2]]])
     t = np.arange(steps)[:, None, None] / steps

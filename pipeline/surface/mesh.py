@@ -144,7 +144,7 @@ def ball_around(mesh: TriangleMesh) -> Ball:
 
 
 def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[TriangleMesh, list[str]]:
-    """Check raw arrays; drop zero-area faces and unused vertices.
+    """Check raw arrays; drop zero-area faces and unused vertices, with messages about it.
 
     Parameters
     ----------
@@ -152,10 +152,6 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
         ``(V, 3)`` coordinates and ``(F, 3)`` integer indices, as read.
     where
         Names the file in messages.
-
-    Returns
-    -------
-    The mesh, and messages about what was dropped.
 
     Raises
     ------

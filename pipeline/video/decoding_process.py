@@ -32,11 +32,6 @@ class DecodingError(RuntimeError):
 def decoded_apart(path: Path, *arguments: object) -> Iterator[bytes]:
     """The parts that :func:`.decoder.film` yields, without empty ones; close the iterator to end early.
 
-    Parameters
-    ----------
-    path, arguments
-        What it gets.
-
     Raises
     ------
     InputError

@@ -73,12 +73,7 @@ def write_frames(
 ) -> list[ChosenFrame]:
     """Write frames, masked frames, contact sheet and table.
 
-    Parameters
-    ----------
-    video, out
-        The film, and the folder, which is created if it does not exist.
-    scores, chosen
-        Of the film; the frames to write, the best first.
+    ``chosen`` are the frames to write, the best first; the folder is created if it does not exist.
 
     Raises
     ------
@@ -110,14 +105,7 @@ def write_frames(
 def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore, *, masked: bool = False) -> Path:
     """Write one frame, chosen or not, under the name and with the content that :func:`write_frames` gives it.
 
-    Parameters
-    ----------
-    video, folder
-        The film, and an existing folder.
-    scores, score
-        Of the film; of the frame.
-    masked
-        Write alpha 0 where it shows no tissue, instead of the frame as decoded.
+    Into an existing folder; ``masked``: with alpha 0 where it shows no tissue, instead of the frame as decoded.
 
     Returns
     -------
@@ -146,21 +134,13 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
 def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -> Iterator[Path]:
     """Write frames as :func:`write_frame` does, one after the other; the film is decoded once.
 
-    Parameters
-    ----------
-    video, folder
-        The film, and an existing folder.
-    chosen
-        The frames, in the order of the film.
+    Into an existing folder; ``chosen`` are in the order of the film.
 
     Yields
     ------
     The file of each.
 
-    Raises
-    ------
-    InputError, RunError
-        As :func:`write_frame`.
+    Errors are those of :func:`write_frame`.
     """
     files = [_files(video, folder, score)[0] for score in chosen]
     check_outputs(files, {"video": video})
@@ -286,10 +266,8 @@ def film_notes(scores: FilmScores) -> list[str]:
         lines.append(f"note: {info.cut_off}")
     elif scores.broken:
         lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
-    if info.hdr:
-        lines.append(
-            "note: the film is HDR (HLG or PQ), and its colours come out pale; record without HDR, or convert it to SDR"
-        )
+    if info.pale:
+        lines.append(f"note: {info.pale}")
     if not all(each.clear_view.still for each in scores.compared):
         lines.append(
             "note: the camera goes around the tissue: of what covers it, only metal and gloves are told, by their "

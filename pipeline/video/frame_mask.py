@@ -26,7 +26,7 @@ _SEED = 7
 def tissue_mask(
     image: np.ndarray, compared: ComparedFrame, inside: np.ndarray | None = None, circle: Circle | None = None
 ) -> np.ndarray:
-    """Where a frame shows tissue.
+    """``(H, W)`` bool: where a frame shows tissue.
 
     Parameters
     ----------
@@ -36,10 +36,6 @@ def tissue_mask(
         What the frame was compared with, and what the optics let through, as in :class:`.FilmScores`.
     circle
         Circle of the view, px of the full frame.
-
-    Returns
-    -------
-    ``(H, W)`` bool.
     """
     view = view_of(image)
     found = compared.clear_view.finder().find(*registered(view, compared.placement, inside), compared.gain)
@@ -53,14 +49,7 @@ def tissue_mask(
 def single_mask(image: np.ndarray) -> np.ndarray:
     """As :func:`tissue_mask`, of a frame without its film: metal and gloves by their colour, glare, the view's circle.
 
-    Parameters
-    ----------
-    image
-        ``(H, W, 3)`` uint8 RGB.
-
-    Returns
-    -------
-    ``(H, W)`` bool.
+    ``(H, W)`` bool, of ``(H, W, 3)`` uint8 RGB.
     """
     view = view_of(image)
     everywhere = np.ones(view.shape[:2], bool)

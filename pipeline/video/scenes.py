@@ -32,12 +32,7 @@ _SCALES = (0.8, 1.25)
 class Placement:
     """Where a frame belongs.
 
-    Attributes
-    ----------
-    scene
-        Number of the scene.
-    key_from_view
-        ``(2, 3)`` float64, from pixels of the frame's view to those of the scene's key view.
+    ``key_from_view``, ``(2, 3)`` float64, goes from pixels of the frame's view to those of the scene's key view.
     """
 
     scene: int

@@ -40,16 +40,12 @@ class Circle:
 
 
 def lit_part(brightness: np.ndarray) -> np.ndarray | None:
-    """Where the optics let light through.
+    """``(h, w)`` bool: where the optics let light through; ``None`` if there is no black border.
 
     Parameters
     ----------
     brightness
         ``(h, w)`` mean over the film.
-
-    Returns
-    -------
-    ``(h, w)`` bool, or ``None`` if there is no black border.
     """
     dark = brightness < DARK * _level(brightness)
     count, labels = cv2.connectedComponents(dark.astype(np.uint8), connectivity=4)

@@ -145,10 +145,7 @@ def removed_of(
 ) -> RemovedField | None:
     """What a plan removes, so that the margins hold on the finished surface; ``None`` without strokes.
 
-    Raises
-    ------
-    InputError
-        As for :func:`.removed_by_plan`.
+    Errors are those of :func:`.removed_by_plan`.
     """
     grid, tolerance = volume.grid, _tolerance(volume.grid, tolerance_mm)
     margins = {name: widened_mm(margin, grid, tolerance) for name, margin in plan.margins_mm.items()}

@@ -205,10 +205,7 @@ def wheels_for(name: str) -> list[Path]:
     name
         Blender's name of the platform.
 
-    Raises
-    ------
-    RunError
-        As :func:`wheels`.
+    Errors are those of :func:`wheels`.
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av=", "tomlkit"))]

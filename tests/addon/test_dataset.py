@@ -16,7 +16,8 @@ from oneframe.case.case_update import differing_fields
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid, transform_points
-from tests.blender.dataset.test_job import finished_views, tree
+from tests.blender.dataset.job_runs import finished_views
+from tests.tree import tree
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.render

@@ -1,8 +1,10 @@
 """No scheduler on another machine is trusted unasked."""
 
+import gc
+
 import pytest
 
-pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
+distributed = pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
 from oneframe.cluster.scheduler import open_scheduler
 from oneframe.errors import InputError, RunError
@@ -20,5 +22,11 @@ def test_a_scheduler_elsewhere_that_lets_everybody_in_is_refused(where, monkeypa
 @pytest.mark.parametrize("where", ["tcp://localhost:9", "[::1]:9", "tls://192.0.2.99:9"])
 def test_one_here_or_with_certificates_is_asked(where, monkeypatch):
     monkeypatch.setattr("oneframe.cluster.scheduler.CONNECT_SECONDS", 0.1)
-    with pytest.raises(RunError, match="found none"), open_scheduler(where):
-        pass
+    gc.disable()
+    try:
+        with pytest.raises(RunError, match="found none"), open_scheduler(where):
+            pass
+        # a half-made client would end wherever garbage is collected, and wait there for Dask's locks
+        assert not [one for one in gc.get_objects() if type(one) is distributed.Client]
+    finally:
+        gc.enable()

@@ -20,12 +20,7 @@ def candidate_poses(correspondences: Correspondences, samples: int) -> Poses:
     are coplanar or nearly so. From samples of three correspondences: up to four AP3P solutions each (Ke & Roumeliotis
     2017), which do not depend on any other correspondence being right.
 
-    Parameters
-    ----------
-    correspondences
-        N correspondences; the solvers for all of them run from 4 on.
-    samples
-        Largest number of samples of three.
+    The solvers for all correspondences run from 4 on; ``samples`` is the largest number of samples of three.
     """
     found = list(_from_all_correspondences(correspondences))
     for sample in _triples(len(correspondences), samples):

@@ -78,12 +78,7 @@ class UndeterminedPose(InputError):
 def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str]) -> None:
     """Refuse correspondences that no solver can use.
 
-    Parameters
-    ----------
-    points_model, pixels
-        ``(N, 3)`` mm and ``(N, 2)`` px, finite.
-    names
-        What messages call them.
+    ``(N, 3)`` mm and ``(N, 2)`` px are finite; ``names`` is what messages call them.
 
     Raises
     ------
@@ -193,16 +188,7 @@ def ambiguous_pose(
 ) -> UndeterminedPose:
     """The error for correspondences that fit several poses nearly equally well.
 
-    Parameters
-    ----------
-    possible
-        At least two hypotheses, the most probable first.
-    modes
-        The same with their uncertainties.
-    names
-        What messages call the correspondences.
-    click_sigma_px
-        Stated click noise.
+    ``possible`` are at least two hypotheses, the most probable first, ``modes`` the same with their uncertainties.
     """
     candidates = [mode.cam_from_model for mode in modes]
     rotation_deg = max(rotation_angle_deg(pose[:3, :3] @ candidates[0][:3, :3].T) for pose in candidates)
@@ -225,15 +211,6 @@ def ambiguous_pose(
 
 def check_uncertainty(correspondences: Correspondences, mode: PoseMode, click_sigma_px: float) -> None:
     """Refuse a pose that is too uncertain.
-
-    Parameters
-    ----------
-    correspondences
-        The inliers.
-    mode
-        The pose fitted to them.
-    click_sigma_px
-        Stated click noise.
 
     Raises
     ------

@@ -73,16 +73,7 @@ def hypotheses(
     more, candidates are also refined with a bounded loss of decreasing scale, and the best of these select their
     inliers (:mod:`.outliers`).
 
-    Parameters
-    ----------
-    correspondences
-        At least 4.
-    start
-        Further initial poses, possibly none.
-    click_sigma_px
-        Stated click noise.
-    allow_outliers
-        Whether to look for outliers.
+    Of at least 4 correspondences; ``start`` are further initial poses, possibly none.
     """
     found = candidate_poses(correspondences, samples=TRIPLES if allow_outliers else 0)
     starts = Poses(

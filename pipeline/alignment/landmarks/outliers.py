@@ -19,16 +19,7 @@ def select_inliers(
 ) -> tuple[np.ndarray, Poses]:
     """Add and remove inliers one at a time and refit, until no p-value contradicts the selection.
 
-    Parameters
-    ----------
-    correspondences
-        All N correspondences.
-    pose
-        One initial pose.
-    inliers
-        ``(N,)`` bool, a first guess; at least 4.
-    click_sigma_px
-        Stated click noise.
+    Begins with one pose, and ``(N,)`` bool ``inliers``: a first guess of at least 4.
 
     Returns
     -------
@@ -61,16 +52,7 @@ def residual_p_values(
 
     Points behind the camera get 0.
 
-    Parameters
-    ----------
-    correspondences
-        All N correspondences.
-    pose
-        One pose, fitted to the inliers.
-    inliers
-        ``(N,)`` bool.
-    click_sigma_px
-        Stated click noise.
+    Of all N correspondences; the pose is fitted to the ``(N,)`` bool ``inliers``.
 
     Notes
     -----

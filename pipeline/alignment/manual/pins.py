@@ -33,7 +33,7 @@ def pull_pins(
     held: int | None = None,
     radius_mm: float = 0.0,
 ) -> np.ndarray:
-    """The pose nearest to the current one that brings each pin to its pixel, as far as possible.
+    """``(4, 4)`` the pose nearest to the current one that brings each pin to its pixel, as far as possible.
 
     * One pin: a shift parallel to the image at the pin's depth; exact.
     * Two pins: a shift, a roll about the view ray and a change of distance; exact unless the pixels coincide.
@@ -59,10 +59,6 @@ def pull_pins(
         The pin in the hand: where pins contradict each other, it wins, and it is always where it is wanted.
     radius_mm
         Radius of a ball about the pivot that holds the surface.
-
-    Returns
-    -------
-    ``(4, 4)`` the new cam_from_model.
 
     Raises
     ------

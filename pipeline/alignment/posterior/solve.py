@@ -252,14 +252,7 @@ def pulls_px(found: Alignment, image: PoseEvidence | None, points_model: np.ndar
 
     ``None`` where the rest determines no pose.
 
-    Parameters
-    ----------
-    found
-        The pose from all evidence.
-    image
-        What the image says of it.
-    points_model
-        ``(N, 3)`` points of the visible surface, mm.
+    ``found`` is the pose from all evidence, ``points_model`` ``(N, 3)`` points of the visible surface, mm.
     """
     shown = found.camera.project(transform_points(found.estimate.cam_from_model, points_model))
     pulls: dict[str, float | None] = {}

@@ -49,10 +49,7 @@ def best_mixture(channels: np.ndarray, features: np.ndarray, weights: np.ndarray
 def summed_correlation(within_y: np.ndarray, within_p: np.ndarray, between: np.ndarray) -> np.ndarray:
     """Sum of the squared canonical correlations, ``(...)``, from covariances.
 
-    Parameters
-    ----------
-    within_y, within_p, between
-        ``(..., C, C)`` of the channels, ``(..., K, K)`` of the features, ``(..., K, C)`` between them.
+    ``(..., C, C)`` of the channels, ``(..., K, K)`` of the features, ``(..., K, C)`` between them.
     """
     regression = np.linalg.solve(_regularised(within_p), between)
     explained = np.swapaxes(between, -1, -2) @ regression

@@ -179,14 +179,8 @@ def put_surface(
 ) -> bpy.types.Object:
     """Add a new surface object to the scene.
 
-    Parameters
-    ----------
-    scene
-        Gets the object, in the alignment's collection.
-    mesh
-        The surface in the model frame.
-    mesh_from_model, cam_from_model
-        4x4, mm; stored with the object.
+    It goes into the alignment's collection, with its mesh in the model frame; both matrices, 4x4, mm, are stored with
+    it.
     """
     surface = new_surface_object(mesh, mesh_from_model, cam_from_model)
     alignment_collection(scene).objects.link(surface)

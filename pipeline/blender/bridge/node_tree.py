@@ -15,12 +15,8 @@ class Nodes:
     def add(self, kind: str, given: Mapping[Any, Any] | None = None, **settings: object) -> bpy.types.Node:
         """Add a node.
 
-        Parameters
-        ----------
-        given
-            Numbers, colours or sockets for its inputs, by their names or numbers.
-        settings
-            Default values of its inputs or, for other names, its properties.
+        ``given`` are numbers, colours or sockets for its inputs, by their names or numbers; ``settings`` default values
+        of its inputs or, for other names, its properties.
         """
         node = self._tree.nodes.new(kind)
         for name, value in settings.items():

@@ -35,12 +35,7 @@ FORMATS = (".glb", ".obj", ".ply")
 def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None:
     """Check before any work that the coloured surface can be written, with the files that go with it.
 
-    Parameters
-    ----------
-    path, colour
-        As for :func:`export_coloured_surface`.
-    inputs
-        Files that must not be replaced, by what they are.
+    ``inputs`` are files that must not be replaced, by what they are.
 
     Raises
     ------

@@ -55,11 +55,7 @@ def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> None:
 
 
 def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
-    """Write the tables of a complete dataset, its overlay and its contact sheet.
-
-    Returns
-    -------
-    Sums over all views.
+    """Write the tables of a complete dataset, its overlay and its contact sheet; gives sums over all views.
 
     Raises
     ------

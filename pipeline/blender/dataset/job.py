@@ -36,19 +36,7 @@ IN_FLIGHT = 3
 
 @dataclass(frozen=True)
 class Job:
-    """What to render, and where to write it.
-
-    Attributes
-    ----------
-    case
-        The case file, read once.
-    out
-        The dataset's folder.
-    options
-        What determines the content.
-    shard
-        The views to render.
-    """
+    """What to render, and where to write it."""
 
     case: Case
     out: Path
@@ -132,10 +120,7 @@ class OpenJob:
 def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
     """The light at the lens, if options ask for it.
 
-    Raises
-    ------
-    InputError
-        As :func:`.lens_shading_of`.
+    Errors are those of :func:`.lens_shading_of`.
     """
     return None if options.light == NONE else lens_shading_of(loaded, shadows=options.light == SHADOWS)
 

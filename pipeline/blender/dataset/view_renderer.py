@@ -31,10 +31,7 @@ from .view_planner import SAMPLED_VIEWS, ViewPlanner
 class ViewRenderer(ViewPlanner):
     """Plans and renders views of one dataset; creating it prepares all that they share. Use as a context manager.
 
-    Attributes
-    ----------
-    render
-        Renders any pose (4x4, mm).
+    ``render`` renders any pose (4x4, mm).
     """
 
     def __init__(

@@ -30,12 +30,7 @@ class _Glyph:
 def text_mask(text: str, size_px: float) -> np.ndarray:
     """How much of each pixel the letters of a line cover.
 
-    Parameters
-    ----------
-    text
-        Letters that Blender's font does not have become boxes.
-    size_px
-        Height of the line, about 1.4 times that of capitals.
+    Letters that Blender's font does not have become boxes; ``size_px`` is about 1.4 times the height of capitals.
 
     Returns
     -------

@@ -136,13 +136,7 @@ def _bmp(image: np.ndarray) -> bytes:
 
 
 def _keep(written: Path, path: Path) -> None:
-    """Copy a video that Blender has written to its place.
-
-    Raises
-    ------
-    RunError
-        Blender reports no error when the disk is full: the file is damaged, or there is none.
-    """
+    """Copy a video that Blender has written to its place."""
     if not written.exists() or not _is_whole(written):
         raise unwritable_temporary("Blender wrote a damaged video")
     path.parent.mkdir(parents=True, exist_ok=True)

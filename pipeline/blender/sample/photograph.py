@@ -31,14 +31,7 @@ from ..bridge.versions import IS_5, new_node_material
 def set_path_tracing(scene: bpy.types.Scene, samples: int, *, depth: Literal["8", "16"]) -> None:
     """Set a scene up to render sRGB PNGs with one bounce of light, the same ones every time.
 
-    Parameters
-    ----------
-    scene
-        The scene.
-    samples
-        Paths per pixel before denoising.
-    depth
-        Bits of a channel.
+    ``samples`` are paths per pixel before denoising, ``depth`` the bits of a channel.
     """
     render, cycles = scene.render, scene.cycles
     render.engine = "CYCLES"

@@ -75,10 +75,7 @@ def write_sample_case(
     ------
     Each file's path once it is complete; ``case.toml`` is the last.
 
-    Raises
-    ------
-    InputError, RunError
-        As :func:`check_sample_case`.
+    Errors are those of :func:`check_sample_case`.
     """
     check_sample_case(folder, camera=camera, held_out=held_out)
     with writing(folder / "case.toml"):

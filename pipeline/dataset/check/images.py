@@ -44,13 +44,6 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
 def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement:
     """Check that the depth image and the numbers of the silhouette are those of the surface at the view's pose.
 
-    Parameters
-    ----------
-    paths, record, stored
-        The view, its record, and what its images hold.
-    surface
-        The model with its edges.
-
     Raises
     ------
     InputError

@@ -96,18 +96,7 @@ def check_rerendered(
 ) -> None:
     """Render some views, a frame of the video for each, and the files beside them again, and compare.
 
-    Parameters
-    ----------
-    root, description
-        The dataset's folder, in which the other checks found nothing; its description.
-    renderer
-        Renders the case.
-    views
-        Numbers of the views.
-    findings
-        Receives what is wrong.
-    stream
-        Stream for the progress.
+    In the dataset's folder the other checks found nothing; ``findings`` receives what is wrong.
     """
     before = len(findings)
     same_versions = renderer.description["versions"] == description.content["versions"]

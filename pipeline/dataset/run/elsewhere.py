@@ -145,16 +145,8 @@ def _content(path: Path) -> bytes:
 def gather_view(paths: ViewPaths, identity: str, kinds: Iterable[str], files: Mapping[str, bytes]) -> None:
     """Take over one view; every hash is compared with the record before a file is written.
 
-    Parameters
-    ----------
-    paths
-        The view's files in the dataset that it is for.
-    identity
-        Identity of that dataset.
-    kinds
-        Kinds of the files that a view has beside its record.
-    files
-        The content of all files by their names relative to the dataset.
+    ``paths`` and ``identity`` are of the dataset that it is for, ``kinds`` those of the files beside a view's record,
+    and ``files`` the contents by their names relative to the dataset.
 
     Raises
     ------

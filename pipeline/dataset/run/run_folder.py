@@ -147,13 +147,7 @@ class RunFolder(WorkFolder):
         return not self._shared
 
     def _holds_nothing(self) -> bool:
-        """Whether the folder is new: empty, or all that is in it was left by a run that was killed as it started.
-
-        Raises
-        ------
-        RunError
-            It holds files of somebody else, and no dataset.
-        """
+        """Whether the folder is new: empty, or all that is in it was left by a run that was killed as it started."""
         if not self.path.is_dir():
             return True
         if (self.path / RECORD).exists():

@@ -121,15 +121,7 @@ def holds_views_of(root: Path, description: Mapping[str, object], poses: np.ndar
 def run_differences(
     root: Path, existing: Mapping[str, object], description: Mapping[str, object], poses: np.ndarray | None
 ) -> list[Difference]:
-    """What keeps a run from going on with a dataset on disk, by its description and the poses of its views.
-
-    Parameters
-    ----------
-    root, existing
-        The dataset's folder and description.
-    description, poses
-        Those of the run: see :func:`check_description`.
-    """
+    """What keeps a run from going on with a dataset on disk, by its description and the poses of its views."""
     changes = differences(existing, description)
     had, known = existing.get(COUNT), existing.get(POSES_HASH)
     # poses are those of the model, so they follow from other changes; the scale of the depth images follows from them

@@ -54,13 +54,7 @@ class WorkFolder:
         self._locks.close()
 
     def _enter(self, *steps: Callable[[], object]) -> None:
-        """Take the folder step by step; it is given back if one fails.
-
-        Raises
-        ------
-        RunError
-            One has raised it, or the folder cannot be written to.
-        """
+        """Take the folder step by step; it is given back if one fails."""
         try:
             for step in steps:
                 step()
@@ -100,15 +94,7 @@ class WorkFolder:
         return all(re.fullmatch(self._work_files, name) for name in names_in(self.work))
 
     def _remove_partial(self, folders: Iterable[tuple[str, Path]], is_own: Callable[[str], bool]) -> None:
-        """Remove the temporary files of killed runs; nobody else may be writing theirs.
-
-        Parameters
-        ----------
-        folders
-            Beginnings of names relative to the folder, and the folders that they are in.
-        is_own
-            Whether a run writes a file of this name.
-        """
+        """Remove the temporary files of killed runs; nobody else may be writing theirs."""
         for prefix, folder in folders:
             for name in names_in(folder):
                 target = partial_name(name)

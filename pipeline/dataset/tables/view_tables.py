@@ -21,7 +21,7 @@ from .pose_tables import write_poses
 def write_view_tables(
     root: Path, description: Description, *, bounds: np.ndarray, depth_scale: float, out: Path | None = None
 ) -> Tally:
-    """Write the tables of a dataset whose views are all finished.
+    """Write the tables of a dataset whose views are all finished; gives sums over all views.
 
     Parameters
     ----------
@@ -31,10 +31,6 @@ def write_view_tables(
         Millimetres per unit of the depth images, as in ``camera.json``.
     out
         The folder of the tables, if it is not that of the dataset.
-
-    Returns
-    -------
-    Sums over all views.
 
     Raises
     ------

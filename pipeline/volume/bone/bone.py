@@ -78,10 +78,7 @@ def without_crumbs(
 ) -> np.ndarray:
     """The voxels of bone without the parts below ``smallest_mm3`` that a drill has cut off.
 
-    Parameters
-    ----------
-    solid
-        ``(Z, Y, X)`` bool, the bone before the drill.
+    ``solid`` is ``(Z, Y, X)`` bool, the bone before the drill.
 
     Returns
     -------
@@ -100,14 +97,7 @@ def without_crumbs(
 def without_couch(volume: Volume, bone: np.ndarray) -> np.ndarray:
     """Take the couch, and what lies behind it, out of a mask where it touches the patient.
 
-    Parameters
-    ----------
-    bone
-        ``(Z, Y, X)`` bool.
-
-    Returns
-    -------
-    ``bone`` itself if the volume shows no couch.
+    ``bone`` is ``(Z, Y, X)`` bool; the result is the same if the volume shows no couch.
     """
     # the axes of the array that run to the patient's left, back and head, if they are oblique: most nearly
     toward = volume.grid.mesh_from_index[:3, :3] / volume.grid.spacing_mm

@@ -141,12 +141,7 @@ def block_surface(
     The cell ``(x, y, z)`` has that voxel as its first corner; cells begin at -1, in the air around the volume.
     Neighbouring blocks have equal vertices on the face between them.
 
-    Parameters
-    ----------
-    values, level, grid, solid, removed
-        The whole volume, as for :func:`isosurface`.
-    first, stop
-        First cell of the block and one past its last, as (x, y, z).
+    ``first`` is the first cell of the block and ``stop`` one past its last, as (x, y, z); the rest is as there.
     """
     material = _Material(values, level, solid, removed)
     lower, upper = first[::-1], stop[::-1]

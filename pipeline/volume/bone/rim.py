@@ -55,12 +55,7 @@ class _Strip:
 def with_sharp_rim(surface: Isosurface, removed: RemovedField, grid: VoxelGrid) -> Isosurface:
     """Split the edges between drilled vertices and others on the crease; no other vertex moves.
 
-    Parameters
-    ----------
-    surface
-        Closed, not smoothed.
-    removed, grid
-        What the drill removed, and the grid of the volume.
+    The surface is closed, and not smoothed.
 
     Returns
     -------

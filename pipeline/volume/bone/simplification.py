@@ -80,20 +80,10 @@ def simplified(
 def tolerance_near(
     mesh: TriangleMesh, centre: np.ndarray, radius_mm: float, near_mm: float, far_mm: float
 ) -> np.ndarray:
-    """A tolerance for each vertex that keeps detail in a ball, e.g. where the frame looks.
+    """``(V,)`` mm: a tolerance for each vertex that keeps detail in a ball, e.g. where the frame looks.
 
-    Parameters
-    ----------
-    mesh
-        The surface.
-    centre, radius_mm
-        The ball: (3,) in the frame of the mesh, mm.
-    near_mm, far_mm
-        Tolerances in the ball, and from twice its radius on; between them it grows smoothly.
-
-    Returns
-    -------
-    ``(V,)`` mm.
+    The ball has its centre, (3,), in the frame of the mesh, mm. In it the tolerance is ``near_mm``, from twice its
+    radius on ``far_mm``; between them it grows smoothly.
     """
     outside = np.clip(np.linalg.norm(mesh.vertices - centre, axis=1) / radius_mm - 1, 0, 1)
     return near_mm + (far_mm - near_mm) * outside * outside * (3 - 2 * outside)

@@ -55,12 +55,7 @@ def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: 
 
     Differences thinner than two voxels, or below 10 mm³, come from noise and registration, and do not count.
 
-    Parameters
-    ----------
-    level_hu
-        Bone lies above it in both.
-    solid
-        ``(Z, Y, X)`` bool, the bone before the operation.
+    Bone lies above ``level_hu`` in both; ``solid`` is ``(Z, Y, X)`` bool, the bone before the operation.
 
     Raises
     ------

@@ -140,12 +140,8 @@ def way_over_bone(
 ) -> Iterator[np.ndarray | None]:
     """Where a burr goes while the pointer goes straight from one place ``(2,)`` to another, both included.
 
-    Parameters
-    ----------
-    centre_at
-        A place of the pointer, px -> the burr's centre ``(3,)``, mm; ``None`` where it does not drill.
-    step_mm
-        Between successive centres.
+    ``centre_at`` gives the burr's centre ``(3,)``, mm, of a place of the pointer, px, or ``None`` where it does not
+    drill; successive centres are ``step_mm`` apart.
 
     Yields
     ------

@@ -61,12 +61,7 @@ class Stroke:
 class DrillPlan:
     """Strokes and margins.
 
-    Attributes
-    ----------
-    strokes
-        In any order: their union is removed.
-    margins_mm
-        Least thickness of bone that stays around each structure, by its name.
+    The union of the strokes is removed; ``margins_mm`` is the least thickness of bone that stays around each structure.
     """
 
     strokes: tuple[Stroke, ...] = ()

@@ -31,7 +31,7 @@ _SNAP_LINE = re.compile(r'\s*(\d+)(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
 
 
 def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = True) -> LabelMap:
-    """Read a label map.
+    """Read a label map, with a name for each label that occurs.
 
     Parameters
     ----------
@@ -43,10 +43,6 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
     resampled
         Whether a map on another grid is resampled; otherwise it keeps its own after the check that it overlaps the
         volume, which is better for the surfaces of fine structures.
-
-    Returns
-    -------
-    The map, with a name for each label that occurs.
 
     Raises
     ------

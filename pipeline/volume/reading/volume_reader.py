@@ -11,7 +11,8 @@ from ...errors import InputError
 from ...files.content import read_beginning
 from ..simple_itk import simple_itk
 from ..volume import Volume, VoxelGrid, box_corners, box_slices
-from .dicom_series import SeriesInfo, chosen_series, find_series, is_dicom_beginning, series_voxels
+from .dicom_header import is_dicom_beginning
+from .dicom_series import SeriesInfo, chosen_series, find_series, series_voxels
 from .header_checks import check_memory
 from .volume_header import VolumeHeader, check_stored, read_header, unreadable, volume_suffix
 from .voxel_values import ValueSurvey
@@ -24,7 +25,7 @@ _SLAB = 16
 
 
 def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | None = None) -> Volume:
-    """Read a CT.
+    """Read a CT in Hounsfield units, rounded to whole ones.
 
     Parameters
     ----------
@@ -35,10 +36,6 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
         Number of the DICOM series as :func:`list_series` counts; needed only where several CTs are in the folder.
     crop_mm
         ``(2, 3)`` two corners of a box in LPS, mm; only the voxels that cover it are kept.
-
-    Returns
-    -------
-    The volume in Hounsfield units, rounded to whole ones.
 
     Raises
     ------
@@ -101,10 +98,7 @@ def file_voxels(
     corners_mm
         ``(8, 3)`` of a box in LPS to keep; ``None`` keeps all.
 
-    Raises
-    ------
-    InputError
-        As for :func:`read_volume`.
+    Errors are those of :func:`read_volume`.
     """
     where, grid = path.name, header.grid
     needed = (_COPIES * header.voxel_bytes + 2) * int(np.prod(grid.size, dtype=object))

@@ -34,16 +34,8 @@ class LabelColours:
 class DrawnBone:
     """What is drawn over the grey values.
 
-    Attributes
-    ----------
-    level_hu
-        Its contour is the bone's.
-    solid
-        ``(Z, Y, X)`` bool: the bone that counts; other bone has no contour.
-    removed
-        The part of it that is tinted, with a contour.
-    structures
-        Contours of labels.
+    The contour of ``level_hu`` is the bone's, where ``solid``, ``(Z, Y, X)`` bool, lets it count; of that, what is
+    removed is tinted and has a contour, as labels have.
     """
 
     level_hu: float

@@ -125,16 +125,7 @@ def run_trials(
 ) -> tuple[PoseErrors, dict[str, PoseErrors]]:
     """Solve many trials, also with the :data:`PEERS` on the same clicks.
 
-    Parameters
-    ----------
-    draw
-        Draws a trial, e.g. :func:`box_trial` with its arguments bound.
-    trials
-        Number of trials.
-    camera
-        Intrinsics of the trials.
-    click_sigma_px
-        Click noise that the solver assumes.
+    ``draw`` draws a trial, e.g. :func:`box_trial` with its arguments bound; the solver assumes ``click_sigma_px``.
 
     Returns
     -------

@@ -37,14 +37,7 @@ ROOM = 0.55
 def speed_accuracy_chart(points: Sequence[SpeedPoint], conditions: str, data: Path) -> Path:
     """Draw the points of each scene with their Pareto front.
 
-    Parameters
-    ----------
-    points
-        All points; each scene has some with an error.
-    conditions
-        One line of small print: machine and versions.
-    data
-        The table's file.
+    ``conditions`` is one line of small print, ``data`` the table's file.
     """
     known = SCORES if np.isfinite([point.error for point in points]).any() else IN_LIGHT
     scores = [each for each in known if np.isfinite([getattr(point, each[0]) for point in points]).any()]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from oneframe.case.precision import EXACT_PX
+from oneframe.case.surface_doubts import EXACT_PX
 from oneframe.charts.page import PEER, WARNING
 from oneframe.surface_correction.correct_surface import FLOOR_PX
 
@@ -136,7 +136,7 @@ def landmark_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -
         outcome_panel(own, name.capitalize(), LANDMARKS[name], below=name == "number", more=_failures(cells, name))
         for name, own in ours.items()
     ]
-    level = landmarks.LEVELS[-1]
+    level = landmarks.LEVEL
     region = Axis(ends=(0, 1.05), ticks={0: "0", 0.5: "50 %", level: f"{level:.0%}"})
     held = [cell for cell in in_sweep(cells, "calibration") if cell.y == level]
     empty = Panel("Truth in the 95 % region", Axis("true / stated click noise", log=True), region, legend="lower left")

@@ -40,10 +40,7 @@ class Training(NamedTuple):
 class PoseTrial:
     """A photograph's errors by one training, see :func:`errors`.
 
-    Attributes
-    ----------
-    seconds
-        Processor time of the training.
+    ``seconds`` is the processor time of the training.
     """
 
     scene: str

@@ -76,14 +76,7 @@ class Reference:
 def converged_reference(scene: RenderScene, along: int, advance: Callable[[], None]) -> Reference:
     """Render the judged views with many rays per pixel, exact projective colours and the whole surface.
 
-    Parameters
-    ----------
-    scene
-        The scene.
-    along
-        Rays along a pixel's side, see :func:`.converged_view`.
-    advance
-        Called after each view.
+    ``along`` is the number of rays along a pixel's side; ``advance`` is called after each view.
 
     Raises
     ------
@@ -128,18 +121,8 @@ def measure_scene(
 ) -> list[SpeedPoint]:
     """Measure configurations, peers and Cycles alone in alternating rounds, and judge the views of the last one.
 
-    Parameters
-    ----------
-    scene, reference
-        What is rendered, and what it should look like; nothing is judged without.
-    configurations, peers
-        What is measured; peers as of :func:`scene_peers`.
-    folder
-        For temporary files.
-    rounds
-        Number of rounds.
-    advance
-        Called after each measurement.
+    Nothing is judged without a reference; peers are those of :func:`scene_peers`, ``folder`` is for temporary files.
+    ``advance`` is called after each measurement.
 
     Raises
     ------

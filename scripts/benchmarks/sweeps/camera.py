@@ -21,8 +21,7 @@ from oneframe.camera.pinhole import FARTHEST_PRINCIPAL_POINT, PinholeCamera
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.loaded_case import MAX_EXTENT_RATIO, load_case
-from oneframe.case.precision import EXACT_PX, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
-from oneframe.case.surface_size import FARTHEST_MM
+from oneframe.case.surface_doubts import EXACT_PX, FARTHEST_MM, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
 from oneframe.colour.shading import ColouredSurface
 from oneframe.errors import InputError
 from oneframe.files.content import write_bytes_atomically

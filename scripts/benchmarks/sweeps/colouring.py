@@ -16,7 +16,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface, check_pose
-from oneframe.case.surface_size import FARTHEST_MM
+from oneframe.case.surface_doubts import FARTHEST_MM
 from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
 from oneframe.colour.reference_view import ReferenceView, colours_of
 from oneframe.colour.shading import ColouredSurface

@@ -33,7 +33,8 @@ WRONG_DEG, WRONG_PX = 10.0, 60.0
 """Rotation error, and displacement of the surface (a tenth of its width), beyond which a pose counts as wrong."""
 TRIALS, QUICK_TRIALS = 30, 6
 OUTLIER_PX = 80.0
-LEVELS = (0.5, 0.8, 0.95)
+LEVEL = 0.95
+"""Probability of the shown regions."""
 CALIBRATION_TRIALS = 250
 
 
@@ -198,27 +199,19 @@ def measure_calibration(count: int, seed: int, *, quick: bool) -> list[Cell]:
     """
     camera, cells = camera_of(FOCALS_PX[-1]), []
     for index, ratio in enumerate(CALIBRATION_RATIOS):
-        rng = np.random.default_rng([seed, len(SWEEPS), count, index])
-        outcomes: dict[float, list[Outcome]] = {level: [] for level in LEVELS}
+        rng, outcomes = np.random.default_rng([seed, len(SWEEPS), count, index]), list[Outcome]()
         for _ in range(CALIBRATION_TRIALS // 10 if quick else CALIBRATION_TRIALS):
             trial = draw_trial(rng, Clicks(count=count, sigma_px=ratio * SIGMA_PX), camera)
             try:
                 estimate = solve_pose(trial.points_model, trial.pixels, camera, click_sigma_px=SIGMA_PX)
             except UndeterminedPose as error:
-                for each in outcomes.values():
-                    each.append(Outcome("refuses", message=str(error)))
+                outcomes.append(Outcome("refuses", message=str(error)))
                 continue
-            pose, uncertainty, said = estimate.cam_from_model, estimate.uncertainty, " ".join(estimate.messages)
-            for level, each in outcomes.items():
-                inside = uncertainty.contains(trial.cam_from_model, pose, level)
-                each.append(Outcome("warns" if said else "works", float(not inside), not inside, said))
-        cells += [
-            replace(
-                Cell.of("calibration", f"{count} pairs", ratio, each, y=level),
-                value=_part_inside(each),
-            )
-            for level, each in outcomes.items()
-        ]
+            inside = estimate.uncertainty.contains(trial.cam_from_model, estimate.cam_from_model, LEVEL)
+            said = " ".join(estimate.messages)
+            outcomes.append(Outcome("warns" if said else "works", float(not inside), not inside, said))
+        cell = Cell.of("calibration", f"{count} pairs", ratio, outcomes, y=LEVEL)
+        cells.append(replace(cell, value=_part_inside(outcomes)))
     return cells
 
 

@@ -1,88 +1,41 @@
-"""Dataset runs as a user has them: the same files however the work is divided, stopped, killed or refused."""
+"""A dataset as one run writes it, the same however the work is divided; and what options give."""
 
 import dataclasses
 import hashlib
-import io
 import json
-import os
 import shutil
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.dataset import run as dataset_run
-from oneframe.blender.dataset.job import Job, OpenJob, open_job
-from oneframe.blender.render.video import _is_whole, write_video
+from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_file import read_case
 from oneframe.dataset import layout as dataset
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.options import DatasetOptions
-from oneframe.dataset.run import run_folder
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import RunError
-from oneframe.images.png import encode_png
-from oneframe.progress import read_progress
 from oneframe.reader import open_dataset
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
-from oneframe.video.film_reader import WIDEST, Film, read_video_frame
+from tests.blender.dataset.job_runs import (
+    ARGUMENTS,
+    OPTIONS,
+    VIEWS,
+    WHOLE,
+    assert_same_dataset,
+    finished_views,
+    read_rgb,
+    run_here,
+    times,
+)
 from tests.tree import tree
-from tests.waiting import children, wait_until
 
 pytestmark = pytest.mark.render
-
-VIEWS = 30
-OPTIONS = DatasetOptions(count=VIEWS, seed=3, float_depth=True)
-WHOLE = Shard()
-ARGUMENTS = ("--count", VIEWS, "--seed", 3, "--float-depth")
-linux_only = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc")
-
-
-@pytest.fixture(scope="module")
-def case(tmp_path_factory, write_tiny_case) -> Path:
-    return write_tiny_case(tmp_path_factory.mktemp("case"))
-
-
-@pytest.fixture(scope="module")
-def reference(case, tmp_path_factory) -> Path:
-    """The dataset, made by one process in one go."""
-    out = tmp_path_factory.mktemp("reference") / "out"
-    assert f"{VIEWS}/{VIEWS} views, " in run_here(case, out)
-    return out
-
-
-def run_here(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard = WHOLE) -> str:
-    """The same in this process, without workers; returns the output."""
-    stream = io.StringIO()
-    dataset_run.run(Job(read_case(case), out, options, shard), workers=1, worker_command=(), stream=stream)
-    return stream.getvalue()
-
-
-def times(folder: Path) -> dict[str, int]:
-    return {path.relative_to(folder).as_posix(): path.stat().st_mtime_ns for path in folder.rglob("*")}
-
-
-def assert_same_dataset(out: Path, reference: Path) -> None:
-    """Byte for byte, and no other files (.work, .partial-*)."""
-    found, expected = tree(out), tree(reference)
-    assert sorted(found) == sorted(expected)
-    assert [name for name in expected if found[name] != expected[name]] == []
-    assert times(out).keys() == times(reference).keys()
-
-
-def finished_views(out: Path) -> int:
-    return sum(1 for _ in out.glob("train_synt/*/frame/*.json"))
-
-
-def read_rgb(path: Path) -> np.ndarray:
-    return cv2.imread(str(path))[..., ::-1].astype(float)
 
 
 def test_all_files_of_the_layout_are_there(reference):
@@ -182,344 +135,6 @@ def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch
     run_here(case, parts, options, Shard(1, 2))
     assert_same_dataset(parts, whole)
     assert [len(json.loads(scene.read_text())) for scene in scenes] == [4, 4, 2]
-
-
-# --- killed, stopped, refused ---------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def start() -> Iterator:
-    """Starts a command in a new session, and ends its remaining processes after the test."""
-    started: list[subprocess.Popen] = []
-
-    def begin(command: list[str]) -> subprocess.Popen:
-        process = subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
-        started.append(process)
-        return process
-
-    yield begin
-    for process in started:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-
-
-@linux_only
-def test_one_writer_at_a_time_and_no_need_of_workers(
-    case, reference, tmp_path, render_command, run_oneframe, start, monkeypatch
-):
-    monkeypatch.setattr(run_folder, "SHARDS_SECONDS", 0.1)
-    out = tmp_path / "out"
-    command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
-    process = start(command)
-    wait_until(lambda: finished_views(out) > 0 and children(process.pid), process)
-    # while it stands still, it cannot end too early for this test
-    os.kill(process.pid, signal.SIGSTOP)
-    assert process.poll() is None
-    # a worker may go on, and rename the file that it is writing
-    before = {name: content for name, content in tree(out).items() if "/.partial-" not in name}
-    for more in ((), ("--shard", "0/2")):
-        ended = run_oneframe("render", case, "--out", out, *ARGUMENTS, *more)
-        assert ended.returncode == 3
-        assert ended.stderr == (
-            f"error: {out}: another process renders into this folder; wait for it, stop it, or choose another folder "
-            "(--out)\n"
-        )
-    # what a worker finishes in the meantime may be new
-    assert before.items() <= tree(out).items()
-    (worker,) = children(process.pid)
-    os.kill(worker, signal.SIGKILL)
-    os.kill(process.pid, signal.SIGCONT)
-    _, errors = process.communicate()
-    assert process.returncode == 0
-    assert errors == "worker 1 was killed by signal 9; the others continue\n"
-    assert_same_dataset(out, reference)
-
-
-STRUCTURE = '[[structures]]\nname = "nerve"\nmesh = "surface.ply"\n'
-CHANGES = {
-    "the camera": (
-        lambda folder, _: edit(folder / "case.toml", "320.0", "321.0"),
-        "fx of the camera was 320.0, is 321.0",
-    ),
-    "the pose": (lambda folder, _: edit(folder / "case.toml", "340", "341"), "the pose has changed"),
-    "a structure": (
-        lambda folder, _: edit(folder / "case.toml", "[pose]", STRUCTURE + "[pose]"),
-        "the file of the structure nerve",
-    ),
-    "the frame": (
-        lambda folder, _: (folder / "frame.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8))),
-        "the file of the frame has changed",
-    ),
-    "the mesh": (lambda folder, _: edit(folder / "surface.ply", "end_header", "comment \nend_header"), "the surface"),
-    "the seed": (lambda _, options: dataclasses.replace(options, seed=4), "options.seed was 3, is 4"),
-}
-
-
-def edit(path: Path, old: str, new: str) -> None:
-    data = path.read_bytes()
-    assert data.count(old.encode()) == 1
-    path.write_bytes(data.replace(old.encode(), new.encode()))
-
-
-@pytest.mark.parametrize("what", CHANGES)
-def test_another_dataset_does_not_get_into_the_folder(case, reference, tmp_path, what):
-    change, message = CHANGES[what]
-    other = shutil.copytree(case.parent, tmp_path / "case")
-    before = times(reference)
-    options = change(other, OPTIONS)
-    options = options if isinstance(options, DatasetOptions) else OPTIONS
-    with pytest.raises(RunError, match="holds the dataset of another run") as refused:
-        run_here(other / "case.toml", reference, options)
-    assert message in str(refused.value)
-    assert times(reference) == before
-
-
-def test_a_case_saved_again_with_the_same_meaning_resumes(case, reference, tmp_path):
-    other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
-    edit(other / "case.toml", "[pose]", "# aligned by eye\n[pose]")
-    shutil.rmtree(ViewPaths(out, 7).file("frame").parent)
-    run_here(other / "case.toml", out)
-    assert_same_dataset(out, reference)
-
-
-def test_workers_refuse_inputs_that_changed_after_the_run_began(case, reference, tmp_path, render_command):
-    other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
-    edit(other / "case.toml", "340", "341")
-    command = render_command(other / "case.toml", "--out", out, *ARGUMENTS, "--worker")
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as worker:
-        # its input stays open: it ends by itself
-        assert b"the pose has changed" in worker.stderr.read()
-        assert worker.wait() == 3
-
-
-def test_a_run_ends_with_its_input(case, tmp_path, render_command):
-    out, views = tmp_path / "out", 10 * VIEWS
-    running = subprocess.Popen(
-        render_command(
-            case, "--out", out, "--count", views, "--workers", 2, "--end-with-input", "--progress-seconds", "0.1"
-        ),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    messages = filter(None, map(read_progress, running.stdout))
-    counts = [next(messages).count, next(messages).count]
-    # what the system does when the program that started it dies
-    running.stdin.close()
-    assert running.wait() == 130
-    assert "run the same command again to continue" in running.stderr.read()
-    assert counts == sorted(counts)
-    assert 0 < finished_views(out) < views
-
-
-@pytest.fixture
-def small_disk(tmp_path) -> Iterator[Path]:
-    """A file system with room for a few views."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    try:
-        mounted = subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", disk], capture_output=True, text=True, check=False
-        )
-    except FileNotFoundError:
-        pytest.skip("there is no mount command")
-    if mounted.returncode != 0:
-        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
-    yield disk
-    subprocess.run(["umount", disk], check=True)
-
-
-def test_a_full_disk_stops_the_run_and_more_space_lets_it_resume(
-    case, reference, small_disk, render_command, run_command
-):
-    out = small_disk / "out"
-    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", 2))
-    assert ended.returncode == 3
-    assert ended.stderr.startswith(f"error: {out}: cannot write ")
-    assert "(No space left on device); the views finished so far are safe: correct this and run" in ended.stderr
-    finished = {name: data for name, data in tree(out).items() if "/frame/" in name}
-    assert 0 < len(finished) < VIEWS
-    expected = tree(reference)
-    for name, record in finished.items():
-        assert record == expected[name]
-        assert all((out / file).read_bytes() == expected[file] for file in json.loads(record)["files"])
-    subprocess.run(["mount", "-o", "remount,size=20m", small_disk], check=True)
-    before = times(out)
-    run_here(case, out)
-    assert_same_dataset(out, reference)
-    assert all(times(out)[name] == before[name] for name in finished)
-
-
-# --- once it is complete --------------------------------------------------------------------------------------------
-
-
-def test_a_complete_dataset_is_left_as_it_is_without_any_preparation(case, reference, monkeypatch):
-    monkeypatch.setattr(OpenJob, "renderer", lambda *_, **__: pytest.fail("prepared to render"))
-    before = times(reference)
-    messages = run_here(case, reference)
-    assert messages.splitlines()[-1] == f"dataset of {VIEWS} views: {reference}"
-    assert {name: when for name, when in times(reference).items() if name != "."} == before
-    assert not (reference / ".work").exists()
-
-
-def test_what_is_lost_or_damaged_is_written_again_and_reported(case, tmp_path):
-    """Every file of a dataset in turn, in every way that a loss of power or a careless user leaves it."""
-    options = dataclasses.replace(OPTIONS, count=2, video=True, video_frames=3)
-    whole, out = tmp_path / "whole", tmp_path / "out"
-    run_here(case, whole, options)
-    shutil.copytree(whole, out)
-    harms = [
-        lambda path: path.unlink(),
-        lambda path: path.write_bytes(path.read_bytes()[:-7]),
-        lambda path: path.write_bytes(b""),
-        lambda path: path.write_bytes(bytes(len(path.read_bytes()) + 3)),
-        lambda path: path.write_bytes(b"[" * 30_000),
-    ]
-    names = sorted(tree(whole).keys() - {"dataset.json"})
-    groups = [names[start::7] for start in range(7)]
-    for number, group in enumerate(groups):
-        for place, name in enumerate(group):
-            harms[(number + place) % len(harms)](out / name)
-        views = {int(name.rpartition("/")[2][:6]) for name in group if name.count("/") == 3}
-        # one without a record has never been finished
-        views = {view for view in views if ViewPaths(out, view).file("frame").exists()}
-        reported = f"{len(views)} finished views are no longer whole and are rendered again"
-        assert (reported in run_here(case, out, options)) == bool(views)
-        assert_same_dataset(out, whole)
-        if "video/trajectory.mp4" in group:
-            check_video(case, out / "video", options)
-    # what keeps its size is found by its hash
-    (out / "dataset.json").write_text((out / "dataset.json").read_text().replace("\n", "\t"))
-    for name in ("models/obj_000001.ply", ViewPaths(out, 1).relative("rgb"), "video/trajectory.mp4"):
-        data = bytearray((out / name).read_bytes())
-        data[len(data) // 2] ^= 1
-        (out / name).write_bytes(data)
-    run_here(case, out, options)
-    assert tree(out) != tree(whole)
-    stream = io.StringIO()
-    job = Job(read_case(case), out, options, WHOLE)
-    dataset_run.run(job, workers=1, worker_command=(), stream=stream, verify=True)
-    assert "1 finished views are no longer whole and are rendered again: 1 (" in stream.getvalue()
-    assert "2 files of the dataset are no longer whole and are written again" in stream.getvalue()
-    assert_same_dataset(out, whole)
-
-
-def test_a_removed_description_is_written_again_beside_the_run_s_records(case, reference, tmp_path):
-    out = Path(shutil.copytree(reference, tmp_path / "out"))
-    (out / "dataset.json").unlink()
-    (out / "notes.txt").write_text("")
-    before = tree(out)
-    for options, message in [
-        (dataclasses.replace(OPTIONS, seed=4), "found other files"),
-        (dataclasses.replace(OPTIONS, count=29), r"a dataset of 30 views, and 29 are wanted: .* to 30 or more"),
-    ]:
-        with pytest.raises(RunError, match=message):
-            run_here(case, out, options)
-        assert tree(out) == before
-    ViewPaths(out, 4).file("rgb").unlink()
-    run_here(case, out)
-    (out / "notes.txt").unlink()
-    assert_same_dataset(out, reference)
-    # as it was before it grew
-    few, grown = tmp_path / "few", dataclasses.replace(OPTIONS, count=6)
-    run_here(case, few, grown)
-    (few / "dataset.json").unlink()
-    run_here(case, few)
-    assert_same_dataset(few, reference)
-
-
-def test_a_dataset_grows_to_what_it_would_have_been(case, reference, tmp_path):
-    out, few = tmp_path / "out", dataclasses.replace(OPTIONS, count=6)
-    run_here(case, out, few)
-    before = times(out)
-    for index in range(2):
-        run_here(case, out, OPTIONS, Shard(index, 2))
-    assert_same_dataset(out, reference)
-    assert all(times(out)[name] == before[name] for name in before if name.count("/") == 3)
-
-
-def test_poses_along_a_trajectory_do_not_grow(case, tmp_path, monkeypatch):
-    few = dataclasses.replace(OPTIONS, count=3, sampler="trajectory")
-    run_here(case, tmp_path / "out", few)
-    monkeypatch.setattr(OpenJob, "renderer", lambda *_, **__: pytest.fail("prepared to render"))
-    before = times(tmp_path)
-    with pytest.raises(RunError, match="poses along a trajectory depend on the number of views"):
-        run_here(case, tmp_path / "out", dataclasses.replace(few, count=4))
-    assert times(tmp_path) == before
-
-
-def test_a_video_is_added_later_and_once(case, reference, tmp_path):
-    out = shutil.copytree(reference, tmp_path / "out")
-    before = times(out)
-    options = dataclasses.replace(OPTIONS, video=True, video_frames=6)
-    assert "video: " in run_here(case, out, options)
-    after = times(out)
-    assert {name for name in after if name not in before} == {"video", "video/trajectory.mp4", "video/poses.csv"}
-    assert [name for name in before if after[name] != before[name]] == ["checksums.json"]
-    check_video(case, out / "video", options)
-
-    assert "video: " not in run_here(case, out, options)
-    assert times(out) == after
-    # one of another length replaces it
-    options = dataclasses.replace(options, video_frames=4)
-    assert "video: " in run_here(case, out, options)
-    check_video(case, out / "video", options)
-    # the dataset without a video is the same one
-    assert "video: " not in run_here(case, out)
-
-
-def test_what_a_run_does_not_write_keeps_its_sum(case, reference, tmp_path):
-    """A file that was changed behind the dataset's back is not taken for sound because another one was written."""
-    out = Path(shutil.copytree(reference, tmp_path / "out"))
-    harmed = ["models/obj_000001.ply", "train_synt/000000/scene_gt.json", "poses.csv"]
-    for name in (*harmed, ViewPaths(out, 4).relative("frame")):
-        data = (out / name).read_bytes()
-        digit = max(data.rfind(bytes([number])) for number in b"0123456789")
-        (out / name).write_bytes(data[:digit] + bytes([data[digit] ^ 1]) + data[digit + 1 :])
-    before = json.loads((out / "checksums.json").read_text())
-    run_here(case, out, dataclasses.replace(OPTIONS, video=True, video_frames=2))
-    after = json.loads((out / "checksums.json").read_text())
-    assert {name: after["files"][name] for name in before["files"]} == before["files"]
-    assert after["records"] == before["records"]
-
-
-def check_video(case: Path, folder: Path, options: DatasetOptions) -> None:
-    rows = np.loadtxt(folder / "poses.csv", delimiter=",", skiprows=1)
-    assert rows[:, 0].tolist() == list(range(options.video_frames))
-    assert np.allclose(rows[:, 1], rows[:, 0] / 24)
-    with Film(folder / "trajectory.mp4", width=WIDEST) as film:
-        assert film.info.fps == 24
-        frames = [frame.image.astype(float) for frame in film]
-    assert len(frames) == options.video_frames
-    with open_job(Job(read_case(case), folder, options, WHOLE)).renderer(threads=1) as renderer:
-        for frame, row in zip(frames, rows, strict=True):
-            view = renderer.render(rigid(row[2:11].reshape(3, 3), row[11:14])).rgb * 255
-            assert frame.shape == view.shape
-            # of colours, MPEG keeps a quarter of the pixels
-            assert np.abs(frame - view).mean() < 8
-            assert np.abs((frame - view) @ [0.2126, 0.7152, 0.0722]).mean() < 5
-
-
-def test_videos_of_odd_size_get_even_sides(tmp_path):
-    image = np.full((49, 65, 3), [0.2, 0.5, 0.8])
-    write_video(tmp_path / "v.mp4", [image, image])
-    frame = read_video_frame(tmp_path / "v.mp4", 1)
-    assert frame.shape == (50, 66, 3)
-    assert np.abs(frame - np.array([51, 127.5, 204])).max() < 2
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["v.mp4"]
-    # what a full disk leaves of a video is recognised
-    data, cut_off = (tmp_path / "v.mp4").read_bytes(), tmp_path / "cut.mp4"
-    assert _is_whole(tmp_path / "v.mp4")
-    for cut in (0, 100, len(data) // 2, len(data) - 1):
-        cut_off.write_bytes(data[:cut])
-        assert not _is_whole(cut_off)
-
-
-# --- options --------------------------------------------------------------------------------------------------------
 
 
 def test_the_hashes_of_inputs_are_those_of_the_bytes_that_were_used(tmp_path, write_tiny_case):

@@ -13,7 +13,7 @@ from oneframe.dataset.options import COLOURS, DatasetOptions
 from oneframe.errors import InputError
 from oneframe.reader import open_dataset
 from tests.blender.bridge.test_camera import CAMERAS, check_edges_of_a_triangle
-from tests.blender.dataset.test_job import run_here
+from tests.blender.dataset.job_runs import run_here
 from tests.blender.render.test_anti_aliasing import FARTHER, FRAME, VIEW
 from tests.blender.render.test_lens_light import check_light_on_a_ball
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from oneframe.video.denoise import denoised, noise_of
+from oneframe.video.frame_measures import denoised, noise_of
 
 
 @pytest.mark.parametrize("noise", [3.0, 8.0, 15.0])

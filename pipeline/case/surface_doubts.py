@@ -1,12 +1,18 @@
-"""Whether a surface's size is plausible: a mesh in metres that is read as millimetres is a thousand times too small."""
+"""Doubts about a surface: its size, the place of what lies in it, and the precision of its numbers.
+
+A mesh in metres that is read as millimetres is a thousand times too small. Blender's numbers, and those of most mesh
+files, have 24 bits: a coordinate of size c is known to c times :data:`UNIT_ROUNDOFF`. Projected with f / z pixels per
+mm, that is a shift of the edges in the views. The measurements of ``scripts/benchmarks/sweeps/camera.py`` agree.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..files.numbers import MM_PER_UNIT
+from ..files.numbers import MM_PER_UNIT, format_two_digits
 from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, transform_points
 
 SMALLEST_MM, LARGEST_MM = 1.0, 2000.0
 """Plausible extents of a surface: from an ossicle to a whole body."""
@@ -19,12 +25,7 @@ NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 class SizeDoubt:
     """An implausible size.
 
-    Attributes
-    ----------
-    message
-        What is implausible, for the user.
-    better_units
-        The unit with which the size is plausible; ``None`` if there is none.
+    ``better_units`` is the unit with which it is plausible; ``None`` if there is none.
     """
 
     message: str
@@ -33,6 +34,8 @@ class SizeDoubt:
 
 def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None, name: str) -> SizeDoubt | None:
     """Judge the size of a surface by itself, and by the distance from which it fills the frame.
+
+    ``None`` if it is plausible.
 
     Parameters
     ----------
@@ -44,10 +47,6 @@ def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None,
         Intrinsics of the frame, px; ``None`` if they are not known yet.
     name
         Begins the message, such as the file's name.
-
-    Returns
-    -------
-    ``None`` if the size is plausible.
     """
     if _is_plausible(extents_mm, camera):
         return None
@@ -142,3 +141,54 @@ def _outside_mm(bounds: np.ndarray, surface_bounds: np.ndarray) -> float:
     """Distance of the middle of a box from another box; 0 inside it."""
     middle = bounds.mean(axis=0)
     return float(np.linalg.norm(np.maximum(np.maximum(surface_bounds[0] - middle, middle - surface_bounds[1]), 0)))
+
+
+EXACT_PX = 0.01
+"""How far edges of views may be from where K says: what the documentation promises."""
+
+UNIT_ROUNDOFF = 2.0**-24
+"""Largest relative error of a number in single precision (IEEE 754)."""
+
+LONGEST_EXACT_FOCAL_PX = EXACT_PX / UNIT_ROUNDOFF
+"""Focal length beyond which edges may be further off, for a surface nearer to its middle than to the camera."""
+
+STORED_EXACTLY = 1e-3
+"""Share of a step of single precision: coordinates this near to one all come from it."""
+
+
+def precision_doubts(
+    name: str, camera: PinholeCamera, mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from_model: np.ndarray
+) -> list[str]:
+    """Messages about edges that may be more than :data:`EXACT_PX` off; empty if none are.
+
+    Parameters
+    ----------
+    name
+        Name of the surface's file.
+    camera
+        Intrinsics of the frame, px.
+    mesh
+        In the model frame, mm, with some of it in front of the camera.
+    mesh_from_model, cam_from_model
+        4x4, mm.
+    """
+    depth = transform_points(cam_from_model, mesh.vertices)[:, 2]
+    px_per_mm = max(camera.fx, camera.fy) / float(np.median(depth[depth > 0]))
+    messages = []
+    shown_px = UNIT_ROUNDOFF * px_per_mm * max(float(np.linalg.norm(camera_centre(cam_from_model))), mesh.radius)
+    if shown_px > EXACT_PX:
+        messages.append(
+            f"K: {px_per_mm:.3g} px per mm is more than Blender's single precision resolves: edges in views are off by "
+            f"up to {format_two_digits(shown_px)} px, elsewhere {EXACT_PX:g} px; check the focal length"
+        )
+    given = mesh.vertices + mesh_from_model[:3, 3]
+    farthest = float(np.abs(given).max())
+    step = float(np.spacing(np.float32(farthest)))
+    stored_px = UNIT_ROUNDOFF * px_per_mm * farthest
+    if stored_px > EXACT_PX and np.abs(given - given.astype(np.float32)).max() <= STORED_EXACTLY * step:
+        messages.append(
+            f"{name}: the surface lies up to {farthest / 1000:.3g} m from the origin of its file, whose single "
+            f"precision has steps of {format_two_digits(step)} mm there: edges in views are off by up to "
+            f"{format_two_digits(stored_px)} px; export it nearer to the origin, or with more digits"
+        )
+    return messages

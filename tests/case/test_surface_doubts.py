@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.surface_size import place_doubt, size_doubt
+from oneframe.case.surface_doubts import place_doubt, size_doubt
 
 CAMERAS = {
     "none": None,

@@ -30,8 +30,8 @@ from oneframe.projection.rendered_view import RenderedView
 from oneframe.surface.mesh import MOST_FACES, checked_mesh
 from oneframe.transforms import rigid, rotation_from_vector
 
-from ..memory import memory_mb
 from ..rendering.benchmark_case import CAM_FROM_MESH, write_benchmark_case
+from ..rendering.memory import memory_mb
 from .camera import reason_against
 from .cells import Cell, Limit, Outcome, Task
 

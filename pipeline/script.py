@@ -1,10 +1,13 @@
 """What a script of one's own calls for a whole stage: the functions that need more than one room."""
 
 import datetime
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from . import __version__
 from .alignment import align_case as alignment
@@ -18,9 +21,12 @@ from .case.frame import read_frame
 from .case.landmark_file import read_landmarks
 from .case.loaded_case import load_case
 from .commands.render import own_command
-from .dataset.option_arguments import option_arguments
-from .dataset.options import checked_options
+from .dataset.description import input_files
+from .dataset.option_arguments import merged_options, option_arguments
+from .dataset.options import LEFT, OPTIONS, RIGHT
 from .dataset.run.run_folder import Shard
+from .errors import InputError
+from .files.keys import nearest_name
 from .files.outputs import check_folder
 from .surface.mesh import TriangleMesh
 from .surface.structure_colour import structure_colour
@@ -144,10 +150,12 @@ def colour_surface(case: Case, out: Path | str, *, colour: str = "texture") -> l
     Raises
     ------
     InputError
-        The case cannot be used, or the file's name has another ending.
+        The case cannot be used, another ``colour``, or the file's name has another ending.
     RunError
         A file cannot be written.
     """
+    if colour not in ("texture", "vertex"):
+        raise InputError(f"colour_surface: colour: expected 'texture' or 'vertex', found {colour!r}")
     return export_coloured_surface(load_case(case), Path(out), colour="vertex" if colour == "vertex" else "texture")
 
 
@@ -173,8 +181,18 @@ def render_dataset(case: Case, out: Path | str, *, workers: int = 0, **options: 
     RunError
         The folder holds another dataset, or a file cannot be written. Finished views are kept.
     """
-    chosen = checked_options({**case.dataset, **options}, "render_dataset")
-    check_folder(Path(out), case.input_files())
-    arguments = [str(case.path), f"--out={out}", *option_arguments(chosen)]
-    job = Job(case, Path(out), chosen, Shard())
-    run(job, workers=workers, worker_command=[*own_command(), *arguments, "--worker"], stream=sys.stderr)
+    where, known, folder = "render_dataset", (*OPTIONS, "for_training"), Path(out)
+    for name, value in options.items():
+        if name not in known:
+            raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, known)}")
+        if isinstance(value, os.PathLike | np.generic):
+            options[name] = os.fspath(value) if isinstance(value, os.PathLike) else value.item()
+    chosen = merged_options(case.dataset, options, case.path, lit=case.light is not None, where=where)
+    check_folder(folder, case.input_files() | input_files(case, chosen))
+    eyes = [(folder, chosen)]
+    if chosen.stereo_mm and chosen.eye == LEFT:
+        eyes.append((folder / RIGHT, replace(chosen, eye=RIGHT, video=False)))
+    for eye, own in eyes:
+        arguments = [str(case.path), f"--out={eye}", *option_arguments(own)]
+        job = Job(case, eye, own, Shard())
+        run(job, workers=workers, worker_command=[*own_command(), *arguments, "--worker"], stream=sys.stderr)

@@ -100,10 +100,15 @@ def checked_matrix(values: object, size: int, where: str) -> np.ndarray:
             raise TypeError("texts or truth values")
         matrix = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{where}: expected {size} rows of {size} numbers, found something else ({error})") from None
+        rows = [len(row) for row in values if isinstance(row, list)] if isinstance(values, list) else []
+        found = f"rows of {', '.join(map(str, rows))}" if len(set(rows)) > 1 else f"something else ({error})"
+        raise InputError(
+            f"{where}: expected {size} rows of {size} numbers, with decimal points, found {found}; correct it"
+        ) from None
     if matrix.shape != (size, size):
         raise InputError(
-            f"{where}: expected a {size}x{size} matrix, found shape {matrix.shape}; write {size} rows of {size} numbers"
+            f"{where}: expected a {size}x{size} matrix, found shape {matrix.shape}; write {size} rows of {size} "
+            "numbers, with decimal points"
         )
     if not np.isfinite(matrix).all():
         raise InputError(f"{where}: expected finite numbers, found NaN or infinity")

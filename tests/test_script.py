@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -34,6 +35,21 @@ def test_the_script_of_the_documentation_runs(write_tiny_case, tmp_path):
     assert "dataset of 3 views: complete and consistent" in ended.stdout
     assert ended.stdout.count("(24, 32, 3)") == 5
     assert (tmp_path / "surface.glb").is_file()
+
+
+@pytest.mark.render
+def test_options_are_those_of_the_command(write_tiny_case, tmp_path):
+    case = oneframe.read_case(write_tiny_case(tmp_path / "case"))
+    np.save(tmp_path / "case" / "poses.npy", [case.cam_from_mesh])
+    case = replace(case, dataset={"poses": "poses.npy", "count": 1})
+    oneframe.render_dataset(case, tmp_path / "views", workers=1, stereo_mm=np.float64(10), for_training=True)
+    view = oneframe.open_dataset(tmp_path / "views")[0]
+    left_from_right = view.cam_from_model @ np.linalg.inv(view.right.cam_from_model)
+    np.testing.assert_allclose(left_from_right[:3, 3], [10, 0, 0], atol=1e-9)
+    with pytest.raises(oneframe.InputError, match="did you mean 'count'"):
+        oneframe.render_dataset(case, tmp_path / "others", cont=1)
+    with pytest.raises(oneframe.InputError, match="found 'vertices'"):
+        oneframe.colour_surface(case, tmp_path / "surface.ply", colour="vertices")
 
 
 @pytest.mark.render

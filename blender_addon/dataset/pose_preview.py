@@ -4,7 +4,6 @@ The poses come from the planner of the dataset run itself. They are stored with 
 drawn only while the key matches the scene: they are never outdated, even after undo.
 """
 
-import argparse
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -84,7 +83,7 @@ def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
         The options are not compatible with each other.
     """
     case_path = Path(bpy.path.abspath(scene.oneframe.case_path) or "the scene")
-    return merged_options(from_scene.dataset_table(scene), argparse.Namespace(), case_path)
+    return merged_options(from_scene.dataset_table(scene), {}, case_path)
 
 
 def content_key(

@@ -3,6 +3,7 @@
 The table is the content of JSON, TOML, YAML or a dictionary of arrays: dictionaries, lists, numbers and strings.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from .table_values import LONGEST_NAME, number_of, numbers_of, plain_key, text_o
 
 MATRICES = ("k", "cameramatrix", "intrinsics", "intrinsic", "intrinsicmatrix", "cameraintrinsics", "camk", "mtx")
 PARTS = {"fx": ("fx", "flx"), "fy": ("fy", "fly"), "cx": ("cx", "ppx"), "cy": ("cy", "ppy")}
+ANGLE = "cameraanglex"
 SIDES = (("width", "height"), ("imagewidth", "imageheight"), ("canvaswidth", "canvasheight"), ("w", "h"))
 SIZES = ("size", "resolution", "imagesize", "imgsize")
 MATLAB = ("RadialDistortion", "TangentialDistortion")
@@ -71,7 +73,7 @@ def calibration_of(table: object, where: str) -> Calibration:
     if not found:
         raise InputError(
             f"{where}: expected a camera, found no K (or camera_matrix, intrinsics, cam_K) of 3x3 numbers "
-            "and no fx, fy, cx, cy; export the intrinsics again"
+            "and no fx, fy, cx, cy (or camera_angle_x, w, h); export the intrinsics again"
         )
     if others:
         places = ", ".join(repr(each.place) for each in found)
@@ -132,9 +134,26 @@ def _matrix(keys: Mapping[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]
             return matrix, ()
     parts = [next((keys[name] for name in names if name in keys), None) for names in PARTS.values()]
     fx, fy, cx, cy = (number_of(part) for part in parts)
+    if fx is None and (fx := _focal_of_angle(keys, ANGLE, "w")) is not None:
+        # NeRF's transforms.json, whose readers take square pixels and the middle
+        fy = _focal_of_angle(keys, "cameraangley", "h") if fy is None else fy
+        cx, cy = (_half(keys, side) if at is None else at for side, at in (("w", cx), ("h", cy)))
+    kalibr = numbers_of(keys.get("intrinsics"))
+    if keys.get("cameramodel") == "pinhole" and kalibr is not None and len(kalibr) == 4:
+        fx, fy, cx, cy = kalibr
     if fx is None or cx is None or cy is None:
         return None, ()
     return np.array([[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1]]), ()
+
+
+def _half(keys: Mapping[str, Any], side: str) -> float | None:
+    pixels = number_of(keys.get(side))
+    return None if pixels is None else pixels / 2
+
+
+def _focal_of_angle(keys: Mapping[str, Any], name: str, side: str) -> float | None:
+    angle, half = number_of(keys.get(name)), _half(keys, side)
+    return None if half is None or angle is None or not 0 < angle < math.pi else half / math.tan(angle / 2)
 
 
 def _size(scopes: tuple[Mapping[str, Any], ...]) -> tuple[float, float] | None:
@@ -155,4 +174,4 @@ def _pixel_origin(scopes: tuple[Mapping[str, Any], ...]) -> str | None:
     if stated is not None:
         return text_of(stated)
     # NeRF's transforms.json
-    return "corner" if "flx" in scopes[0] else None
+    return "corner" if {"flx", ANGLE} & scopes[0].keys() else None

@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..files.content import write_files_atomically
 from ..files.numbers import MM_PER_UNIT, length_text
-from ..files.outputs import check_outputs
+from ..files.outputs import check_outputs, writing
 from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text, read_case
@@ -47,7 +47,7 @@ def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
     InputError
         Another extension; a file of the case; or a case that could not be
         read back, such as one with two landmarks of one name or a number that is not finite.
-    OSError, RunError
+    RunError
         The file cannot be written.
     """
     path = Path(path)
@@ -58,7 +58,8 @@ def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
     before = _present(path)
     is_other = before is not None and _files(before) != _files(case)
     history = {} if before is None or is_other else with_replaced(path, before, case)
-    write_files_atomically({**history, path: data})
+    with writing(path):
+        write_files_atomically({**history, path: data})
     if is_other:
         history_path(path).unlink(missing_ok=True)
 

@@ -80,19 +80,24 @@ _number.__name__ = "number"  # argparse uses the name in its message
 
 
 def merged_options(
-    table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path, *, lit: bool = False
+    table: Mapping[str, object],
+    arguments: Mapping[str, object],
+    case_path: Path,
+    *,
+    lit: bool = False,
+    where: str = "command line",
 ) -> DatasetOptions:
-    """Options of a run: the command line takes precedence over the case file's [dataset] table.
+    """Options of a run: its arguments take precedence over the case file's [dataset] table; others are passed over.
 
-    ``lit`` is whether the case has a lamp at the lens, for ``--for-training``.
+    ``lit`` is whether the case has a lamp at the lens, for ``for_training``; ``where`` begins messages on arguments.
 
     Errors are those of :func:`oneframe.dataset.options.checked_options`.
     """
     from_table = checked_values(table, f"{case_path.name}: [dataset]")
     for name in PATHS & from_table.keys():
         from_table[name] = str(case_path.parent / str(from_table[name]))
-    given = {name: getattr(arguments, name) for name in OPTIONS if hasattr(arguments, name)}
-    if hasattr(arguments, "for_training"):
+    given = {name: arguments[name] for name in OPTIONS if name in arguments}
+    if arguments.get("for_training"):
         given = {name: value for name, value in FOR_TRAINING.items() if lit or name != "light"} | given
     # combinations only now: the command line may resolve a conflict in the table
-    return checked_together({**from_table, **checked_values(given, "command line")}, "options")
+    return checked_together({**from_table, **checked_values(given, where)}, "options")

@@ -306,6 +306,8 @@ def checked_together(checked: Mapping[str, object], where: str) -> DatasetOption
             f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
             f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
         )
+    if options.eye == RIGHT and not options.stereo_mm:
+        raise InputError(f"{where}: expected stereo_mm with eye {RIGHT!r}, found none; give the eyes' distance")
     return options
 
 

@@ -26,6 +26,8 @@ from .own_process import (
 )
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
+EXIT_UNREAD = 141
+"""As of SIGPIPE: nobody reads the output any more."""
 
 
 def blender_program() -> str | None:
@@ -85,7 +87,7 @@ def run_script(main: Callable[[Sequence[str]], int]) -> None:
         number = stop_signal() or signal.SIGINT
         code = _fail(stopped_message(number, ""), 128 + number)
     except BrokenPipeError:
-        pass  # nobody reads the output any more
+        code = code or EXIT_UNREAD
     except OSError as error:
         print_error(f"{STDOUT}: cannot write to it ({error.strerror}); choose another place")
         code = code or EXIT_RUN
@@ -115,6 +117,9 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
         if (signalled := stop_signal()) is not None:
             # the interruption was raised inside Blender, which turns it into an error of its own
             return _fail(stopped_message(signalled, ""), 128 + signalled)
+        if isinstance(error, BrokenPipeError) and error.filename == STDOUT:
+            settle()
+            return EXIT_UNREAD
         if isinstance(error, InputError):
             return _fail(error, EXIT_INPUT)
         if (message := str(error) if isinstance(error, RunError) else _shortage(error)) is not None:

@@ -67,6 +67,13 @@ class FilmInfo:
             return ""
         return f"the file is cut off: it ends {self.missing_s:.1f} s before its header says; what is there is used"
 
+    @property
+    def pale(self) -> str:
+        """A sentence if the film is HDR; else empty."""
+        if not self.hdr:
+            return ""
+        return "the film is HDR (HLG or PQ), and its colours come out pale; record without HDR, or convert it to SDR"
+
 
 @dataclass(frozen=True)
 class FilmFrame:

@@ -266,10 +266,8 @@ def film_notes(scores: FilmScores) -> list[str]:
         lines.append(f"note: {info.cut_off}")
     elif scores.broken:
         lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
-    if info.hdr:
-        lines.append(
-            "note: the film is HDR (HLG or PQ), and its colours come out pale; record without HDR, or convert it to SDR"
-        )
+    if info.pale:
+        lines.append(f"note: {info.pale}")
     if not all(each.clear_view.still for each in scores.compared):
         lines.append(
             "note: the camera goes around the tissue: of what covers it, only metal and gloves are told, by their "

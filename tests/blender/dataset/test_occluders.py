@@ -1,6 +1,5 @@
 """Datasets with instruments in front of the surface: exact masks, by any engine, and never through the surface."""
 
-import argparse
 import dataclasses
 import io
 from pathlib import Path
@@ -168,7 +167,7 @@ def test_instruments_of_ones_own_are_inputs_of_the_dataset(case, tmp_path, write
     long = TriangleMesh(mesh.vertices * [1, 1, 30], mesh.faces)
     write_ply(folder / "Jane Doe.ply", long)
     own.write_text(own.read_text() + f'[dataset]\noccluder_meshes = "{folder.name}"\noccluders = 2.0\n')
-    options = merged_options(read_case(own).dataset, argparse.Namespace(count=3, engine="raster"), own)
+    options = merged_options(read_case(own).dataset, {"count": 3, "engine": "raster"}, own)
     said = io.StringIO()
     out = render(own, tmp_path / "dataset", options, stream=said)
     assert "finds no place" not in said.getvalue()

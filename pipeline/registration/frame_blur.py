@@ -41,14 +41,12 @@ class Blur(NamedTuple):
     def of(self, grey: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """``(H, W)`` uint8 blurred within a mask, as if the rest were not there."""
         shares, codes = (
-            cv2.filter2D(each.astype(np.float32), -1, self.kernel, borderType=cv2.BORDER_REFLECT)
+            cv2.filter2D(each.astype(np.float32), -1, self._kernel(), borderType=cv2.BORDER_REFLECT)
             for each in (mask, np.where(mask, grey, 0))
         )
         return np.where(mask, np.rint(codes / np.maximum(shares, 1e-3)), grey).astype(np.uint8)
 
-    @property
-    def kernel(self) -> np.ndarray:
-        """``(K, K)`` weights, of sum 1, for ``cv2.filter2D``."""
+    def _kernel(self) -> np.ndarray:
         steps = np.linspace(-0.5, 0.5, 2 * int(np.linalg.norm(self.motion_px)) + 1)[:, None] * self.motion_px
         reach = int(np.ceil(np.abs(steps).max() + 3 * self.focus_px)) + 1
         line = np.zeros((2 * reach + 1,) * 2)

@@ -1,6 +1,7 @@
 """The command ``oneframe check``."""
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,10 +67,11 @@ def run(arguments: argparse.Namespace) -> int:
     case = None if arguments.case is None else read_case(arguments.case)
     if case is not None and arguments.occluder_meshes is not None:
         case = replace(case, dataset={**case.dataset, "occluder_meshes": str(arguments.occluder_meshes.resolve())})
-    poses, again, output = arguments.poses, None, own_output()
+    poses, again, output = arguments.poses, None, sys.stdout
     if case is not None and arguments.rerender is not None:
         from ..blender.dataset.rerender import CaseRenderer
 
+        output = own_output()
         again = Rerendering(lambda description: CaseRenderer(case, description.content, poses), arguments.rerender)
     wrong = 0
     for folder in eyes_of(arguments.dataset):

@@ -270,11 +270,11 @@ ANSWERS: dict[str, tuple[Callable[[float], str], float]] = {
 }
 """By limit: the answer to a value, and the smallest factor to a value that is beyond the limit."""
 PLACES: dict[str, tuple[Callable[[float], Place], float]] = {
-    "precision.LONGEST_EXACT_FOCAL_PX": (_long, 1.02),
-    "precision.EXACT_PX": (_far_origin, 1.05),
+    "surface_doubts.LONGEST_EXACT_FOCAL_PX": (_long, 1.02),
+    "surface_doubts.EXACT_PX": (_far_origin, 1.05),
     "loaded_case.MAX_EXTENT_RATIO": (_extent, 1.02),
-    "surface_size.NEAREST_MM": (_away, 0.97),
-    "surface_size.FARTHEST_MM": (_away, 1.03),
+    "surface_doubts.NEAREST_MM": (_away, 0.97),
+    "surface_doubts.FARTHEST_MM": (_away, 1.03),
 }
 ELSEWHERE = {"verdict.MAX_ROTATION_DEG", "refine.MIN_CONTRAST"}
 """Limits of the refinement: tests/alignment/test_refinement.py, and below."""

@@ -48,9 +48,9 @@ class ONEFRAME_OT_correct_surface(NeedsFound, InBackground):
         from ..pipeline.report.deviation_page import deviation_page
 
         check_inputs(context.scene, self._inputs)
-        words, *places = self._correction.write(result, text_mask, deviation_page)
+        places = self._correction.write(result, text_mask, deviation_page)
         forget_stamps()
-        return *self._correction.notes, *places, f"{words}; {NOT_FOR_SURGERY}"
+        return *self._correction.notes, *places, f"{'; '.join(result.lines)}; {NOT_FOR_SURGERY}"
 
 
 def corrected_folder(scene: bpy.types.Scene, *, written: bool = False) -> Path | None:

@@ -216,10 +216,6 @@ class Shell(Orbit):
     roll_deg: float = 180.0
     look_ray_cam: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
-    def __post_init__(self) -> None:
-        if not self.look_ray_cam[2] > 0:
-            raise InputError(f"shell: expected look_ray_cam in front of the camera, found {tuple(self.look_ray_cam)}")
-
     @classmethod
     def of(cls, reference: ReferencePose, middle_ray_cam: np.ndarray, options: Mapping[str, float]) -> Self:
         """The shell whose cameras have the pivot in the middle of the image."""
@@ -254,13 +250,6 @@ class Trajectory(Orbit):
 
     cone_deg: float
     roll_deg: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not self.distance_min <= 1 <= self.distance_max:
-            raise InputError(
-                "trajectory: expected distance_min <= 1 <= distance_max, as the path starts at the reference, "
-                f"found {self.distance_min:g} and {self.distance_max:g}"
-            )
 
     @classmethod
     def of(cls, reference: ReferencePose, middle_ray_cam: np.ndarray, options: Mapping[str, float]) -> Self:

@@ -123,11 +123,9 @@ def read_poses(
     ------
     InputError
         Another extension; a file that is missing, unreadable or corrupt; not poses, or none; a pose that is not rigid
-        (see :func:`oneframe.transforms.checked_rigid`; the message names its index from 0); a useless ``mm_per_unit``.
+        (see :func:`oneframe.transforms.checked_rigid`; the message names its index from 0).
     """
     path = Path(path)
-    if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):
-        raise InputError(f"{path.name}: expected a positive number of mm per unit of the poses, found {mm_per_unit:g}")
     entries = _listed(path)
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")

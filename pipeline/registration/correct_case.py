@@ -5,13 +5,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from .. import __version__
 from ..case.case_file import Case
 from ..case.case_history import history_path
 from ..case.case_update import check_replaced
-from ..case.case_writer import write_case
+from ..case.case_writer import relative_name, write_case
 from ..case.loaded_case import LoadedCase
 from ..colour.lens_shading import lens_shading_of
 from ..errors import InputError
@@ -86,18 +84,18 @@ class CaseCorrection:
         while True:
             frames = small_frames(self.loaded, accepted, MOST_FRAMES, LONGER_SIDE_PX)
             try:
-                found = correct_surface(self.loaded.surface.mesh, frames, light, np.random.default_rng(0), progress)
+                found = correct_surface(self.loaded.surface.mesh, frames, light, progress)
             except SurfaceChanged as change:
                 accepted = accepted.until(frames[change.since - 1].cam_from_model)
                 count = len(self.accepted.poses) - len(accepted.poses)
-                later = f"the surface has changed in {count} later frames, which are left out: is bone being removed?"
+                later = f"the surface has changed after frame {max(accepted.poses)}, so {count} later ones are left out"
             except InputError as error:
-                raise InputError(f"{self.loaded.case.path.name}: {later and f'{later} '}{error}") from None
+                raise InputError(f"{self.loaded.case.path.name}: {later and f'{later}; '}{error}") from None
             else:
                 return replace(found, later=later)
 
     def write(self, found: SurfaceCorrection, write: Write, page: Page) -> tuple[str, ...]:
-        """Write the files, each whole or not at all, the case last; returns what to say.
+        """Write the files, each whole or not at all, the case last; returns where they are, in words.
 
         Raises
         ------
@@ -114,12 +112,13 @@ class CaseCorrection:
         }
         comment = (
             f"{SURFACE} is {case.mesh.name} corrected by registered frames, {NOT_FOR_SURGERY} "
-            f"(OneFrame {__version__})\n{found.words}\nthe surface as it was: {case.mesh}"
+            f"(OneFrame {__version__})\n{'; '.join(found.lines)}\n"
+            f"the surface as it was: {relative_name(case.mesh, out)}"
         )
         with writing(made_folder(out / SURFACE)):
             write_files_atomically(files)
             write_case(out / CASE, self._corrected, comment=comment)
-        return found.words, f"the corrected surface and its case: {out / CASE}", f"where it differs: {out / PAGE}"
+        return f"the corrected surface and its case: {out / CASE}", f"where it differs: {out / PAGE}"
 
     @property
     def _corrected(self) -> Case:

@@ -22,6 +22,7 @@ from ..light.local_mean import without_light
 from ..poses.distributions import ReferencePose
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, rotation_angle_deg, transform_points
+from .frame_blur import Blur
 
 NEAR_TILT_DEG, NEAR_ROLL_DEG, NEAR_SHARE, NEAR_WIDTHS = 8.0, 20.0, 0.06, 0.1
 """How far a pose may be from a view that stands for its own: tilt, rotation, share of the distance, and shift in the
@@ -29,9 +30,6 @@ image, relative to its width."""
 
 STEP_PX = 4
 """Between the pixels whose flow is used."""
-
-SMOOTHING_PX = 2.0
-"""Standard deviation of a blur after which a blurred frame and a view look more alike."""
 
 LEAST_TEXTURE = 6.0
 """Standard deviation in code values around a pixel without which its flow says nothing."""
@@ -64,10 +62,9 @@ class KnownView:
         """``(H, W)`` uint8: the view without its light."""
         return without_light(self.grey, self.shown)
 
-    @cached_property
-    def smoothed(self) -> "KnownView":
-        """The view after :func:`smoothed_codes`."""
-        return replace(self, grey=smoothed_codes(self.grey, self.shown))
+    def blurred(self, blur: Blur) -> "KnownView":
+        """The view as a frame under this blur would show it."""
+        return replace(self, grey=blur.of(self.grey, self.shown))
 
     @cached_property
     def textured(self) -> np.ndarray:
@@ -160,14 +157,6 @@ def grey_codes(image: np.ndarray) -> np.ndarray:
     """``(H, W, 3)`` float32 code values 0..1 or uint8 -> ``(H, W)`` uint8."""
     codes = image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
     return cv2.cvtColor(codes, cv2.COLOR_RGB2GRAY)
-
-
-def smoothed_codes(grey: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """``(H, W)`` uint8 blurred by :data:`SMOOTHING_PX` within a mask, as if the rest were not there."""
-    shares, codes = (
-        cv2.GaussianBlur(each.astype(np.float32), (0, 0), SMOOTHING_PX) for each in (mask, np.where(mask, grey, 0))
-    )
-    return np.where(mask, np.rint(codes / np.maximum(shares, 1e-3)), grey).astype(np.uint8)
 
 
 TILTS_DEG = ((0.0, 1), (25.0, 6), (50.0, 8))

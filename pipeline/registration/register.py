@@ -30,6 +30,7 @@ from .verdict import (
     REFUSED,
     WITHIN_SHARE,
     Verdict,
+    block_pixels,
     judge,
     robust_step,
     shared_covariance,
@@ -74,7 +75,7 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     """The zoom that fits together with a pose; ``fit`` is at the aligned frame's, ``pivot_model`` ``(3,)`` mm."""
     camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
     used = fit.returning(FITTED)
-    points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
+    points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, block_pixels(fit)))
     sigma = np.inf
     per_px = np.sqrt(shared_covariance(zoom_jacobian_at(points, camera, pose, pivot_model), pixels)[6, 6])
     for _ in range(STEPS):
@@ -251,10 +252,10 @@ class Registrar:
     def _refined(
         self, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray, found: Localised | None = None
     ) -> RegisteredFrame:
-        """A frame refined from a rough pose, as it is, and if it is not accepted, smoothed."""
+        """A frame refined from a rough pose, by what is known as it is, and if it is not accepted, blurred as it."""
         judged = list[RegisteredFrame]()
-        for smooth in (False, True):
-            fit = refined_by_flow(self._views, grey, valid, cam_from_model, smooth=smooth)
+        for blurred in (False, True):
+            fit = refined_by_flow(self._views, grey, valid, cam_from_model, blurred=blurred)
             judged.append(self._judged(fit, found))
             if judged[-1].verdict.state == ACCEPTED:
                 return judged[-1]

@@ -25,7 +25,7 @@ LIMITS = (
     "lies elsewhere.",
     "The case's own pose is taken for right: a wrong one makes a wrong surface.",
     "Texture slides on a plane: poses and surface are told apart by relief only.",
-    "What the film shows of different stages of drilling is mixed: give it the frames of one stage.",
+    "Stages of drilling are mixed where they are not noticed: give it the frames of one stage.",
     "The model here is coarser than the file; structures did not move with the surface.",
 )
 
@@ -60,7 +60,7 @@ def deviation_page(loaded: LoadedCase, found: SurfaceCorrection) -> bytes:
         header=page_header(kind="surface correction", name="Corrected surface", facts=facts, status=BADGE),
         most=f"{most:.1f}",
         floor=f"{found.floor_mm:.2f}",
-        found=findings([f"{found.words[:1].upper()}{found.words[1:]}."]),
+        found=findings([f"{line[:1].upper()}{line[1:]}." for line in found.lines]),
         limits=findings(LIMITS),
         footer=page_footer(),
     )

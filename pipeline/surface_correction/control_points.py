@@ -1,6 +1,5 @@
 """Points on a surface that move along its normals, and take its vertices along."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,13 +11,10 @@ from ..surface.mesh import TriangleMesh, distinct_points
 SMOOTHED = 10
 """Rounds in which the normals are averaged with their neighbours': so neighbours do not cross when they move."""
 NEIGHBOURS = 8
-THINNED, WIDTH, FARTHEST = 0.75, 0.7, 3.0
-"""Relative to the spacing: least distance of two points, standard deviation of the weight that a vertex gives a point,
-and distance from the nearest point beyond which a vertex stays."""
+THINNED, WIDTH = 0.75, 0.7
+"""Relative to the spacing: least distance of two points, and standard deviation of the weight that one has."""
 LEAST_WEIGHT = 0.05
-"""Of a point right at the vertex: below it they are only more to multiply."""
-LEAST_ALIKE = 0.02
-"""Of the cosine between normals, whose square weighs neighbours: those across an edge count little."""
+"""Of a point right at the place: below it, it has none, and a vertex without any stays."""
 
 
 @dataclass(frozen=True)
@@ -57,17 +53,9 @@ class ControlPoints:
         for one, other in sorted(cKDTree(mesh.vertices[numbers]).query_pairs(THINNED * spacing_mm)):
             kept[other] &= not kept[one]
         places, directions = mesh.vertices[numbers[kept]], normals[numbers[kept]]
-        near = min(NEIGHBOURS, len(places) - 1)
-
-        def gauss(apart: np.ndarray) -> np.ndarray:
-            weight = np.exp(-0.5 * (apart / (WIDTH * spacing_mm)) ** 2)
-            weight[apart[:, 0] > FARTHEST * spacing_mm] = 0
-            weight[weight < LEAST_WEIGHT] = 0
-            return weight
-
-        points = places, directions
-        weights = _means(mesh.vertices, normals, points, gauss, slice(0, near))
-        means = _means(places, directions, points, lambda apart: 1 / np.maximum(apart, 1e-6), slice(1, near + 1))
+        near, points = min(NEIGHBOURS, len(places) - 1), (places, directions)
+        weights = _means(mesh.vertices, normals, points, spacing_mm, slice(0, near))
+        means = _means(places, directions, points, spacing_mm, slice(1, near + 1))
         return cls(mesh, normals, places, weights, sparse.identity(len(places), format="csr") - means)
 
     def moved(self, heights_mm: np.ndarray) -> TriangleMesh:
@@ -98,17 +86,15 @@ def _smooth_normals(mesh: TriangleMesh) -> np.ndarray:
 
 
 def _means(
-    at: np.ndarray,
-    normals: np.ndarray,
-    points: tuple[np.ndarray, np.ndarray],
-    weigh: Callable[[np.ndarray], np.ndarray],
-    chosen: slice,
+    at: np.ndarray, normals: np.ndarray, points: tuple[np.ndarray, np.ndarray], spacing_mm: float, chosen: slice
 ) -> sparse.csr_matrix:
     """``(N, M)`` sparse: weighted means over the ``chosen`` nearest of M points with their normals, at N places."""
     places, directions = points
     apart, nearest = (each[:, chosen] for each in cKDTree(places).query(at, k=chosen.stop))
-    alike = np.einsum("ni,nki->nk", normals, directions[nearest])
-    weight = weigh(apart) * np.maximum(alike, LEAST_ALIKE) ** 2
+    weight = np.exp(-0.5 * (apart / (WIDTH * spacing_mm)) ** 2)
+    weight[weight < LEAST_WEIGHT] = 0
+    # those across an edge count little
+    weight *= np.maximum(np.einsum("ni,nki->nk", normals, directions[nearest]), 0) ** 2
     weight /= np.maximum(weight.sum(axis=1, keepdims=True), 1e-12)
     row = np.repeat(np.arange(len(at)), weight.shape[1])
     found = sparse.csr_matrix((weight.ravel(), (row, nearest.ravel())), (len(at), len(places)))

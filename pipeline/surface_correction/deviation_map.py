@@ -18,14 +18,16 @@ AMBIENT = 0.4
 
 
 def most_of(found: SurfaceCorrection) -> float:
-    """The deviation, mm, that has the full colour."""
-    return max(float(np.abs(found.deviation_mm[found.confirmed]).max(initial=0)), 2 * found.floor_mm)
+    """The deviation, mm, from which on the colour is full: few vertices are farther off."""
+    moved_mm = np.abs(found.deviation_mm[found.moved])
+    return max(2 * found.floor_mm, float(np.quantile(moved_mm, 0.98)) if len(moved_mm) else 0.0)
 
 
 def deviation_colours(found: SurfaceCorrection) -> np.ndarray:
-    """``(V, 3)`` 0..1: the colours of the vertices."""
-    share = np.clip(found.deviation_mm / most_of(found), -1, 1)[:, None]
-    colours = np.array(NOTHING) + np.abs(share) * (np.where(share > 0, NEARER, FARTHER) - np.array(NOTHING))
+    """``(V, 3)`` 0..1: the colours of the vertices; what means nothing has none."""
+    off_mm, floor_mm = found.deviation_mm, found.floor_mm
+    share = np.clip((np.abs(off_mm) - floor_mm) / (most_of(found) - floor_mm), 0, 1)[:, None]
+    colours = NOTHING + share * (np.where(off_mm[:, None] > 0, NEARER, FARTHER) - np.array(NOTHING))
     colours[~found.confirmed] = UNCONFIRMED
     return colours
 
@@ -42,7 +44,8 @@ def deviation_map(loaded: LoadedCase, found: SurfaceCorrection, write: Write) ->
     tile[face >= 0] = colours[mesh.faces[shown]].mean(axis=1) * shade[:, None]
     picture = to_uint8(tile)
     words = (
-        f"red: nearer to the lens, up to {most_of(found):.1f} mm; blue: farther; grey: not confirmed. Not for surgery"
+        f"red: moved towards the lens, {most_of(found):.1f} mm and more; blue: away; white: less than "
+        f"{found.floor_mm:.2f} mm; grey: not confirmed. Not for surgery"
     )
     put_border(picture, (255, 255, 255), words, write)
     own = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)

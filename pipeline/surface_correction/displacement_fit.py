@@ -20,8 +20,8 @@ from .frame_flow import Flow, SurfaceView
 
 LEAST_COS = 0.2
 """Cosine between ray and face, and between face and smooth normal, below which a displacement has no certain effect."""
-FLOW_PX, ROBUST_PX, PIXELS_TOGETHER = 0.25, 0.7, 2.0
-"""Least standard deviation of flow, residual from which weights fall, and how many pixels of the grid err together."""
+FLOW_PX, ROBUST_PX = 0.35, 0.7
+"""Standard deviation of flow, where two pixels of the grid err together, and residual from which weights fall."""
 SMOOTH_PX, FAR_PX = 0.5, 1.0
 """Standard deviations of a point against its neighbours, and from its place (Cauchy), in pixels on the surface: little
 holds what is far off, but the rest must not drift with the poses, of which flow hardly tells."""
@@ -56,13 +56,11 @@ class Observed(NamedTuple):
     @classmethod
     def joined(cls, parts: Sequence["Observed"]) -> "Observed":
         """All of them."""
-        frames, residuals, by_height, weights, by_poses = zip(*parts, strict=True)
         return cls(
-            np.concatenate(frames),
-            np.concatenate(residuals),
-            np.concatenate(by_height),
-            sparse.vstack(weights, format="csr"),
-            np.concatenate(by_poses),
+            *(
+                sparse.vstack(each, format="csr") if sparse.issparse(each[0]) else np.concatenate(each)
+                for each in zip(*parts, strict=True)
+            )
         )
 
 
@@ -78,7 +76,7 @@ def observed(
     second, third = (each[row].astype(float) for each in (view.hits.second, view.hits.third))
     parts = np.stack([1 - second - third, second, third], axis=1)
     rays = view.rays[v, u]
-    normals = view.mesh.face_normals[face]
+    normals = view.surface.mesh.face_normals[face]
     smooth = np.einsum("nk,nki->ni", parts, points.normals[corners])
     along = (normals * rays).sum(axis=1)
     alike = (smooth * normals).sum(axis=1)
@@ -105,44 +103,13 @@ def observed(
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Displacements and twists that fit together.
-
-    Attributes
-    ----------
-    heights_mm
-        ``(M,)`` of the points along the normals, from the surface as it came.
-    twists
-        ``(F, 6)`` to apply to the poses.
-    std_mm
-        ``(M,)`` standard deviations of the displacements, as far as flow tells.
-    residuals_px
-        ``(M,)`` root mean square of what is left around each point.
-    counts
-        ``(M,)`` how many pixels tell of each point, by their weights.
-    left_px
-        ``(N,)`` what is left at each pixel.
-    weight
-        Mean weight of all pixels.
-    """
-
-    heights_mm: np.ndarray
-    twists: np.ndarray
-    std_mm: np.ndarray
-    residuals_px: np.ndarray
-    counts: np.ndarray
-    left_px: np.ndarray
-    weight: float
-
-
-@dataclass(frozen=True)
 class Estimate:
     """Where surface and poses are, and where they may go.
 
     Attributes
     ----------
     heights_mm
-        ``(M,)`` displacements of the points.
+        ``(M,)`` displacements of the points along the normals, from the surface as it came.
     poses, starts
         ``(F, 4, 4)`` ``cam_from_model``, mm, and those with which the frames came.
     deviations
@@ -160,65 +127,70 @@ class Estimate:
     pivot: np.ndarray
     pixel_mm: float
 
-    def after(self, fit: Fit) -> "Estimate":
-        """Where a fit puts them."""
-        poses = [apply_twist(twist, pose, self.pivot) for twist, pose in zip(fit.twists, self.poses, strict=True)]
-        return replace(self, heights_mm=fit.heights_mm, poses=np.stack(poses))
+
+@dataclass(frozen=True)
+class Fit:
+    """Displacements and poses that fit together.
+
+    Attributes
+    ----------
+    estimate
+        Where they are now.
+    std_mm
+        ``(M,)`` standard deviations of the displacements, of each as if flow told of it alone.
+    residuals_px
+        ``(M,)`` root mean square of what is left around each point.
+    counts
+        ``(M,)`` how many pixels tell of each point, by their weights.
+    left_px
+        ``(N,)`` what is left at each pixel.
+    weight
+        Mean weight of all pixels.
+    """
+
+    estimate: Estimate
+    std_mm: np.ndarray
+    residuals_px: np.ndarray
+    counts: np.ndarray
+    left_px: np.ndarray
+    weight: float
 
 
-def fit(points: ControlPoints, known: Observed, now: Estimate, rng: np.random.Generator, samples: int) -> Fit:
-    """Fit displacements and poses; standard deviations are those of so many samples."""
+def fit(points: ControlPoints, known: Observed, now: Estimate) -> Fit:
+    """Fit displacements and poses."""
     heights, count, pixels = now.heights_mm, len(now.heights_mm), len(known.residuals)
-    smooth_mm, far_mm = SMOOTH_PX * now.pixel_mm, FAR_PX * now.pixel_mm
-    bending, stiff = (points.bending.T @ points.bending) / smooth_mm**2, 1 / now.deviations.ravel() ** 2
+    far_mm, stiff = FAR_PX * now.pixel_mm, 1 / now.deviations.ravel() ** 2
+    bending = (points.bending.T @ points.bending) / (SMOOTH_PX * now.pixel_mm) ** 2
     away = np.concatenate([twist_between(*each, now.pivot) for each in zip(now.starts, now.poses, strict=True)])
-    columns = (6 * known.frames[:, :, None] + np.arange(6)).ravel()
-    shape, begins = (pixels, len(stiff)), 12 * np.arange(pixels + 1)
-    # by the column and by the row of a pixel
-    axes = [
-        (residual, slope, sparse.csr_matrix((twists.ravel(), columns, begins), shape))
-        for residual, slope, twists in zip(
-            known.residuals.T, known.by_height.T, np.moveaxis(known.by_poses, 1, 0), strict=True
-        )
-    ]
-    weight, sigma_px, step = np.ones(pixels), FLOW_PX, np.zeros(count)
+    # a row for each coordinate of each pixel
+    residuals = known.residuals.T.ravel()
+    by_points = sparse.diags(known.by_height.T.ravel()) @ sparse.vstack([known.weights] * 2)
+    columns, begins = np.tile((6 * known.frames[:, :, None] + np.arange(6)).ravel(), 2), 12 * np.arange(2 * pixels + 1)
+    twists = np.moveaxis(known.by_poses, 1, 0).ravel()
+    by_poses = sparse.csr_matrix((twists, columns, begins), (2 * pixels, len(stiff)))
+    weight, step = np.ones(pixels), np.zeros(count)
     for _ in range(STEPS):
-        each = weight / (sigma_px**2 * PIXELS_TOGETHER)
+        each = sparse.diags(np.tile(weight, 2) / FLOW_PX**2)
         draw = 1 / far_mm**2 / (1 + ((heights + step) / far_mm) ** 2)
-        square = sparse.diags((known.by_height**2).sum(axis=1) * each)
-        own = bending + sparse.diags(draw) + known.weights.T @ square @ known.weights
-        right, cross = -(bending @ heights) - draw * heights, np.zeros((count, len(stiff)))
-        both, pose_right = np.diag(stiff), -stiff * away
-        for residual, slope, twists in axes:
-            right += known.weights.T @ (each * slope * residual)
-            cross += (known.weights.T @ (sparse.diags(each * slope) @ twists)).toarray()
-            both += (twists.T @ sparse.diags(each) @ twists).toarray()
-            pose_right += twists.T @ (each * residual)
+        moved, posed = (each @ by_points).T, (each @ by_poses).T
+        right = moved @ residuals - bending @ heights - draw * heights
+        pose_right = posed @ residuals - stiff * away
         # the poses from what is left when the displacements are eliminated (Schur complement)
+        own, cross = bending + sparse.diags(draw) + moved @ by_points, (moved @ by_poses).toarray()
         factor = splu(own.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         through = factor.solve(cross)
-        reduced = both - cross.T @ through
+        reduced = np.diag(stiff) + (posed @ by_poses).toarray() - cross.T @ through
         twist = np.linalg.solve(reduced, pose_right - through.T @ right)
         step = factor.solve(right - cross @ twist)
-        moved = known.weights @ step
-        squares = sum((residual - slope * moved - twists @ twist) ** 2 for residual, slope, twists in axes)
+        left = residuals - by_points @ step - by_poses @ twist
+        squares = (left**2).reshape(2, pixels).sum(axis=0)
         weight = 1 / (1 + squares / ROBUST_PX**2) ** 2
-        # the median of a length is 1.18 standard deviations of a coordinate
-        sigma_px = max(FLOW_PX, float(np.median(np.sqrt(squares))) / 1.18)
-    # what noise does to the solution: its covariance is too large to invert
-    noise = rng.normal(size=(2, pixels, samples)) * np.sqrt(each)[:, None]
-    right = points.bending.T @ rng.normal(size=(count, samples)) / smooth_mm
-    right += np.sqrt(draw)[:, None] * rng.normal(size=(count, samples))
-    pose_right = np.sqrt(stiff)[:, None] * rng.normal(size=(len(stiff), samples))
-    for (_, slope, twists), pushed in zip(axes, noise, strict=True):
-        right += known.weights.T @ (slope[:, None] * pushed)
-        pose_right += twists.T @ pushed
-    spread = factor.solve(right - cross @ np.linalg.solve(reduced, pose_right - through.T @ right))
     shares = np.asarray(known.weights.sum(axis=0)).ravel()
+    told = known.weights.T @ (weight * (known.by_height**2).sum(axis=1)) / FLOW_PX**2
+    poses = [apply_twist(each, pose, now.pivot) for each, pose in zip(twist.reshape(-1, 6), now.poses, strict=True)]
     return Fit(
-        heights + step,
-        twist.reshape(-1, 6),
-        np.sqrt((spread**2).mean(axis=1)),
+        replace(now, heights_mm=heights + step, poses=np.stack(poses)),
+        1 / np.sqrt(told + draw),
         np.sqrt((known.weights.T @ np.minimum(squares, MOST_SQUARE)) / np.maximum(shares, 1e-9)),
         known.weights.T @ weight,
         np.sqrt(squares),

@@ -4,7 +4,6 @@ A frame is laid on another one by the surface and both poses, in the light that 
 is the error of the surface and of the poses. The flow is that of dense inverse search (Kroeger et al. 2016).
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ from ..case.frame import PosedFrame
 from ..colour.lens_shading import CornerNormals, LensShading, shifted_codes
 from ..images.transfer import SRGB, Transfer
 from ..light.local_mean import without_light
-from ..projection.rays import Hits, MeshRays
+from ..projection.rays import MeshRays
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, transform_points
 
@@ -62,80 +61,69 @@ def _grey(codes: np.ndarray) -> np.ndarray:
     return np.rint(255 * np.clip(codes, 0, 1))
 
 
-@dataclass(frozen=True)
+class Surface:
+    """A surface that is looked at from many poses, and the light at the lens, if it is known."""
+
+    def __init__(self, mesh: TriangleMesh, light: LensShading | None) -> None:
+        self.mesh, self.light, self.rays = mesh, light, MeshRays(mesh)
+
+    @cached_property
+    def normals(self) -> CornerNormals:
+        """For the light."""
+        return CornerNormals(self.mesh)
+
+
 class SurfaceView:
     """What a frame shows of a surface at a pose.
 
     Attributes
     ----------
-    frame, pose
-        The frame, and ``cam_from_model`` (4x4, mm).
-    hits
-        What each pixel's ray meets, row by row.
+    surface, frame, pose
+        The surface, the frame, and ``cam_from_model`` (4x4, mm).
     rays
-        ``(H, W, 3)`` directions of the rays, model frame, as long as one mm of depth.
+        ``(H, W, 3)`` directions of the pixels' rays, model frame, as long as one mm of depth.
+    hits
+        What each of them meets, row by row.
     depth_mm
         ``(H, W)`` depth; infinite where there is no surface.
     points
         ``(H, W, 3)`` mm.
-    normals
-        ``(H W, 3)`` float32, on the side that is seen; ``None`` without a light.
-    lit
-        ``(H, W)`` what the light at the frame's own lens multiplies its codes with; 1 without one.
-    mesh
-        The surface.
+    shown
+        ``(H, W)`` bool: there is surface.
     """
 
-    frame: SurfaceFrame
-    pose: np.ndarray
-    hits: Hits
-    rays: np.ndarray
-    depth_mm: np.ndarray
-    points: np.ndarray
-    normals: np.ndarray | None
-    lit: np.ndarray
-    mesh: TriangleMesh
-
-    @property
-    def shown(self) -> np.ndarray:
-        """``(H, W)`` bool: there is surface."""
-        return np.isfinite(self.depth_mm)
+    def __init__(self, surface: Surface, frame: SurfaceFrame, pose: np.ndarray) -> None:
+        """Look at it."""
+        self.surface, self.frame, self.pose = surface, frame, pose
+        shape, centre = frame.camera.shape_hw, camera_centre(pose)
+        self.rays = frame.camera.rays_cam(frame.camera.pixel_grid()) @ pose[:3, :3]
+        flat = self.rays.reshape(-1, 3).astype(np.float32)
+        self.hits = surface.rays.first_hits(np.broadcast_to(centre, flat.shape).astype(np.float32), flat)
+        self.shown = (self.hits.face >= 0).reshape(shape)
+        self.depth_mm = np.where(self.shown, self.hits.distance.reshape(shape), np.inf).astype(float)
+        self.points = centre + self.rays * np.where(self.shown, self.depth_mm, 1)[..., None]
 
     @property
     def pixel_mm(self) -> float:
         """The size of a pixel on the surface, facing the lens."""
         return float(np.median(self.depth_mm[self.shown])) / self.frame.camera.fx if self.shown.any() else 1.0
 
+    def relit(self, codes: np.ndarray, pose: np.ndarray) -> np.ndarray:
+        """Codes ``(H, W)`` of another frame, laid on this one, in the light of this lens, not that of ``pose``."""
+        return codes * self._lit / self._lit_from(pose)
 
-class Surface:
-    """A surface that is looked at from many poses, and the light at the lens, if it is known."""
+    @cached_property
+    def _lit(self) -> np.ndarray:
+        return self._lit_from(self.pose)
 
-    def __init__(self, mesh: TriangleMesh, light: LensShading | None) -> None:
-        self.mesh, self._light = mesh, light
-        self._rays = MeshRays(mesh)
-        self._normals = None if light is None else CornerNormals(mesh)
+    def _lit_from(self, pose: np.ndarray) -> np.ndarray:
+        light = self.surface.light
+        return np.ones(1) if light is None else light.factors(*self._lit_points, pose).reshape(self.shown.shape)
 
-    def view(self, frame: SurfaceFrame, pose: np.ndarray) -> SurfaceView:
-        """What a frame shows of it."""
-        shape, centre = frame.camera.shape_hw, camera_centre(pose)
-        rays = frame.camera.rays_cam(frame.camera.pixel_grid()) @ pose[:3, :3]
-        flat = rays.reshape(-1, 3).astype(np.float32)
-        hits = self._rays.first_hits(np.broadcast_to(centre, flat.shape).astype(np.float32), flat)
-        depth_mm = np.where(hits.face >= 0, hits.distance, np.inf).astype(float).reshape(shape)
-        points = centre + rays * np.where(np.isfinite(depth_mm), depth_mm, 1)[..., None]
-        normals, lit = None, np.ones(shape, np.float32)
-        if self._normals is not None and self._light is not None:
-            at = points.reshape(-1, 3).astype(np.float32)
-            normals = self._normals.at(hits.face, at, hits.front)
-            lit = self._light.factors(at, normals, pose).reshape(shape)
-        return SurfaceView(frame, pose, hits, rays, depth_mm, points, normals, lit, self.mesh)
-
-    def relit(self, view: SurfaceView, codes: np.ndarray, pose: np.ndarray) -> np.ndarray:
-        """Codes ``(H, W)`` of another frame, laid on a view, in the light of the view's lens, not that of ``pose``."""
-        if self._light is None or view.normals is None:
-            return codes
-        other = self._light.factors(view.points.reshape(-1, 3).astype(np.float32), view.normals, pose)
-        return codes * view.lit / other.reshape(codes.shape)
+    @cached_property
+    def _lit_points(self) -> tuple[np.ndarray, np.ndarray]:
+        at = self.points.reshape(-1, 3).astype(np.float32)
+        return at, self.surface.normals.at(self.hits.face, at, self.hits.front)
 
 
 class Flow(NamedTuple):
@@ -157,7 +145,7 @@ class Flow(NamedTuple):
     share: float
 
 
-def flow_between(surface: Surface, view: SurfaceView, other: SurfaceView) -> Flow:
+def flow_between(view: SurfaceView, other: SurfaceView) -> Flow:
     """The flow from a view to another one that is laid on it."""
     height, width = view.depth_mm.shape
     points_cam = transform_points(other.pose, view.points.reshape(-1, 3)).reshape(view.points.shape)
@@ -169,7 +157,7 @@ def flow_between(surface: Surface, view: SurfaceView, other: SurfaceView) -> Flo
     tolerance_mm = TOLERANCE_PX * points_cam[..., 2] / other.frame.camera.fx
     both = inside & view.frame.valid & (points_cam[..., 2] < cv2.remap(met, x, y, cv2.INTER_NEAREST) + tolerance_mm)
     both &= cv2.remap(other.frame.valid.astype(np.uint8), x, y, cv2.INTER_NEAREST) > 0
-    laid = surface.relit(view, cv2.remap(other.frame.codes, x, y, cv2.INTER_LINEAR), other.pose)
+    laid = view.relit(cv2.remap(other.frame.codes, x, y, cv2.INTER_LINEAR), other.pose)
     own, laid = (without_light(each, both) for each in (view.frame.grey, _grey(laid)))
     there = _dense(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, own, laid)
     # the way back only tests, to a pixel
@@ -195,3 +183,10 @@ def flow_between(surface: Surface, view: SurfaceView, other: SurfaceView) -> Flo
 
 def _dense(preset: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return cv2.DISOpticalFlow.create(preset).calc(one, other, np.zeros((*one.shape, 2), np.float32))
+
+
+def cosines_between(poses: np.ndarray, pivot: np.ndarray) -> np.ndarray:
+    """``(F, F)`` between the directions in which the cameras of ``cam_from_model`` ``(F, 4, 4)`` are from a pivot."""
+    ways = camera_centre(poses) - pivot
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    return np.clip(ways @ ways.T, -1, 1)

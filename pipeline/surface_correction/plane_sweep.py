@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
 from .frame_flow import TOLERANCE_PX, SurfaceFrame, SurfaceView
 
@@ -33,16 +32,15 @@ Sweep = tuple[SurfaceView, Sequence[Laid]]
 """A view of the surface, and what is laid on it."""
 
 
-def is_confirmed(normals: np.ndarray, mesh: TriangleMesh, sweeps: Sequence[Sweep], most_mm: float) -> np.ndarray:
+def is_confirmed(normals: np.ndarray, sweeps: Sequence[Sweep], most_mm: float) -> np.ndarray:
     """``(V,)`` bool: most sweeps find the surface around a vertex where it is, to ``most_mm`` along normals ``(V, 3)``.
 
-    That is the root mean square over a place, so relief that is finer than what moves is not confirmed in the mean. The
-    mesh is the surface that the views are of.
+    That is the root mean square over a place, so relief that is finer than what moves is not confirmed in the mean.
     """
     votes = np.zeros(len(normals), int)
     for view, others in sweeps:
         camera = view.frame.camera
-        points_cam = transform_points(view.pose, mesh.vertices)
+        points_cam = transform_points(view.pose, view.surface.mesh.vertices)
         places = np.rint(np.nan_to_num(camera.project(points_cam), nan=-1)).astype(int)
         inside = ((places >= BORDER_PX) & (places < np.array(camera.size_wh) - BORDER_PX)).all(axis=1)
         u, v = np.where(inside[:, None], places, 0).T

@@ -12,8 +12,7 @@ import numpy as np
 
 from ..case.frame import PosedFrame
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre
-from .frame_flow import Surface, SurfaceFrame
+from .frame_flow import Surface, SurfaceFrame, SurfaceView, cosines_between
 from .plane_sweep import STEP_PX, swept_depths
 
 LONGER_SIDE_PX = 240
@@ -38,7 +37,7 @@ class SurfaceCheck:
     Attributes
     ----------
     off_mm
-        ``(h, w)`` how far along its normal the surface lies from there, positive towards the lens; NaN where the frames
+        ``(h, w)`` how much nearer to the lens what frames show lies than the surface, along its normal; NaN where they
         do not tell.
     wrong
         ``(h, w)`` bool: more than it could be by chance.
@@ -90,11 +89,10 @@ def check_surface(
     source, others
         The case's frame, and those that are registered, at :data:`LONGER_SIDE_PX`.
     """
-    ways = camera_centre(np.stack([each.cam_from_model for each in (source, *others)])) - pivot_model
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    if len(others) < LEAST_FRAMES or (ways @ ways.T).min() > np.cos(np.radians(LEAST_ANGLE_DEG)):
+    cosines = cosines_between(np.stack([each.cam_from_model for each in (source, *others)]), pivot_model)
+    if len(others) < LEAST_FRAMES or cosines.min() > np.cos(np.radians(LEAST_ANGLE_DEG)):
         return None
-    view = Surface(mesh, None).view(SurfaceFrame(source), source.cam_from_model)
+    view = SurfaceView(Surface(mesh, None), SurfaceFrame(source), source.cam_from_model)
     laid = [(SurfaceFrame(each), each.cam_from_model) for each in others]
     normals = mesh.face_normals[view.hits.face].reshape(view.points.shape)
     # the sweep says how much nearer the surface is than it should be

@@ -241,18 +241,10 @@ class Thumbnails:
             self._indices, self._images = self._indices[::2], self._images[::2]
 
     def nearest(self, index: int) -> tuple[int, np.ndarray]:
-        """Number and picture, ``(h, w, 3)`` uint8 RGB, of the frame that is nearest to frame ``index``.
-
-        Raises
-        ------
-        LookupError
-            There are no pictures.
-        """
+        """Number and picture, ``(h, w, 3)`` uint8 RGB, of the frame that is nearest to frame ``index``."""
         after = bisect_left(self._indices, index)
         near = range(max(after - 1, 0), min(after + 1, len(self._indices)))
-        at = min(near, key=lambda number: abs(self._indices[number] - index), default=None)
-        if at is None:
-            raise LookupError("expected pictures of a film, found none")
+        at = min(near, key=lambda number: abs(self._indices[number] - index))
         return self._indices[at], self._images[at]
 
 

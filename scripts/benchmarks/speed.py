@@ -23,8 +23,8 @@ from oneframe.files.machine import available_cores
 from oneframe.files.temporary import temporary_folder
 
 from .figures import write_figures
-from .memory import memory_mb
 from .rendering.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case
+from .rendering.memory import memory_mb
 from .rendering.render_accuracy import LIT_PEER, UNLIT_PEER, measure_scene, render_command, scene_peers
 from .rendering.render_scenes import case_scene
 from .rendering.speed_accuracy import FLOOR, Configuration

@@ -1,11 +1,13 @@
 """A step has the stated size in pixels, keeps the pivot in place where it should, and can be undone."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from oneframe.alignment.manual.nudge import AXES, nudged
+from oneframe.alignment.manual.nudge import Axis, nudged
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
 
@@ -33,7 +35,7 @@ def pivot_pixel(camera, pose):
     return camera.project(transform_points(pose, PIVOT[None]))[0]
 
 
-@given(poses(), cameras, st.sampled_from(AXES), steps)
+@given(poses(), cameras, st.sampled_from(get_args(Axis)), steps)
 def test_a_step_back_returns(pose, camera, axis, step):
     rim_px = camera.fx * RADIUS / transform_points(pose, PIVOT)[2]
     assume(axis != "depth" or step <= rim_px / 2)  # longer steps away from the camera are shortened
@@ -93,7 +95,7 @@ def test_a_pitch_or_yaw_moves_points_in_front_of_the_pivot_by_the_step(pose, cam
     assert abs((after - before)[1 - coordinate]) < 0.05 * abs(step)
 
 
-@given(poses(), cameras, st.sampled_from(AXES), steps, st.integers(0, 1000))
+@given(poses(), cameras, st.sampled_from(get_args(Axis)), steps, st.integers(0, 1000))
 def test_a_nudge_does_not_depend_on_the_model_frame(pose, camera, axis, step, seed):
     rng = np.random.default_rng(seed)
     model_from_mesh = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 400)

@@ -260,17 +260,6 @@ def test_poses_are_rigid_and_keep_the_pivot_on_its_pixel(kind, cone, roll, facto
         assert np.abs(pixels[0] - pixels[1]).max() < 1e-6
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: replace(DISTRIBUTIONS["shell"], look_ray_cam=(1, 0, 0)), "look_ray_cam in front of the camera"),
-        (lambda: replace(TRAJECTORY, distance_min=1.05), "distance_min <= 1 <= distance_max.* 1.05 and 1.1"),
-        (
-            lambda: ReferencePose(rigid(translation=[0, 0, -90.0]), np.zeros(3)),
-            "in front of the camera, found z = -90 mm",
-        ),
-    ],
-)
-def test_useless_parameters_are_refused(make, message):
-    with pytest.raises(InputError, match=message):
-        make()
+def test_a_pivot_behind_the_camera_is_refused():
+    with pytest.raises(InputError, match="in front of the camera, found z = -90 mm"):
+        ReferencePose(rigid(translation=[0, 0, -90.0]), np.zeros(3))

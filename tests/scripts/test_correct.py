@@ -91,7 +91,7 @@ def test_frames_in_which_drilling_went_on_are_cut_away(tmp_path, correct):
     case = written(tmp_path, 10, drilled=4)
     run = correct(case.path, tmp_path / "registered", "--out", tmp_path / "corrected")
     assert run.returncode == 2
-    assert "the surface has changed in 4 later frames, which are left out" in run.stderr
+    assert "the surface has changed after frame 6, so 4 later ones are left out" in run.stderr
     assert "at least 10 accepted frames that show what the case's frame shows, found 6 of 6" in run.stderr
     assert not (tmp_path / "corrected").exists()
 

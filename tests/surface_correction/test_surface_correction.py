@@ -17,11 +17,13 @@ from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.projection.overlay_scene import smooth_normals
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface_correction.control_points import ControlPoints
-from oneframe.surface_correction.correct_surface import AGREES_PX, SurfaceChanged, correct_surface
+from oneframe.surface_correction.correct_surface import AGREES_PX, SurfaceChanged, SurfaceCorrection, correct_surface
+from oneframe.surface_correction.deviation_map import NOTHING, UNCONFIRMED, deviation_colours, most_of
 from oneframe.surface_correction.displacement_fit import Observed, observed
-from oneframe.surface_correction.frame_flow import Flow, Surface, SurfaceFrame
+from oneframe.surface_correction.frame_flow import Flow, Surface, SurfaceFrame, SurfaceView
 from oneframe.surface_correction.plane_sweep import is_confirmed
 from oneframe.surface_correction.surface_change import changed_since
+from oneframe.surface_correction.surface_check import FARTHER, NEARER
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.conftest import grid_mesh
 
@@ -75,7 +77,7 @@ def bump(mesh, height_mm):
 
 
 def corrected(mesh, frames):
-    return correct_surface(mesh, frames, LensShading(LAMP, 0.1), np.random.default_rng(0))
+    return correct_surface(mesh, frames, LensShading(LAMP, 0.1))
 
 
 def height_error(mesh, true_surface):
@@ -98,6 +100,7 @@ def test_a_bump_is_taken_away_within_its_stated_error(true_surface, frames):
     assert np.mean(after < 2 * found.std_mm[changed]) > 0.85
     # what moved inwards is farther from the lens
     assert (found.deviation_mm[changed] < 0).mean() > 0.99
+    assert "was moved, by -" in found.lines[1]
     np.testing.assert_array_equal(found.mesh.faces, faces)
 
 
@@ -108,9 +111,22 @@ def test_a_true_surface_stays_and_mirrored_frames_are_left_out(true_surface, fra
     off = np.abs(found.deviation_mm[found.confirmed])
     assert found.confirmed.mean() > 0.2
     assert np.median(off) < 0.06
+    assert "next to nothing" in found.lines[1]
     assert np.mean(off < 2 * found.std_mm[found.confirmed]) > 0.95
     with pytest.raises(InputError, match="accepted frames that show"):
         corrected(true_surface, [frames[0], *mirrored])
+
+
+def test_the_map_has_colours_where_a_deviation_means_something(true_surface):
+    off_mm = np.linspace(-1, 1, len(true_surface.vertices))
+    confirmed, std_mm = np.arange(len(off_mm)) % 3 > 0, np.full(len(off_mm), 0.05)
+    found = SurfaceCorrection(true_surface, off_mm, std_mm, confirmed, 12, 0, 30.0, 0.2, later="so much later")
+    colours = deviation_colours(found)
+    assert (colours[~confirmed] == UNCONFIRMED).all()
+    assert (colours[confirmed & (np.abs(off_mm) <= 0.2)] == NOTHING).all()
+    for side, full in ((off_mm, NEARER), (-off_mm, FARTHER)):
+        assert np.allclose(colours[confirmed & (side >= most_of(found))], full)
+    assert found.lines[-1] == "so much later"
 
 
 def test_relief_finer_than_what_moves_is_not_confirmed_in_the_mean(true_surface, frames):
@@ -120,9 +136,9 @@ def test_relief_finer_than_what_moves_is_not_confirmed_in_the_mean(true_surface,
     source, *others = [SurfaceFrame(frame) for frame in frames]
 
     def confirmed(mesh):
-        view = Surface(mesh, None).view(source, POSES[0])
+        view = SurfaceView(Surface(mesh, None), source, POSES[0])
         sweeps = [(view, list(zip(others, POSES[1:], strict=True)))]
-        return is_confirmed(true_surface.vertex_normals, mesh, sweeps, AGREES_PX * view.pixel_mm)
+        return is_confirmed(true_surface.vertex_normals, sweeps, AGREES_PX * view.pixel_mm)
 
     assert confirmed(true_surface).mean() > 0.4
     assert confirmed(wrong)[np.abs(height_error(wrong, true_surface)) > 0.6].mean() < 0.3
@@ -206,7 +222,7 @@ def test_the_linearised_flow_is_that_of_moved_points_and_poses(true_surface, fra
     def placed(heights, twists, pixels):
         surface = Surface(points.moved(heights), None)
         poses = [apply_twist(twist, frame.start, pivot) for twist, frame in zip(twists, bare, strict=True)]
-        views = [surface.view(*each) for each in zip(bare, poses, strict=True)]
+        views = [SurfaceView(surface, *each) for each in zip(bare, poses, strict=True)]
         u, v = pixels.T
         at = views[pair[0]].points[v, u]
         return views, CAMERA.project(transform_points(poses[pair[1]], at))

@@ -46,4 +46,5 @@ def run(arguments: argparse.Namespace) -> None:
     output.writelines(f"note: {message}\n" for message in (*loaded.messages, *correction.notes))
     with ShareProgress("of the correction", stream=output) as shown:
         found = correction.correct(shown.reach)
-    output.writelines(f"{line}\n" for line in (*correction.write(found, text_mask, deviation_page), NOT_FOR_SURGERY))
+    places = correction.write(found, text_mask, deviation_page)
+    output.writelines(f"{line}\n" for line in (*found.lines, *places, NOT_FOR_SURGERY))

@@ -39,7 +39,7 @@ def correction_chart(rows: Sequence[CorrectionTrial], conditions: Sequence[str],
         _panel(rows, "Registered poses", Axis("displacement of the surface (px)", log=True), POSES),
     ]
     small = SMALL, conditions_note(conditions)
-    return draw_chart(data, "Surfaces corrected by frames", [panels[:3], panels[3:]], small, size=(4.2, 3.3))
+    return draw_chart(data, "Surfaces corrected by frames", [panels[:3], panels[3:]], small, size=(5.0, 3.3))
 
 
 def _panel(rows: Sequence[CorrectionTrial], title: str, y: Axis, drawn: Drawn, goals: Sequence[float] = ()) -> Panel:
@@ -54,5 +54,5 @@ def _panel(rows: Sequence[CorrectionTrial], title: str, y: Axis, drawn: Drawn, g
             at, values = np.array(points).T
             layers.append(line(at, values, colour, marker="o", markersize=4, linestyle="none", alpha=0.6))
             layers.append(line([x for x, _ in known], [some.mean() for _, some in known], colour, name))
-    named = [surface.replace(", ", ",\n") if scene == "sample" else f"{scene}\n{surface}" for scene, surface in kinds]
+    named = [surface.replace(", ", ",\n") if scene == "sample" else scene for scene, surface in kinds]
     return Panel(title, categories("", named), y, layers, "best" if len(layers) > len(goals) else None)

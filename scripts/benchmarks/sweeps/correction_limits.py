@@ -99,7 +99,7 @@ def corrected(setting: Setting, rng: np.random.Generator) -> Outcome:
     wrong = replace(true, vertices=true.vertices + (PIXEL_MM * off_px)[:, None] * [0, 0, 1])
     frames, lamp = photographs(true, setting, rng)
     try:
-        found = correct_surface(wrong, frames, LensShading(lamp, 0.1) if setting.lit else None, rng)
+        found = correct_surface(wrong, frames, LensShading(lamp, 0.1) if setting.lit else None)
     except InputError as error:
         return Outcome("refuses", message=str(error))
     left_px = np.abs(((found.mesh.vertices - true.vertices) * true.vertex_normals).sum(axis=1)) / PIXEL_MM
@@ -107,9 +107,9 @@ def corrected(setting: Setting, rng: np.random.Generator) -> Outcome:
     sure = changed & found.confirmed
     share = float(sure.sum() / max(int(changed.sum()), 1))
     if share < LEAST_TOLD:
-        return Outcome("falls back", value=share, message=found.words)
+        return Outcome("falls back", value=share, message="; ".join(found.lines))
     is_wrong = bool(np.mean(left_px[found.confirmed] > FLOOR_PX) > WRONG_PART)
-    return Outcome("works", float(np.median(left_px[sure])), is_wrong, found.words, share)
+    return Outcome("works", float(np.median(left_px[sure])), is_wrong, "; ".join(found.lines), share)
 
 
 def photographs(mesh: TriangleMesh, setting: Setting, rng: np.random.Generator) -> tuple[list[PosedFrame], LensLight]:

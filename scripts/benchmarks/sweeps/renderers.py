@@ -30,8 +30,8 @@ from oneframe.projection.rendered_view import RenderedView
 from oneframe.surface.mesh import MOST_FACES, checked_mesh
 from oneframe.transforms import rigid, rotation_from_vector
 
-from ..memory import memory_mb
 from ..rendering.benchmark_case import CAM_FROM_MESH, write_benchmark_case
+from ..rendering.memory import memory_mb
 from .camera import reason_against
 from .cells import Cell, Limit, Outcome, Task
 
@@ -145,7 +145,8 @@ def measure_triangles(folder: Path, engine: str, triangles: int) -> list[Cell]:
         return [Cell.of(sweep, engine, triangles, [outcome], limit=limit) for sweep in SCALING]
     _case(folder, triangles)
     program = (
-        f"import sys; sys.path[:] = {sys.path!r}; from pathlib import Path; "
+        # not all of this path: bpy has put folders of its own before itself
+        f"import sys; sys.path[:0] = {[str(ROOT), str(ROOT / 'scripts')]!r}; from pathlib import Path; "
         f"from {__name__} import report_scaling; report_scaling(Path({str(folder)!r}), {engine!r}, {triangles})"
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -175,7 +175,7 @@ def correction_trial(
     frames = [small_frame(frame, LONGER_SIDE_PX) for frame in frames]
     began = time.process_time()
     try:
-        found = correct_surface(mesh, frames, _light_of(loaded), np.random.default_rng(seed))
+        found = correct_surface(mesh, frames, _light_of(loaded))
     except InputError as error:
         return replace(trial, refused=str(error))
     values: dict[str, Any] = {"seconds": time.process_time() - began, "known": float(np.isfinite(found.std_mm).mean())}

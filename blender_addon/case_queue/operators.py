@@ -10,7 +10,7 @@ from ..pipeline.blender.alignment import surface_object
 from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_queue import CHECKED
-from ..pipeline.errors import InputError
+from ..pipeline.errors import InputError, naming
 from ..setup import autosave
 from ..setup.alignment_record import is_start
 from ..setup.case_in_scene import load_into_scene, unsaved_parts
@@ -49,8 +49,10 @@ class ONEFRAME_OT_queue_step(_InQueue):
         if not 0 <= target < len(entries):
             raise InputError("this is the last frame of the queue" if target > 0 else "this is the first frame")
         save_present(context.scene)
-        go_to(context, entries[target].path)
-        return (f"frame {target + 1} of {len(entries)}: {entries[target].path.parent.name}",)
+        path = entries[target].path
+        with naming(path.parent.name):
+            go_to(context, path)
+        return (f"frame {target + 1} of {len(entries)}: {path.parent.name}",)
 
 
 class ONEFRAME_OT_queue_unfinished(_InQueue):

@@ -43,11 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Write the page and report its size."""
     from ..case.case_file import read_case
-    from ..dataset.layout import RECORD, advice_without_record
+    from ..dataset.layout import RECORD, advice_without_record, check_no_pack
     from ..evaluation.record.evaluation_record import EVALUATION
     from ..files.outputs import check_outputs, write_output
 
     root, out = arguments.folder, arguments.out
+    check_no_pack(root)
     is_evaluation = (root / EVALUATION).is_file()
     if not is_evaluation and not (root / RECORD).is_file():
         raise InputError(

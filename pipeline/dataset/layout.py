@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError
 from ..files.content import LARGEST_INPUT, LARGEST_TEXT
 from .options import RIGHT
 from .truths import TRUTHS
@@ -27,6 +28,8 @@ MOST_VIEWS = 10_000_000
 OBJECT_ID = 1
 
 RECORD, CHECKSUMS, WORK = "dataset.json", "checksums.json", ".work"
+MANIFEST = "pack.json"
+"""Of a pack, which has a :data:`RECORD`, too."""
 MODEL_FOLDERS = ("models", "models_eval")
 MODEL_FILES = tuple(
     f"{folder}/{name}" for folder in MODEL_FOLDERS for name in (f"obj_{OBJECT_ID:06d}.ply", "models_info.json")
@@ -167,6 +170,15 @@ def own_folders(root: Path) -> Iterator[tuple[str, Path]]:
         for kind in KINDS:
             if (scene / kind).is_dir():
                 yield f"{SPLIT}/{scene.name}/{kind}/", scene / kind
+
+
+def check_no_pack(folder: Path) -> None:
+    """Raise InputError if a folder that should hold a dataset holds a pack."""
+    if (folder / MANIFEST).is_file():
+        raise InputError(
+            f"{folder}: expected the folder of a dataset, found that of a pack ({MANIFEST}); give the dataset that was "
+            f"packed, or check the pack: oneframe pack --out {folder} --verify"
+        )
 
 
 def advice_without_record(folder: Path) -> str:

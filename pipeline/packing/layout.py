@@ -19,7 +19,6 @@ from ..files.content import partial_name
 FORMAT = "oneframe pack 1"
 """Name and version of the layout, in ``pack.json``."""
 
-MANIFEST = "pack.json"
 KEY_TO_SHARD = "key_to_shard.json"
 INFO = "dataset_info.md"
 WORK = ".work"

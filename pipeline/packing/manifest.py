@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from ..dataset.checksums import FileSum, sum_from_json, sums_to_json
-from ..dataset.layout import MOST_VIEWS
+from ..dataset.layout import MANIFEST, MOST_VIEWS
 from ..dataset.run.survey import to_runs
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.numbers import whole_number
 from ..files.tables import parsed_json
-from .layout import FORMAT, MANIFEST, shard_name
+from .layout import FORMAT, shard_name
 
 _DAMAGE = (AttributeError, KeyError, TypeError, ValueError)
 """What reading damaged JSON raises."""

@@ -12,7 +12,7 @@ from typing import TextIO
 import cv2
 
 from ..dataset.checksums import FileSum, sum_of_file
-from ..dataset.layout import MOST_VIEWS, ViewPaths
+from ..dataset.layout import MANIFEST, MOST_VIEWS, ViewPaths
 from ..dataset.tables.bop import write_test_targets
 from ..errors import InputError, RunError
 from ..files.content import create_folder, write_bytes_atomically, written_file
@@ -24,7 +24,6 @@ from .layout import (
     COPIED,
     INFO,
     KEY_TO_SHARD,
-    MANIFEST,
     TABLES,
     TARGETS,
     shard_name,

@@ -9,13 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..dataset.checksums import FileSum, damaged_file, sum_from_json
-from ..dataset.layout import MODEL_FOLDERS
+from ..dataset.layout import MANIFEST, MODEL_FOLDERS
 from ..dataset.options import RIGHT
 from ..dataset.run.work_folder import WorkFolder
 from ..errors import InputError, RunError
 from ..files.content import names_in, partial_name, read_file, write_bytes_atomically
 from ..files.tables import parsed_json
-from .layout import MANIFEST, TABLES, WORK, is_note, is_shard, shard_name
+from .layout import TABLES, WORK, is_note, is_shard, shard_name
 from .manifest import Manifest, Plan, read_manifest
 
 PLAN = "plan.json"

@@ -13,10 +13,10 @@ import cv2
 from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
 from ..dataset.dataset_file import read_description
-from ..dataset.layout import RECORD, eyes_of
+from ..dataset.layout import MANIFEST, RECORD, eyes_of
 from ..errors import InputError, RunError
 from ..progress import Progress
-from .layout import MANIFEST, TABLES, WORK, is_note, shard_name
+from .layout import TABLES, WORK, is_note, shard_name
 from .manifest import Manifest, read_manifest
 from .pack import shard_orders
 from .pack_folder import is_own_name

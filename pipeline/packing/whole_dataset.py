@@ -7,7 +7,7 @@ from typing import Any
 from ..dataset import layout
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import CHECKSUMS, RECORD, advice_without_record
+from ..dataset.layout import CHECKSUMS, RECORD, advice_without_record, check_no_pack
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..files.content import read_content
@@ -55,6 +55,7 @@ def open_whole_dataset(root: Path) -> WholeDataset:
         No dataset, an unfinished one, or one whose files beside the views were changed. The message says which views
         are missing.
     """
+    check_no_pack(root)
     if not (root / RECORD).is_file():
         raise InputError(
             f"{root}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(root)}"

@@ -7,10 +7,10 @@ from types import TracebackType
 from typing import Self, overload
 
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import RECORD, advice_without_record, scene_count, scene_views
+from ..dataset.layout import MANIFEST, RECORD, advice_without_record, scene_count, scene_views
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
-from ..packing.layout import MANIFEST, WORK, is_shard, shard_name
+from ..packing.layout import WORK, is_shard, shard_name
 from ..packing.manifest import read_manifest
 from ..packing.whole_dataset import AGAIN
 from .folder_files import FolderFiles

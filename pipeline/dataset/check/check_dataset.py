@@ -18,7 +18,7 @@ from ...projection.silhouette import SilhouetteEdges
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
 from ..identity import eyes_apart, poses_hash
-from ..layout import CASES, RECORD, SPLIT, WORK, ViewPaths, advice_without_record
+from ..layout import CASES, RECORD, SPLIT, WORK, ViewPaths, advice_without_record, check_no_pack
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
 from .comparison import require_equal, require_pose, require_rotation
@@ -118,6 +118,7 @@ def check_dataset(
         Not a dataset at all, or one of another format.
     """
     root = Path(root)
+    check_no_pack(root)
     has_views = (root / SPLIT).is_dir() and not (root.parent / CASES).is_dir()
     if not (root / RECORD).exists() and not has_views:
         raise InputError(

@@ -117,7 +117,7 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
         if (signalled := stop_signal()) is not None:
             # the interruption was raised inside Blender, which turns it into an error of its own
             return _fail(stopped_message(signalled, ""), 128 + signalled)
-        if _is_unread(error):
+        if isinstance(error, BrokenPipeError) and error.filename == STDOUT:
             settle()
             return EXIT_UNREAD
         if isinstance(error, InputError):
@@ -126,18 +126,6 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
             return _fail(message, EXIT_RUN)
         traceback.print_exc()
         return 1
-
-
-def _is_unread(error: Exception) -> bool:
-    """Whether an error is that of a standard output whose reader has gone."""
-    if not isinstance(error, BrokenPipeError) or error.filename is not None:
-        return isinstance(error, BrokenPipeError) and error.filename == STDOUT
-    # that of another pipe has no name either
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        return True
-    return False
 
 
 def _shortage(error: Exception) -> str | None:

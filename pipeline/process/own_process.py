@@ -51,6 +51,8 @@ def open_standard_streams() -> None:
         if isinstance(stream, io.TextIOWrapper):
             # a file's name may hold characters that the terminal's encoding does not know
             stream.reconfigure(errors="backslashreplace")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout = _named_output(1, sys.stdout.encoding, closefd=False)
 
 
 class _StandardOutput(io.FileIO):
@@ -68,6 +70,12 @@ class _StandardOutput(io.FileIO):
         return written
 
 
+def _named_output(number: int, encoding: str, *, closefd: bool = True) -> TextIO:
+    # unbuffered: a buffer would fail once more at exit if the reader has gone
+    raw = _StandardOutput(number, "wb", closefd=closefd)
+    return io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace", write_through=True)  # type: ignore[type-var]
+
+
 def own_output() -> TextIO:
     """Discard Blender's own messages from now on; return a stream that still reaches the standard output.
 
@@ -77,9 +85,7 @@ def own_output() -> TextIO:
         From the stream, with the file name :data:`STDOUT`: it is closed or full.
     """
     sys.stdout.flush()
-    # unbuffered: a buffer would fail once more at exit if the reader has gone
-    raw = _StandardOutput(os.dup(1), "wb")
-    stream = io.TextIOWrapper(raw, encoding="utf-8", errors="replace", write_through=True)  # type: ignore[type-var]
+    stream = _named_output(os.dup(1), "utf-8")
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)

@@ -1,11 +1,11 @@
 """The command ``oneframe report``."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from ..errors import InputError
 from ..process.arguments import at_least
-from ..process.own_process import own_output
 
 DEFAULT_VIEWS = 1000
 """As many as a page of 20 MB shows well."""
@@ -63,7 +63,6 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(
             f"{out}: expected a file outside the folder of the {kind}, whose own files it shows; choose another place"
         )
-    output = own_output()
     if is_evaluation:
         from ..report.evaluation_page import evaluation_page
 
@@ -72,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
         from ..dataset.check.check_dataset import check_dataset
         from ..report.dataset_page import dataset_page
 
-        check = None if arguments.no_check else check_dataset(root, stream=output)
-        content = dataset_page(root, views=arguments.views, check=check, case=case, stream=output)
+        check = None if arguments.no_check else check_dataset(root, stream=sys.stdout)
+        content = dataset_page(root, views=arguments.views, check=check, case=case, stream=sys.stdout)
     write_output(out, content)
-    output.write(f"page of {len(content) / 1e6:.1f} MB: {out}\n")
+    sys.stdout.write(f"page of {len(content) / 1e6:.1f} MB: {out}\n")

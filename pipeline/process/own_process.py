@@ -47,10 +47,9 @@ def open_standard_streams() -> None:
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, os.O_RDWR)
             setattr(sys, name, os.fdopen(nowhere, "r" if name == "stdin" else "w", encoding="utf-8", errors="replace"))
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            # a file's name may hold characters that the terminal's encoding does not know
-            stream.reconfigure(errors="backslashreplace")
+    # a file's name may hold characters that the terminal's encoding does not know
+    if isinstance(sys.stderr, io.TextIOWrapper):
+        sys.stderr.reconfigure(errors="backslashreplace")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout = _named_output(1, sys.stdout.encoding, closefd=False)
 

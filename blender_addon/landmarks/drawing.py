@@ -119,8 +119,7 @@ def _draw_view() -> None:
     context = bpy.context
     scene = context.scene
     if workbench.is_workbench(scene) and not from_scene.is_set_up(scene):
-        if not scene.oneframe_ct.drilling:
-            _draw_next_step(context)
+        _draw_next_step(context)
         return
     is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
     if not scene.oneframe.show_landmarks or not is_used or not from_scene.is_set_up(scene):

@@ -150,7 +150,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
 def _draw() -> None:
     context = bpy.context
     scene, window = context.scene, context.window
-    if not from_scene.is_set_up(scene) or context.area is None or scene.oneframe_ct.drilling:
+    if not from_scene.is_set_up(scene) or context.area is None:
         return
     views = [area for shown, area in areas("VIEW_3D") if shown == window]
     if context.area != max(views, key=lambda area: area.width, default=None):

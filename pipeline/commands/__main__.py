@@ -12,7 +12,7 @@ from ..process.arguments import ArgumentParser, run_command
 from ..process.command_line import run_script
 
 COMMANDS = (
-    "surface", "sample", "frames", "case", "align", "agree", "overlay", "register", "light", "correct", "render",
+    "surface", "sample", "frames", "case", "align", "overlay", "register", "light", "correct", "render",
     "check", "pack", "train", "locate", "evaluate", "report", "colour",
 )  # fmt: skip
 """In the order of the data flow; each is a module of its name."""

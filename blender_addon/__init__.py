@@ -122,7 +122,6 @@ _REGISTRATIONS = tuple(
         "dataset.panel",
         "landmarks.solve",
         "landmarks.gestures",
-        "landmarks.next_click",
         "landmarks.operators",
         "landmarks.drawing",
         "landmarks.panel",

@@ -8,7 +8,7 @@ from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.registration.correct_source import CorrectedSource, correct_source
 from ..refine.preview import BackgroundPreview
 from ..setup.alignment_record import tool_and_date
-from ..state import image_evidence, pose_evidence
+from ..state import pose_evidence
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.operator import Messages
@@ -47,7 +47,6 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
         pose = loaded.frame.cam_from_model
         set_cam_from_model(scene, pose)
         # it belongs to the pose before
-        image_evidence.drop(scene)
         pose_evidence.remember(scene, loaded.case.alignment, pose)
         show(scene, self.step)
         return self._result.text

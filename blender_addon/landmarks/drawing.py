@@ -13,7 +13,7 @@ from ..ui import frame_view
 from ..ui.keymap import LANDMARK_TOOL, active_tool
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, free_rectangle
-from . import gestures, next_click, solve, tool, uncertainty_drawing
+from . import gestures, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution
 
@@ -23,10 +23,6 @@ BAD: Colour = (1.0, 0.2, 0.15, 1.0)
 DISABLED: Colour = (0.6, 0.6, 0.6, 0.8)
 INCOMPLETE: Colour = (1.0, 1.0, 1.0, 1.0)
 """Of a landmark: residual explained by the click noise; larger residual; outlier; disabled; one point missing."""
-
-NEXT: Colour = (0.55, 1.0, 0.45, 1.0)
-NEXT_RING = 13.0
-"""The mark where the next click gains most."""
 
 FAIR_FROM, BAD_FROM = 2.5, 5.0
 """Residuals in standard deviations of the click noise."""
@@ -57,22 +53,9 @@ def landmark_strokes(context: bpy.types.Context) -> Strokes:
         solved = Solution(None, solved.refusal)
     hidden = _hidden(scene, view, marks)
     residuals = solve.residuals_px(scene)
-    _add_next_click(strokes, scene, view)
     for mark in marks:
         _add_mark(strokes, scene, mark, solved, residuals.get(mark.index), hidden[mark.index])
     return strokes
-
-
-def _add_next_click(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView) -> None:
-    """A ring where the next landmark gains most, on the surface in any view."""
-    point = next_click.best_point(scene)
-    if point is None:
-        return
-    place = view.region_from_model(scene, point[None])[0]
-    if not np.isfinite(place).all() or view.hidden(scene, point[None], [place])[0]:
-        return
-    strokes.circle(place, NEXT_RING, NEXT, width=1.5)
-    strokes.text(place + np.array([NEXT_RING + 5, -4]) * strokes.unit, "Next click", NEXT)
 
 
 def _hidden(scene: bpy.types.Scene, view: LandmarkView, marks: list[Mark]) -> list[bool]:
@@ -136,8 +119,7 @@ def _draw_view() -> None:
     context = bpy.context
     scene = context.scene
     if workbench.is_workbench(scene) and not from_scene.is_set_up(scene):
-        if not scene.oneframe_ct.drilling:
-            _draw_next_step(context)
+        _draw_next_step(context)
         return
     is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
     if not scene.oneframe.show_landmarks or not is_used or not from_scene.is_set_up(scene):

@@ -14,7 +14,7 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.surface.mesh import TriangleMesh
-from ..state import events, from_scene, image_evidence, pose_evidence
+from ..state import events, from_scene, pose_evidence
 from ..state.landmarks import landmarks_mesh, replace_landmarks
 from ..state.scene_files import input_files
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
@@ -209,7 +209,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
         try:
             solved = solve.solution(scene)
             away = solve.departure(scene, solved)
-            if away is None or not pose_evidence.is_refined(scene) or image_evidence.held(scene):
+            if away is None or not pose_evidence.is_refined(scene):
                 return self.execute(context)
             record = pose_evidence.remembered(scene) or {}
         except InputError as error:
@@ -289,7 +289,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
         replace_landmarks(scene, (*existing, *read))
         events.landmarks_changed(scene)
         messages = [f"{path.name}: {len(read)} landmarks", *solve.off_surface(scene)]
-        if pose_evidence.is_refined(scene) and not image_evidence.held(scene):
+        if pose_evidence.is_refined(scene):
             messages.append("the refined pose is unchanged; press Solve to replace it by that of the landmarks")
         return messages
 

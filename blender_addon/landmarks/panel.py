@@ -6,7 +6,7 @@ import numpy as np
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..state import image_evidence, pose_evidence
+from ..state import pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool, draw_key
 from ..ui.panel import AlignmentPanel, draw_text
@@ -112,8 +112,7 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
         text = f"{int(found.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences"
         text, icon = f"{text}, RMS reprojection error {found.rms_px:.2f} px", "NONE"
         if away is not None:
-            is_kept = pose_evidence.is_refined(scene) and not image_evidence.held(scene)
-            kept = "The refined pose stays when landmarks change. " if is_kept else ""
+            kept = "The refined pose stays when landmarks change. " if pose_evidence.is_refined(scene) else ""
             text, icon = (
                 f"{kept}Solve would move the surface by {format_two_digits(away.rotation_deg)}° and "
                 f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame: {text}.",

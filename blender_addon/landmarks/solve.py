@@ -1,4 +1,4 @@
-"""The pose from the landmarks and the image, cached by their content and therefore never stale, even after undo."""
+"""The pose from the landmarks, cached by their content and therefore never stale, even after undo."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,6 +9,7 @@ import numpy as np
 from ..class_registration import at_end, listening
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
+    align_landmarks,
     complete_landmarks,
     is_ambiguous,
     landmark_arrays,
@@ -17,14 +18,13 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
 from ..pipeline.alignment.landmarks.align_landmarks import off_surface as off_surface_warning
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
-from ..pipeline.alignment.posterior.solve import pose_posterior, pulls_px
 from ..pipeline.alignment.reprojection import twist_between
 from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
-from ..state import events, from_scene, image_evidence, pose_evidence, workbench
+from ..state import events, from_scene, pose_evidence, workbench
 from ..state.landmarks import landmarks_model
 from ..state.pose import set_cam_from_model
 
@@ -90,7 +90,7 @@ class Departure:
 
 
 def solution(scene: bpy.types.Scene) -> Solution:
-    """Solve for the pose from the scene's landmarks and image, or return the cached solution if nothing has changed.
+    """Solve for the pose from the scene's landmarks, or return the cached solution if nothing has changed.
 
     Landmarks of another frame give none.
 
@@ -101,7 +101,7 @@ def solution(scene: bpy.types.Scene) -> Solution:
     """
     if scene.oneframe.aligned_path:
         return Solution(None, workbench.next_step(scene))
-    found = solved(*evidence(scene))
+    found = solved(*pairs_of(scene))
     if not isinstance(found, UndeterminedPose):
         return Solution(found, "")
     if is_ambiguous(found):
@@ -109,54 +109,31 @@ def solution(scene: bpy.types.Scene) -> Solution:
     return Solution(None, str(found), found.candidates[:1] if found.kind == "no fit" else ())
 
 
-Evidence = tuple[tuple[Landmark, ...], PinholeCamera, float, str]
-"""Landmarks, K, click noise in px, and what :func:`.image_evidence.held` returns."""
+Pairs = tuple[tuple[Landmark, ...], PinholeCamera, float]
+"""Landmarks, K, and click noise in px."""
 
 
-def evidence(scene: bpy.types.Scene) -> Evidence:
-    """All evidence in a scene that takes part.
+def pairs_of(scene: bpy.types.Scene) -> Pairs:
+    """What the pose is solved from.
 
     Raises
     ------
     InputError
-        There is no camera or surface.
+        There is no camera.
     """
-    settings = scene.oneframe
-    landmarks = landmarks_model(scene) if settings.use_landmarks else ()
-    image = image_evidence.held(scene) if settings.use_image else ""
     # six digits: a property holds 0.2 as 0.20000000298
-    return landmarks, from_scene.camera(scene), round(settings.click_sigma_px, 6), image
+    return landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
 
 
 @lru_cache(maxsize=128)
 def solved(
-    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float, image: str
+    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float
 ) -> Alignment | UndeterminedPose:
-    """The pose from :data:`Evidence`, or why it determines none."""
-    seen = image_evidence.parsed(image)[0] if image else None
+    """The pose from :data:`Pairs`, or why they determine none."""
     try:
-        return pose_posterior(landmarks, camera, seen, click_sigma_px=click_sigma_px)
+        return align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px)
     except UndeterminedPose as refusal:
         return refusal.with_traceback(None)
-
-
-def pulls(scene: bpy.types.Scene) -> dict[str, float | None]:
-    """Kind of evidence -> how far it pulls the pose, px; ``None`` where the rest determines none. See :func:`pulls_px`.
-
-    Empty without a solution.
-    """
-    return {} if scene.oneframe.aligned_path else _pulls(*evidence(scene))
-
-
-@lru_cache(maxsize=128)
-def _pulls(
-    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float, image: str
-) -> dict[str, float | None]:
-    found = solved(landmarks, camera, click_sigma_px, image)
-    if isinstance(found, UndeterminedPose):
-        return {}
-    seen = image_evidence.parsed(image)[0] if image else None
-    return pulls_px(found, seen, found.estimate.uncertainty.points_around)
 
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
@@ -182,8 +159,6 @@ def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
         return None
     present, wanted = from_scene.cam_from_model(scene), solved.alignment.estimate.cam_from_model
     camera, points = from_scene.camera(scene), solved.alignment.points
-    if not len(points):
-        points = solved.alignment.estimate.uncertainty.points_around
     shifts_px = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
     largest = float(np.max(np.linalg.norm(np.where(np.isfinite(shifts_px), shifts_px, np.inf), axis=1)))
     if largest <= SAME_POSE_PX:
@@ -283,21 +258,17 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
 def follow(scene: bpy.types.Scene) -> None:
     """Move the surface to the solution after a change of the landmarks, if *Live* is on and there is one.
 
-    A refined pose stays if nothing else is known of the image, as in an opened case, and a pose by pins that the
-    image contradicts: only *Solve* replaces them. Where several poses fit, it moves to the one near the current pose,
+    A refined pose stays: only *Solve* replaces it. Where several poses fit, it moves to the one near the current pose,
     else to the most probable; where none fits, to the one that comes nearest, if that is nearer than the current pose.
     """
     if not scene.oneframe.live_solve or not from_scene.is_set_up(scene):
         return
     try:
         # raises for a scaled surface, which the sidebar reports
-        if pose_evidence.is_refined(scene) and not image_evidence.held(scene):
+        if pose_evidence.is_refined(scene):
             return
         solved = solution(scene)
     except InputError:
-        return
-    found = solved.estimate
-    if found is not None and len(found.inliers) and not found.inliers.any():
         return
     is_rough = solved.estimate is None and len(solved.doubtful) == 1
     if is_rough and rms_px(scene, solved.doubtful[0]) >= rms_px(scene, from_scene.cam_from_model(scene)):

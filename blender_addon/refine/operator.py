@@ -13,14 +13,13 @@ import numpy as np
 from bpy.props import BoolProperty
 
 from ..class_registration import at_end, prop
-from ..landmarks import solve
 from ..pipeline.alignment.refinement.refine import refine_pose
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.blender.colour.surface_colour import colour_record, vertex_codes
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
-from ..state import from_scene, image_evidence, pose_evidence
+from ..state import from_scene, pose_evidence
 from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
@@ -145,13 +144,8 @@ def outcome(scene: bpy.types.Scene) -> Refinement | None:
     """
     if _last is None or _frame_path != scene.oneframe.frame_path:
         return None
-    pose, image = from_scene.cam_from_model(scene), image_evidence.held(scene)
-    known = [_last.cam_from_model, _last.found]
-    if image and np.array_equal(image_evidence.parsed(image)[0].cam_from_model, _last.found):
-        # solved together with landmarks
-        estimate = solve.solution(scene).estimate
-        known += [] if estimate is None else [estimate.cam_from_model]
-    return _last if any(np.array_equal(pose, each) for each in known) else None
+    pose = from_scene.cam_from_model(scene)
+    return _last if any(np.array_equal(pose, each) for each in (_last.cam_from_model, _last.found)) else None
 
 
 def is_previewed(scene: bpy.types.Scene) -> bool:

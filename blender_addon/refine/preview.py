@@ -6,7 +6,6 @@ from typing import Literal
 import bpy
 import numpy as np
 
-from ..landmarks import solve
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
@@ -25,13 +24,9 @@ TAKE = {"RET", "NUMPAD_ENTER"}
 
 
 def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -> None:
-    """Move the surface to the pose that a refinement has found, and record how; ``start``: of its initial pose.
-
-    With landmarks it ends at the pose of both.
-    """
+    """Move the surface to the pose that a refinement has found, and record how; ``start``: of its initial pose."""
     set_cam_from_model(scene, result.found)
     remember_refined(scene, result, start)
-    solve.follow(scene)
 
 
 class Preview(bpy.types.Operator):

@@ -112,8 +112,6 @@ def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, 
     title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
     if "refused" in record:
         title, icon = "Taken although refused", "ERROR"
-    elif str(record.get("evidence", "")).startswith("landmarks"):
-        title = "From landmarks and image"
     is_given = pose_evidence.remembered(scene) == {} and method == "manual"
     return "Given by the case, origin unknown" if is_given else title, icon
 
@@ -132,7 +130,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     if pose.previewed or operator.is_previewed(scene):
         return "Esc: go back" if found is not None and found.can_be_taken else "Enter: keep it, Esc: go back"
     if found is not None and not found.accepted and not operator.is_taken(scene):
-        return f"Refused: {found.objection}; add landmarks at the green ring" if found.objection else found.message
+        return f"Refused: {found.objection}; add landmarks" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
     if is_a_start(record) or "doubt" in record:
@@ -152,7 +150,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
 def _draw() -> None:
     context = bpy.context
     scene, window = context.scene, context.window
-    if not from_scene.is_set_up(scene) or context.area is None or scene.oneframe_ct.drilling:
+    if not from_scene.is_set_up(scene) or context.area is None:
         return
     views = [area for shown, area in areas("VIEW_3D") if shown == window]
     if context.area != max(views, key=lambda area: area.width, default=None):

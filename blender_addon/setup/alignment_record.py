@@ -8,21 +8,18 @@ import bpy
 
 from ..landmarks import solve
 from ..pipeline import __version__
-from ..pipeline.alignment.pose_record import alignment_record, joined_record, refinement_record
-from ..pipeline.alignment.posterior.solve import IMAGE
+from ..pipeline.alignment.pose_record import alignment_record, refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, is_a_start
 from ..pipeline.case.case_file import Case
-from ..state import from_scene, image_evidence, pose_evidence
+from ..state import from_scene, pose_evidence
 from ..state.initial_pose import has_initial_pose
 from .operators import doubt_of_size
 
 
 def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
     """The scene as a case (see :func:`.from_scene.case`) with the record of its pose."""
-    record = pose_record(scene)
-    found = image_evidence.for_file(scene) if record.get("method") == "refined" else {}
-    return replace(from_scene.case(scene, path), alignment=record | found)
+    return replace(from_scene.case(scene, path), alignment=pose_record(scene))
 
 
 def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
@@ -38,9 +35,6 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
         if has_initial_pose(scene):
             return {"method": INITIAL_GUESS}
         return {"method": "manual", "tool": tool, "date": date}
-    if IMAGE in solved.alignment.kinds:
-        image, refinement = image_evidence.parsed(image_evidence.held(scene))
-        return joined_record(refinement, image, solved.alignment, tool, date)
     return alignment_record(solved.alignment, tool, date)
 
 
@@ -72,15 +66,8 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:
-    """Store the pose that a refinement has found, how, and what it says of the pose, apart from it.
-
-    ``start`` is the record of the initial pose.
-    """
+    """Store how a refinement has found its pose; ``start`` is the record of the initial one."""
     record = refinement_record(refinement, start, *tool_and_date())
-    if refinement.evidence is None:
-        image_evidence.drop(scene)
-    else:
-        image_evidence.hold(scene, refinement.evidence, record)
     uncertainty = refinement.uncertainty if refinement.verified else None
     pose_evidence.remember(scene, record, refinement.found, uncertainty)
 

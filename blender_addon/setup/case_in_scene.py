@@ -14,7 +14,7 @@ from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import differing_fields
 from ..pipeline.case.loaded_case import LoadedCase, load_case
 from ..pipeline.errors import InputError
-from ..state import from_scene, image_evidence, pose_evidence, to_scene, workbench
+from ..state import from_scene, pose_evidence, to_scene, workbench
 from ..state.initial_pose import has_initial_pose, set_initial_pose
 from ..state.scene_files import Stamp, known_stamp
 
@@ -109,7 +109,6 @@ def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
     uncertainty = PoseUncertainty.of_entry(record, pose, mesh_from_model) if has_entry(record) else None
     # holds while the surface keeps that pose
     pose_evidence.remember(scene, record, pose, uncertainty)
-    image_evidence.restore(scene, record, mesh_from_model)
     return loaded
 
 

@@ -11,7 +11,6 @@ from ..state import from_scene, workbench
 from ..ui.operator import ChosenFiles, OperatorResult, call
 from ..ui.question import Asking
 from ..video.operators import VIDEOS
-from ..volume.slice_areas import plane_of
 from .case_in_scene import unsaved_text
 from .open_case import ANSWER, QUESTION
 from .operators import CAMERAS, IMAGES, MESHES
@@ -121,14 +120,10 @@ class ONEFRAME_FH_video(_Dropped):
 
 
 class ONEFRAME_FH_ct(_Dropped):
-    """Volumes, in any scene, also dropped onto a slice"""
+    """Volumes, in any scene"""
 
     bl_label = "OneFrame CT"
     bl_import_operator = "oneframe.open_ct"
     # of .nii.gz Blender looks at the last part
     bl_file_extensions = ".nii;.gz;.nrrd;.nhdr;.mha;.mhd"
     is_ours = True
-
-    @classmethod
-    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
-        return super().poll_drop(context) or (context is not None and plane_of(context.space_data) is not None)

@@ -9,19 +9,13 @@ import bpy
 from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh, made_by_file
 from ..pipeline.case.frame import read_frame
 from ..pipeline.case.surface_folder import SURFACE, structure_file
-from ..pipeline.files.outputs import check_outputs
-from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
 from ..state import from_scene, to_scene
 from ..state.scene_files import input_files, is_temporary
-from ..volume import drill_strokes
-from ..volume.surface import is_from_ct, made_by
-
-DRILL = "drill.toml"
-"""The plan of the drill."""
+from ..volume.surface import made_by
 
 
 def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace: bool) -> list[Path]:
-    """Copy files into the case's folder as ``oneframe case`` does, use the copies, and write the drill plan.
+    """Copy files into the case's folder as ``oneframe case`` does, and use the copies.
 
     It gives the files in the folder that were copied or written.
 
@@ -32,8 +26,8 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     collect
         Copy all files, and not only those that end with this session and the frame that was taken from a video.
     replace
-        The folder is that of the case that is saved: its drill plan is replaced, and files with other content than
-        those of the same names get one of their content, since these may be the user's own.
+        The folder is that of the case that is saved: files with other content than those of the same names get one of
+        their content, since these may be the user's own.
 
     Raises
     ------
@@ -65,25 +59,20 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
             kept.append((kept_mesh(source, target), _relinked(made)))
     if replace:
         kept = [(file.beside(), relink) for file, relink in kept]
-    files, plan = [file for file, _ in kept], drill_strokes.plan_of(scene)
+    files = [file for file, _ in kept]
     record, mesh = made_by(scene), from_scene.absolute_path(surface.oneframe.mesh_path)
     if is_kept(mesh):
         mesh = files[before_surface].path
     if record is not None and mesh.resolve().parent == folder.resolve():
         files.append(KeptFile(made_by_file(mesh), (json.dumps(record, indent=2) + "\n").encode()))
-    # of this surface: the strokes stay when another case is opened
-    plans = [KeptFile(folder / DRILL, plan_text(plan).encode())] if plan.strokes and is_from_ct(scene) else []
-    check_outputs([each.path for each in plans], inputs)
     if not replace:
-        check_new([*files, *plans], "choose another folder")
+        check_new(files, "choose another folder")
     keep_files(files, inputs)
     for file, relink in kept:
         relink(str(file.path.resolve()))
     if from_video:
         scene.oneframe_video.taken_path = scene.oneframe.frame_path
-    for each in plans:
-        write_drill_plan(each.path, plan, {})
-    return [each.path for each in (*files, *plans)]
+    return [each.path for each in files]
 
 
 def _relinked(made: bpy.types.Object) -> Callable[[str], None]:

@@ -9,7 +9,7 @@ from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.errors import InputError
 from ..pipeline.projection.initial_pose import initial_pose
 from ..pipeline.surface.mesh import Ball, TriangleMesh
-from . import from_scene, image_evidence, pose_evidence
+from . import from_scene, pose_evidence
 from .camera_view import follow_surface
 
 INITIAL_POSE, FOCUS = "oneframe_first_pose", "oneframe_focus"
@@ -34,7 +34,7 @@ def is_sought(scene: bpy.types.Scene) -> bool:
     if surface is None or INITIAL_POSE not in surface:
         return False
     try:
-        is_refined = pose_evidence.is_refined(scene) or bool(image_evidence.held(scene))
+        is_refined = pose_evidence.is_refined(scene)
     except InputError:
         return False
     return not is_refined and sum(entry.has_point and entry.has_pixel for entry in scene.oneframe.landmarks) < 4

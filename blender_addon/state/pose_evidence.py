@@ -6,7 +6,7 @@ movement of the surface can leave it stale.
 """
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import bpy
@@ -17,7 +17,6 @@ from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene
-from .image_evidence import uncertainty_from, uncertainty_table
 
 EVIDENCE, POSE = "oneframe_evidence", "oneframe_evidence_pose"
 """Custom properties of the surface: the record and the uncertainty as JSON, and the exact pose."""
@@ -32,9 +31,7 @@ def remember(
     uncertainty: PoseUncertainty | None = None,
 ) -> None:
     """Store what a pose ``(4, 4)``, mm, rests on; an empty record: it was given, nobody knows how it was found."""
-    # the image's evidence is kept apart
-    kept = {key: value for key, value in record.items() if key != "image"}
-    _store(from_scene.surface_of(scene), kept, cam_from_model, uncertainty)
+    _store(from_scene.surface_of(scene), record, cam_from_model, uncertainty)
 
 
 def rescale(surface: bpy.types.Object, factor: float) -> None:
@@ -139,3 +136,18 @@ def _store(
 
 def _uncertainty(stored: dict[str, Any]) -> PoseUncertainty | None:
     return None if stored["uncertainty"] is None else uncertainty_from(stored["uncertainty"])
+
+
+def uncertainty_table(uncertainty: PoseUncertainty) -> dict[str, Any]:
+    """An uncertainty for JSON."""
+    return {
+        key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in asdict(uncertainty).items()
+    }
+
+
+def uncertainty_from(table: dict[str, Any]) -> PoseUncertainty:
+    """From :func:`uncertainty_table`."""
+    numbers: dict[str, Any] = {
+        key: np.array(value) if isinstance(value, list) else float(value) for key, value in table.items()
+    }
+    return PoseUncertainty(**numbers)

@@ -163,16 +163,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         min=0.05,
         max=50.0,
     )
-    use_landmarks: bool = prop(
-        BoolProperty, "Landmarks", "Landmarks are evidence for the pose", default=True, update=events.landmarks_changed
-    )
-    use_image: bool = prop(
-        BoolProperty,
-        "Image",
-        "What the refinement has found is evidence for the pose, solved together with the landmarks",
-        default=True,
-        update=events.landmarks_changed,
-    )
     live_solve: bool = prop(
         BoolProperty,
         "Live",

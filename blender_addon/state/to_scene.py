@@ -21,7 +21,7 @@ from ..pipeline.images.image_check import may_have_alpha
 from ..pipeline.surface.mesh import Ball, TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, rigid
-from . import from_scene, image_evidence, pose_evidence, workbench
+from . import from_scene, pose_evidence, workbench
 from .another_frame import leave_frame
 from .camera_view import look_through_camera, show_shape
 from .initial_pose import FOCUS, INITIAL_POSE, is_initial, set_focus, set_initial_pose
@@ -257,7 +257,6 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     pose_evidence.rescale(surface, factor)
-    image_evidence.rescale(surface, factor)
     rescale_colour(surface, factor)
     # its numbers stay, as those of the surface's file do
     settings.case_text = settings.case_text.replace(f'"{settings.units}"', f'"{units}"', 1)
@@ -294,7 +293,6 @@ def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh
         child.location = [value - offset for value, offset in zip(child.location, shift, strict=True)]
     surface_object.set_pose(camera_object, surface, pose @ old_from_new)
     pose_evidence.reframe(surface, old_from_new)
-    image_evidence.reframe(surface, old_from_new)
     surface.oneframe.mesh_path = str(path.resolve())
     if was_initial:
         set_exact(surface, INITIAL_POSE, pose @ old_from_new)

@@ -12,13 +12,12 @@ import bpy
 from ..class_registration import Part
 
 PIN_TOOL, LANDMARK_TOOL, MOVE_TOOL = "oneframe.pin_tool", "oneframe.landmark_tool", "oneframe.move_tool"
-DRILL_TOOL, MASK_TOOL = "oneframe.drill_tool", "oneframe.mask_tool"
+MASK_TOOL = "oneframe.mask_tool"
 ALIGNMENT_TOOLS = (PIN_TOOL, LANDMARK_TOOL, MOVE_TOOL)
 TOOLS = {
     PIN_TOOL: "Pins",
     LANDMARK_TOOL: "Landmarks",
     MOVE_TOOL: "Move Surface",
-    DRILL_TOOL: "Drill",
     MASK_TOOL: "Mask",
 }
 """Tools of the toolbar and their labels."""

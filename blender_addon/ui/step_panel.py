@@ -12,7 +12,7 @@ from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import attached, prop
 from ..pipeline.errors import InputError
-from ..state import from_scene, image_evidence, pose_evidence, workbench
+from ..state import from_scene, pose_evidence, workbench
 from .panel import SidebarPanel
 
 STEPS = ("ct", "setup", "view", "move", "landmarks", "refine", "frames", "colour", "dataset")
@@ -25,7 +25,7 @@ def needed(scene: bpy.types.Scene) -> str:
         return "ct" if workbench.next_step(scene) == workbench.MAKE_SURFACE else "setup"
     try:
         # {}: given by the case, and not moved since
-        if image_evidence.held(scene) or pose_evidence.is_refined(scene) or pose_evidence.remembered(scene) == {}:
+        if pose_evidence.is_refined(scene) or pose_evidence.remembered(scene) == {}:
             return "refine"
     except InputError:
         return "setup"  # the pose cannot be read

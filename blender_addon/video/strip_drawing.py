@@ -39,7 +39,7 @@ def draw_strip() -> None:
     """Draw the strip of the 3D view that Blender is drawing now (a POST_PIXEL draw handler)."""
     context = bpy.context
     scene, film, layout = context.scene, film_in(context), StripLayout.of(context)
-    if from_scene.present_camera(scene) is None and not scene.oneframe_ct.drilling:
+    if from_scene.present_camera(scene) is None:
         if film is not None:
             key = str(film.path), film.shown, film.picture.shape
             _draw_alone(context, key, film.picture, film.scores.info.size_wh)

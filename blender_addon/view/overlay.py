@@ -119,9 +119,6 @@ def draw_view() -> None:
     scene, space = context.scene, context.space_data
     if not from_scene.is_set_up(scene) or space is None or space.type != "VIEW_3D":
         return
-    if scene.oneframe_ct.drilling:
-        # the bone is drawn in blocks, with its structures
-        return
     if shows_frame(context):
         _draw_over_frame(context, scene)
     elif shown_structures(from_scene.surface_of(scene)):

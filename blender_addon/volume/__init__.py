@@ -1,1 +1,1 @@
-"""Panel *CT*: open a CT, look at its slices, make the surface of its bone, drill it."""
+"""Panel *CT*: open a CT and its labels, make the surface of its bone."""

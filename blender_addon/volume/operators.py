@@ -10,15 +10,15 @@ from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.volume.bone.threshold import DEFAULT_HU, otsu_threshold
 from ..pipeline.volume.reading.dicom_series import SeriesInfo
+from ..pipeline.volume.reading.label_map import read_labels
 from ..pipeline.volume.reading.volume_header import volume_suffix
 from ..pipeline.volume.reading.volume_reader import is_dicom, list_series, read_volume
 from ..state import workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Available, Messages, Reporting
 from ..ui.step_panel import show
-from . import loaded
-from .loaded import LoadedCT, ct_of, key_of, loaded_ct
-from .slice_areas import fill_slices_soon, show_slices_soon
+from . import ct
+from .ct import LoadedCT, ct_of, key_of, loaded_ct
 
 VOLUMES = "*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd;*.dcm"
 
@@ -62,22 +62,19 @@ class ONEFRAME_OT_open_ct(OpensInBackground):
             _ask_for_series(context, path, result)
             return (f"{len(result)} series in the folder: choose one",)
         settings = workbench.enter(context).oneframe_ct
-        for name in ("labels_path", "strokes_text", "margins_text"):
-            settings.property_unset(name)
+        settings.property_unset("labels_path")
         settings.path, settings.series = str(path), self.series
-        settings.cursor_mm = loaded.centre_mm(result.volume).tolist()
-        lowest, highest = result.range_hu
+        lowest, highest = int(result.volume.values.min()), int(result.volume.values.max())
         if not lowest < settings.threshold_hu < highest:
             settings.threshold_hu = min(max(DEFAULT_HU, lowest), highest)
-        loaded.keep(context.scene, result)
-        show_slices_soon()
+        ct.keep(context.scene, result)
         show(context.scene, "ct")
         return (ct_text(result),)
 
 
-def ct_text(ct: LoadedCT) -> str:
+def ct_text(loaded: LoadedCT) -> str:
     """Size of a CT in words."""
-    grid = ct.volume.grid
+    grid = loaded.volume.grid
     size, spacing = (" x ".join(f"{value:.4g}" for value in each) for each in (grid.size, grid.spacing_mm))
     return f"CT: {size} voxels of {spacing} mm"
 
@@ -122,16 +119,15 @@ class ONEFRAME_OT_read_ct(InBackground):
         key = key_of(context.scene)
         if key is None:
             raise InputError("expected a CT, found none; open one")
-        return loaded.reader(key)
+        return ct.reader(key)
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
-        loaded.keep(context.scene, result)
-        fill_slices_soon()
+        ct.keep(context.scene, result)
         return (ct_text(result),)
 
 
 class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT):
-    """Open a label map of this CT (nnU-Net, 3D Slicer, ITK-SNAP): its structures are shown, meshed and spared"""
+    """Open a label map of this CT (nnU-Net, 3D Slicer, ITK-SNAP): its structures become meshes with the surface"""
 
     bl_label = "Open Labels"
     doing = "Reading the labels"
@@ -140,12 +136,12 @@ class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT):
 
     def work(self, context: bpy.types.Context) -> Work:
         path, volume = Path(bpy.path.abspath(self.filepath)), loaded_ct(context.scene).volume
-        return lambda _progress: loaded.with_labels(volume, path)
+        return lambda _progress: LoadedCT(volume, read_labels(path, volume, resampled=False))
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         loaded_ct(context.scene)
         context.scene.oneframe_ct.labels_path = str(Path(bpy.path.abspath(self.filepath)))
-        loaded.keep(context.scene, result)
+        ct.keep(context.scene, result)
         return (f"structures: {', '.join(result.labels.names.values())}",)
 
 

@@ -1,4 +1,4 @@
-"""Align a case: by its landmarks, its image, or both in one solve."""
+"""Align a case: by its landmarks, then against its image from there."""
 
 from dataclasses import dataclass
 
@@ -7,20 +7,18 @@ import numpy as np
 from ..case.case_file import Case
 from ..case.loaded_case import LoadedCase, check_pose, frame_overlay, load_case
 from ..errors import InputError
-from ..transforms import inverse_rigid, transform_points
+from ..transforms import inverse_rigid
 from .landmarks.align_landmarks import (
     Alignment,
+    align_landmarks,
     check_landmarks_belong,
     complete_landmarks,
     landmark_distances,
     off_surface,
 )
-from .landmarks.degeneracy import FEWEST_CORRESPONDENCES, UndeterminedPose
+from .landmarks.degeneracy import UndeterminedPose
 from .landmarks.picture import marked
-from .pose_record import alignment_record, image_table, joined_record, refinement_record
-from .pose_uncertainty import PoseEvidence, PoseMode
-from .posterior.next_click import corners_in_view, next_click, rough_mode, visible_points
-from .posterior.solve import pose_posterior
+from .pose_record import alignment_record, refinement_record
 from .refinement.refine import refine_pose
 from .refinement.verdict import Refinement
 from .report import pose_lines, pose_table, refinement_table, report_lines, report_table
@@ -35,8 +33,7 @@ class AlignedCase:
     loaded
         The case in memory, with the new pose; ``loaded.case`` also records how it was found.
     alignment
-        The pose from the landmarks, with the image's evidence if the refinement was accepted, in the frame ``mesh``;
-        ``None`` without landmarks that determine a pose.
+        The pose from the landmarks, in the frame ``mesh``; ``None`` without landmarks that determine a pose.
     refinement
         The refinement against the image, from the pose of the landmarks; ``None`` if not requested.
     messages
@@ -53,14 +50,14 @@ class AlignedCase:
 
     @property
     def by_landmarks(self) -> Alignment | None:
-        """The pose from landmarks, if they have a say in the pose of the case."""
-        found = None if self.took_refused else self.alignment
-        return found if found is not None and found.landmarks else None
+        """The pose from landmarks, if it is that of the case."""
+        is_refined = self.took_refused or (self.refinement is not None and self.refinement.accepted)
+        return None if is_refined else self.alignment
 
     def lines(self) -> list[str]:
         """The report: the pose with all its digits, what it rests on, and what is doubtful."""
         refinement, alignment = self.refinement, self.alignment
-        lines = report_lines(alignment) if alignment is not None and alignment.landmarks else []
+        lines = [] if alignment is None else report_lines(alignment)
         lines += [f"note: {message}" for message in self.messages]
         if refinement is not None and self.took_refused:
             lines.append(f"warning: taken although refused: {refinement.objection}")
@@ -71,8 +68,8 @@ class AlignedCase:
     def table(self) -> dict[str, object]:
         """The report for JSON."""
         alignment, refinement = self.alignment, self.refinement
-        table: dict[str, object] = report_table(alignment) if alignment is not None and alignment.landmarks else {}
-        if self.took_refused:
+        table: dict[str, object] = {} if alignment is None else report_table(alignment)
+        if not self.by_landmarks:
             # residuals and uncertainty of the landmarks belong to their own pose
             table = {"start": table} if table else {}
         if refinement is not None:
@@ -105,7 +102,7 @@ def align_case(
     click_sigma_px
         Standard deviation of the click noise, along each image axis.
     refine
-        Also take the image as evidence.
+        Refine the pose against the image.
     take_refused
         Take the pose that the refinement has found even if it refuses it; the record in the case says so.
     tool, date
@@ -122,12 +119,8 @@ def align_case(
     loaded = load_case(case, aligned=False)
     if not (case.posed or complete_landmarks(case.landmarks)):
         raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
-    alignment, refinement, image, took_refused = None, None, None, False
+    alignment, refinement, took_refused = None, None, False
     start = case.cam_from_mesh if case.posed else None
-
-    def solved(image: PoseEvidence | None = None) -> Alignment:
-        return pose_posterior(case.landmarks, case.camera, image, click_sigma_px=click_sigma_px, start=start)
-
     mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
     # before the check of the pose, which would report landmarks of another mesh as a wrong pose
     distances = landmark_distances(case.landmarks, mesh)
@@ -135,9 +128,9 @@ def align_case(
     messages = off_surface(distances)
     if complete_landmarks(case.landmarks) or not refine:
         try:
-            alignment = solved()
+            alignment = align_landmarks(case.landmarks, case.camera, click_sigma_px=click_sigma_px, start=start)
         except UndeterminedPose as refusal:
-            # together with the image they may
+            # the image may, from a rough pose
             if not refine or start is None:
                 raise
             messages = (*messages, f"{refusal}; the refinement starts from the pose of the case")
@@ -149,43 +142,11 @@ def align_case(
         frame, model_from_mesh = loaded.frame, inverse_rigid(loaded.surface.mesh_from_model)
         refinement = refine_pose(frame.image, frame.valid, case.camera, loaded.surface.mesh, frame.cam_from_model)
         took_refused = take_refused and refinement.can_be_taken
-        if not refinement.accepted and not took_refused:
-            advice = _next_place(loaded, alignment, click_sigma_px) if refinement.objection else ""
-            messages = (*messages, *([advice] if advice else []))
-            if alignment is None:
-                taken = " --take-refused takes what it has found." if refinement.can_be_taken else ""
-                raise InputError(f"{case.path.name}: {refinement.message} {advice}{taken}")
-        record = refinement_record(refinement, loaded.case.alignment or {"method": "manual"}, tool, date)
-        if refinement.evidence is not None:
-            image = refinement.evidence.reframed(model_from_mesh)
-            alignment = solved(image)
-            alone, record = record, joined_record(record, image, alignment, tool, date)
-            if record["method"] == alone["method"]:
-                record["image"] = image_table(image, case.camera, alone)
-            loaded = loaded.posed(alignment.estimate.cam_from_model, record)
-        elif took_refused:
+        if not refinement.accepted and not took_refused and alignment is None:
+            taken = " --take-refused takes what it has found." if refinement.can_be_taken else ""
+            raise InputError(f"{case.path.name}: {refinement.message}{taken}")
+        if refinement.accepted or took_refused:
+            record = refinement_record(refinement, loaded.case.alignment or {"method": "manual"}, tool, date)
             loaded = loaded.posed(refinement.found @ model_from_mesh, record)
     found = alignment.estimate.messages if alignment is not None and not took_refused else ()
     return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
-
-
-def _next_place(loaded: LoadedCase, alignment: Alignment | None, click_sigma_px: float) -> str:
-    """The corner at which the next landmark gains most, in a sentence; empty where the frame shows no surface."""
-    case, mesh_from_model = loaded.case, loaded.surface.mesh_from_model
-    seen = loaded.surface.mesh, case.camera, loaded.frame.cam_from_model
-    points = corners_in_view(*seen)
-    if not len(points):
-        # a surface without corners still has a place that gains most
-        points = visible_points(*seen)
-    if not len(points):
-        return ""
-    points = transform_points(mesh_from_model, points)
-    mode = rough_mode(case.cam_from_mesh, case.landmarks, points, case.camera, click_sigma_px)
-    if alignment is not None:
-        found = alignment.estimate
-        mode = PoseMode(found.cam_from_model, found.uncertainty, 1.0, found.inliers)
-    point = points[next_click(points, case.camera, [mode], click_sigma_px)]
-    u, v = case.camera.project(transform_points(case.cam_from_mesh, point[None]))[0]
-    count = len(complete_landmarks(case.landmarks))
-    few = f"Fewer than 4 landmarks ({count}) determine no pose: a" if count < FEWEST_CORRESPONDENCES else "A"
-    return f"{few} landmark near pixel ({u:.0f}, {v:.0f}) gains most."

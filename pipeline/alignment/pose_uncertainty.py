@@ -294,22 +294,6 @@ class PoseMode:
     inliers: np.ndarray
 
 
-@dataclass(frozen=True)
-class PoseEvidence:
-    """What the image says of the pose: a normal density.
-
-    Its mean is ``cam_from_model``, ``(4, 4)`` mm, of which the uncertainty is.
-    """
-
-    cam_from_model: np.ndarray
-    uncertainty: PoseUncertainty
-
-    def reframed(self, old_from_new: np.ndarray) -> "PoseEvidence":
-        """The same of the surface in another frame; ``old_from_new`` is ``(4, 4)``, mm."""
-        pivot = transform_points(inverse_rigid(old_from_new), self.uncertainty.pivot_model)
-        return PoseEvidence(self.cam_from_model @ old_from_new, replace(self.uncertainty, pivot_model=pivot))
-
-
 def ellipse_outlines(covariances: np.ndarray, scale: float, corners: int = 48) -> np.ndarray:
     """``(N, 2, 2)`` covariances C -> ``(N, corners, 2)`` outlines of their ellipses about the origin.
 

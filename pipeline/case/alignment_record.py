@@ -13,14 +13,12 @@ import numpy as np
 from ..errors import InputError
 from ..files.keys import check_keys
 from ..files.numbers import format_two_digits, is_number
-from ..transforms import checked_rigid
 
 KEYS = (
     "method",
     "tool",
     "date",
     "checked",
-    "evidence",
     "doubt",
     "refused",
     "probability",
@@ -46,7 +44,6 @@ KEYS = (
     "pivot_mesh_mm",
     "radius_mm",
     "focal_depth_mm",
-    "image",
 )
 """In the order in which they are written.
 
@@ -57,8 +54,6 @@ KEYS = (
     Program and version; day or time in ISO 8601.
 ``checked``
     Day on which a person has looked at the pose and found it right.
-``evidence``
-    The kinds of evidence that a refined pose comes from: "image", or "landmarks, image".
 ``doubt``
     Why the pose may be wrong altogether: several fit the landmarks, none does, it was found in another frame, or little
     of the frame agrees with it.
@@ -93,21 +88,7 @@ KEYS = (
     with shifts.
 ``focal_depth_mm``
     The standard deviation of the depth that goes along with that of a focal length found together with the pose.
-``image``
-    What the image alone says of the pose, a table of :data:`IMAGE_SHAPES`: later landmarks are solved together with it.
 """
-
-IMAGE_SHAPES: dict[str, tuple[int, ...]] = {
-    "camera": (6,),
-    "cam_from_mesh": (4, 4),
-    "covariance": (6, 6),
-    "pivot_mm": (3,),
-    "radius_mm": (),
-    "degrees_of_freedom": (),
-    "error_px": (),
-}
-"""Keys of ``image``: K that it holds for (width, height, fx, fy, cx, cy); the pose, mm, and the covariance of a twist
-in camera axes (mm, radians) about the pivot, see :mod:`oneframe.alignment.pose_uncertainty`; its estimated error."""
 
 INITIAL_GUESS = "initial guess"
 """Method of a pose that was computed without the frame: nobody has aligned it."""
@@ -129,7 +110,7 @@ ENTRY_SHAPES: dict[str, tuple[int, ...]] = {"covariance_mm_rad": (6, 6), "pivot_
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
-_TEXTS = ("method", "tool", "date", "checked", "evidence", "doubt", "refused", "start_frame", "start_method", "weakest")
+_TEXTS = ("method", "tool", "date", "checked", "doubt", "refused", "start_frame", "start_method", "weakest")
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:
@@ -183,8 +164,6 @@ def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, obje
 
 
 def _checked(key: str, value: Any, where: str) -> object:
-    if key == "image":
-        return _checked_image(value, where)
     if key in _TEXTS:
         if isinstance(value, date):  # TOML has dates; a datetime is a date too
             return value.isoformat()
@@ -202,16 +181,6 @@ def _checked(key: str, value: Any, where: str) -> object:
     if len(values) != 3 or not all(is_number(each) and each >= 0 for each in values):
         raise InputError(f"{where}: expected three numbers, for the camera's x, y and z axis, found {value!r}")
     return [float(each) for each in values]
-
-
-def _checked_image(table: Any, where: str) -> dict[str, object]:
-    if not isinstance(table, Mapping):
-        raise InputError(f"{where}: expected a table, found {table!r}")
-    check_keys(table, tuple(IMAGE_SHAPES), (), f"{where} ")
-    checked = {key: _numbers(table[key], shape, f"{where} {key}") for key, shape in IMAGE_SHAPES.items()}
-    checked_rigid(checked["cam_from_mesh"].tolist(), f"{where} cam_from_mesh")
-    _checked_covariance(checked["covariance"], f"{where} covariance")
-    return {key: values.tolist() for key, values in checked.items()}
 
 
 def _numbers(given: Any, shape: tuple[int, ...], where: str) -> np.ndarray:

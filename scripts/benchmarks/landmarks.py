@@ -1,4 +1,4 @@
-"""Pose from landmarks: accuracy against OpenCV's solvers, coverage of the 95 % region, refusals, and clicks needed.
+"""Pose from landmarks: accuracy against OpenCV's solvers, coverage of the 95 % region, and refusals.
 
 Trials: a microscope (f = 12 800 px, 300 mm), points in 30x20x12 mm, rotations uniform over SO(3); with --case also
 points on the surface that the case's frame shows, at its pose. Errors: the angle of the rotation error, and the mean
@@ -21,11 +21,9 @@ from oneframe.evaluation.conditions import current_conditions
 
 from .alignment.landmark_accuracy import DrawTrial, LandmarkRow, VisibleSurface, accuracies, line
 from .alignment.landmark_trials import MICROSCOPE, box_trial
-from .alignment.posterior_trials import clicks_needed, coverages
 from .charts.pose_charts import landmark_chart
 from .figures import read_rows, write_rows
 
-CLICKED_TRIALS = 40
 QUICK = {"trials": 20, "noise_px": [2.0]}
 
 
@@ -42,13 +40,9 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     """Measure everything."""
     cv2.setNumThreads(1)
     trials, noise_px = arguments.trials, arguments.noise_px
-    report("landmarks and image in one solve: coverage of the 95 % region")
-    for said in coverages(box_trial, MICROSCOPE, trials, noise_px):
-        report(said)
     sets: list[tuple[str, DrawTrial, PinholeCamera]] = [("random points", box_trial, MICROSCOPE)]
     if arguments.case:
         surface = visible_surface(arguments.case)
-        clicks_needed(surface, min(trials, CLICKED_TRIALS), report)
         sets.append((f"surface of {arguments.case.name}", surface.draw, surface.camera))
     report(f"accuracy, {trials} trials each: rotation / displacement, median (95 %)")
     rows = []

@@ -77,7 +77,7 @@ ADDED = {
     "bpy.types.Scene": {
         "oneframe": "blender_addon.state.properties.ONEFRAME_PG_scene",
         "oneframe_view": "blender_addon.view.operators.ONEFRAME_PG_view",
-        "oneframe_ct": "blender_addon.volume.properties.ONEFRAME_PG_ct",
+        "oneframe_ct": "blender_addon.volume.ct.ONEFRAME_PG_ct",
         "oneframe_video": "blender_addon.video.session.ONEFRAME_PG_video",
     },
     "bpy.types.WindowManager": {"oneframe_steps": "blender_addon.ui.step_panel.ONEFRAME_PG_steps"},

@@ -1,6 +1,5 @@
 """Nothing that a case remembers outlives its frame or surface: neither its file nor what lies beside that."""
 
-import json
 import shutil
 
 import bpy
@@ -11,7 +10,6 @@ from blender_addon.dataset.operators import output_folder
 from oneframe.case.case_file import read_case
 from oneframe.commands.__main__ import dispatch
 from tests.video.surgical_film import write_film
-from tests.volume.ball_ct import write_ball_ct
 
 NAMED = '\n[dataset]\nposes = "poses.npy"\n'
 
@@ -126,20 +124,3 @@ def test_files_beside_another_case_stay(opened):
     ):
         bpy.ops.oneframe.save_case(filepath=str(folder / "another.toml"), collect=True)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
-
-
-def test_strokes_in_another_ct_are_not_saved_with_a_case(opened):
-    write_ball_ct(opened)
-    bpy.ops.oneframe.open_ct(filepath=str(opened / "ct.nii.gz"))
-    scene = bpy.context.scene
-    scene.oneframe_ct.strokes_text = json.dumps([[4.0, [[-9.0, 51.5, 911.0]]]])
-    plan = opened / "first" / "drill.toml"
-    plan.write_text("[[strokes]]\nradius_mm = 1.0\npoints_mm = [[1, 2, 3]]\n")
-    text = plan.read_text()
-    bpy.ops.oneframe.save_case(filepath=str(opened / "first" / "case.toml"))
-    assert plan.read_text() == text
-    # beside a surface of this CT they are, but not over those of another case
-    bpy.ops.oneframe.make_surface(replace=True)
-    with pytest.raises(RuntimeError, match=r"(surface.ply|drill.toml): expected no such file or that of this case"):
-        bpy.ops.oneframe.save_case(filepath=str(opened / "first" / "new.toml"))
-    assert plan.read_text() == text

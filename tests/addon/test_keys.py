@@ -91,7 +91,7 @@ def test_no_key_means_two_things(addon):
 
 def test_keys_of_other_tools_and_editors_stay_blenders(addon):
     """Keys lie in the own tools, or belong to operators that pass them on where there is nothing for them to do."""
-    own = {f"3D View Tool: Object, {tool}" for tool in ("Pins", "Landmarks", "Move Surface", "Drill")}
+    own = {f"3D View Tool: Object, {tool}" for tool in ("Pins", "Landmarks", "Move Surface")}
     for keymap in bpy.context.window_manager.keyconfigs.addon.keymaps:
         for item in keymap.keymap_items:
             room, _, name = item.idname.partition(".")

@@ -13,33 +13,23 @@ from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, scene_files
 from blender_addon.video import shown_frame
 from blender_addon.view.overlay import frame_image_of
-from blender_addon.volume import drill_strokes
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.files.content import content_named
 from oneframe.images.png import encode_png
-from oneframe.volume.drill.drill_plan import read_drill_plan
 from tests.tree import tree
 from tests.video.surgical_film import write_film
 from tests.volume.ball_ct import write_ball_ct
 
 K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": 96, "height": 72, "distortion": [0.1, -0.05, 0, 0, 0]}
-PLAN = """
-[margins_mm]
-facial_nerve = 1.0
-[[strokes]]
-radius_mm = 4.0
-points_mm = [[-9.0, 51.5, 911.0], [-14.0, 51.5, 911.0]]
-"""
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory) -> Path:
-    """A CT of a ball of bone with a nerve, the plan of a drill, a frame, a mask, K."""
+    """A CT of a ball of bone with a nerve, a frame, a mask, K."""
     folder = tmp_path_factory.mktemp("given")
     write_ball_ct(folder)
-    (folder / "plan.toml").write_text(PLAN)
     v, u = np.mgrid[:72, :96]
     codes = np.stack([(u * 37 + v * 11) % 256, (u * v) % 256, 255 - (u + v)], -1).astype(np.uint8)
     cv2.imwrite(str(folder / "photo.jpg"), codes)
@@ -47,7 +37,7 @@ def files(tmp_path_factory) -> Path:
     cv2.imwrite(str(folder / "masked.png"), np.dstack([codes, alpha]))
     (folder / "mask.png").write_bytes(encode_png((v >= 10).astype(np.uint8)))
     (folder / "camera.json").write_text(json.dumps(K))
-    line = ["surface", folder / "ct.nii.gz", "--labels", folder / "labels.nii.gz", "--drill", folder / "plan.toml"]
+    line = ["surface", folder / "ct.nii.gz", "--labels", folder / "labels.nii.gz"]
     assert dispatch([*map(str, line), "--out", str(folder / "surface")]) == 0
     return folder
 
@@ -70,9 +60,6 @@ def test_the_window_and_the_command_make_the_same_case(addon, files, tmp_path, f
     bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
     bpy.ops.oneframe.open_labels(filepath=str(files / "labels.nii.gz"))
     bpy.ops.oneframe.make_surface()
-    bpy.ops.oneframe.drill()
-    bpy.ops.oneframe.open_plan(filepath=str(files / "plan.toml"))
-    bpy.ops.oneframe.make_surface()
     load(frame=files / frame, mask=files / "mask.png", camera=files / "camera.json")
     scene, folder = bpy.context.scene, tmp_path / "window"
     folder.mkdir()
@@ -80,8 +67,7 @@ def test_the_window_and_the_command_make_the_same_case(addon, files, tmp_path, f
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
     line = ["case", "--surface", files / "surface", "--frame", files / frame, "--mask", files / "mask.png"]
     assert dispatch([*map(str, line), "--camera", str(files / "camera.json"), "--out", str(tmp_path / "command")]) == 0
-    assert_same_case(folder, tmp_path / "command", "drill.toml", "surface_made_by.json")
-    assert len(read_drill_plan(folder / "drill.toml").strokes) == 1
+    assert_same_case(folder, tmp_path / "command", "surface_made_by.json")
     # the scene has them too: nothing refers to what ends with the session
     before = tree(folder)
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
@@ -189,26 +175,22 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
     assert (shown()[64:, :80, 2] > 0.55).all()
 
 
-def test_the_initial_pose_follows_the_drill_until_somebody_moves_it(addon, files):
+def test_the_initial_pose_follows_the_surface_until_somebody_moves_it(addon, files):
     bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
     bpy.ops.oneframe.make_surface()
     load(camera=files / "camera.json", frame=files / "photo.jpg")
     scene = bpy.context.scene
     plain = from_scene.cam_from_model(scene)
     assert pose_record(scene) == {"method": "initial guess"}
-    bpy.ops.oneframe.drill()
-    bpy.ops.oneframe.open_plan(filepath=str(files / "plan.toml"))
-    drill_strokes.set_margins(scene, {})
+    scene.oneframe_ct.threshold_hu = 900
     bpy.ops.oneframe.make_surface()
-    drilled = from_scene.cam_from_model(scene)
-    # the bowl opens to the left
-    assert drilled[2, 0] < -0.95
-    assert not np.allclose(plain, drilled)
+    smaller = from_scene.cam_from_model(scene)
+    assert not np.allclose(plain, smaller, rtol=1e-9)
     assert pose_record(scene) == {"method": "initial guess"}
     bpy.ops.oneframe.change_units(units="m")
     bpy.ops.oneframe.change_units(units="mm")
     load(camera=files / "camera.json")
-    np.testing.assert_allclose(from_scene.cam_from_model(scene), drilled, atol=1e-6)
+    np.testing.assert_allclose(from_scene.cam_from_model(scene), smaller, atol=1e-6)
     bpy.ops.oneframe.nudge(axis="x")
     moved = from_scene.cam_from_mesh(scene)
     scene.oneframe_ct.threshold_hu = 500

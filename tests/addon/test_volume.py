@@ -1,4 +1,4 @@
-"""A CT in the add-on: the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
+"""A CT in the add-on: the script's surface to the last bit, files beside the case, bad files."""
 
 import json
 
@@ -10,22 +10,16 @@ sitk = pytest.importorskip("SimpleITK")
 
 from blender_addon.state import from_scene, to_scene
 from blender_addon.state.landmarks import landmarks_mesh
-from blender_addon.volume import drill_session, drill_strokes, loaded
+from blender_addon.volume import ct
 from oneframe.blender.alignment.surface_object import mesh_from_model_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.commands.__main__ import dispatch
 from oneframe.images.png import encode_png
 from oneframe.transforms import transform_points
-from oneframe.volume.drill.drill_plan import read_drill_plan
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
 ORIGIN = np.array([-12.0, 30.0, 5.0])
 CENTRE = ORIGIN + np.array(SPACING) * (np.array(SIZE) - 1) / 2
-
-
-def near(*offset):
-    """A point beside the centre, mm."""
-    return CENTRE + np.array(offset)
 
 
 @pytest.fixture(scope="module")
@@ -58,49 +52,20 @@ def with_labels(files):
     bpy.ops.oneframe.open_labels(filepath=str(files / "labels.nii.gz"))
 
 
-def drilled(scene, *strokes):
-    """Strokes as the tool leaves them."""
-    session = drill_session.of(scene)
-    for radius, points in strokes:
-        points = drill_strokes.rounded(np.array(points, float))
-        session.begin(radius, points[0])
-        session.extend(points[1:])
-    drill_strokes.set_strokes(scene, session.strokes)
-    return session
-
-
 def surface_bytes(scene):
     return from_scene.absolute_path(scene.oneframe.surface.oneframe.mesh_path).read_bytes()
 
 
-STROKES = (
-    (2.0, [near(7, 0, 6), near(3, 0, 6), near(0, 1, 6)]),
-    (1.5, [near(0, 0, 5), near(0, 0, 0)]),
-)
-
-
-def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
+def test_the_surface_is_the_scripts(scene, files, tmp_path):
     with_labels(files)
     bpy.ops.oneframe.make_surface()
-    ct = ["--labels", str(files / "labels.nii.gz"), "--out"]
-    dispatch(["surface", str(files / "ct.nii.gz"), *ct, str(tmp_path / "plain")])
+    labels = ["--labels", str(files / "labels.nii.gz"), "--out"]
+    dispatch(["surface", str(files / "ct.nii.gz"), *labels, str(tmp_path / "plain")])
     assert surface_bytes(scene) == (tmp_path / "plain" / "surface.ply").read_bytes()
     (nerve,) = scene.oneframe.surface.children
     assert nerve.name == "facial_nerve"
     made = from_scene.absolute_path(nerve.oneframe.mesh_path).read_bytes()
     assert made == (tmp_path / "plain" / "structures" / "facial_nerve.ply").read_bytes()
-
-    bpy.ops.oneframe.drill()
-    assert drill_strokes.plan_of(scene).margins_mm == {"facial_nerve": 1.0}
-    drilled(scene, *STROKES)
-    bpy.ops.oneframe.save_plan(filepath=str(tmp_path / "drill.toml"))
-    bpy.ops.oneframe.make_surface()
-    assert not scene.oneframe_ct.drilling
-    assert not scene.oneframe.surface.hide_get()
-    plan = ["--drill", str(tmp_path / "drill.toml")]
-    dispatch(["surface", str(files / "ct.nii.gz"), *plan, *ct, str(tmp_path / "drilled")])
-    assert surface_bytes(scene) == (tmp_path / "drilled" / "surface.ply").read_bytes()
-    assert surface_bytes(scene) != (tmp_path / "plain" / "surface.ply").read_bytes()
 
 
 def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
@@ -118,64 +83,8 @@ def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
     np.testing.assert_allclose(after, world, atol=1e-4)
 
 
-def test_strokes_are_taken_back_in_any_number(scene, files):
-    bpy.ops.oneframe.make_surface()
-    bpy.ops.oneframe.drill()
-    assert scene.oneframe.surface.hide_get()
-    session = drill_session.of(scene)
-    blocks = _snapshot(session)
-    drilled(scene, STROKES[0])
-    once, first = _snapshot(session), scene.oneframe_ct.strokes_text
-    assert once != blocks
-    drilled(scene, STROKES[1])
-    # what undo of Blender's leaves in the settings
-    for text in (first, "", first, ""):
-        scene.oneframe_ct.strokes_text = text
-        drill_session._after_undo()
-        assert _snapshot(session) == (once if text else blocks)
-
-
-def _snapshot(session):
-    return {key: (b.vertices.tobytes(), b.faces.tobytes(), b.drilled.tobytes()) for key, b in session.blocks.items()}
-
-
-def test_the_burr_meets_the_bone_that_is_left(scene, files):
+def test_save_case_takes_the_surface_beside_it(scene, files, tmp_path, monkeypatch):
     with_labels(files)
-    bpy.ops.oneframe.make_surface()
-    bpy.ops.oneframe.drill()
-    session = drill_session.of(scene)
-    hit = session.hit(None, near(0, 0, 50), np.array([0, 0, -2.0]))
-    np.testing.assert_allclose(hit, near(0, 0, 8), atol=0.1)
-    assert session.hit(None, near(0, 9.5, 50), np.array([0, 0, -1.0])) is None
-    name, distance = session.room.nearest(near(0, 0, 4))
-    assert (name, distance) == ("facial_nerve", pytest.approx(3.0, abs=0.3))
-    session.begin(2.0, near(0, 0, 8))
-    deeper = session.hit(session.removed, near(0, 0, 50), np.array([0, 0, -1.0]))
-    assert deeper[2] == pytest.approx(CENTRE[2] + 6, abs=0.1)
-
-
-def test_margins_can_be_chosen_and_hold(scene, files):
-    with_labels(files)
-    bpy.ops.oneframe.make_surface()
-    bpy.ops.oneframe.drill()
-    session = drill_session.of(scene)
-    outside, beside = near(0, 0, 12), near(0, 0, 0.5)
-    stops = []
-    for spared, margin in ((False, 1.0), (True, 0.5), (True, 2.0)):
-        bpy.ops.oneframe.margins(margins=[{"name": "facial_nerve", "spared": spared, "margin_mm": margin}])
-        # the same session: nothing that was drilled is lost
-        assert drill_session.of(scene) is session
-        stops.append(float(np.linalg.norm(session.room.reached(outside, beside, 1.0) - CENTRE)))
-    assert stops[0] == pytest.approx(0.5)
-    assert stops[1] == pytest.approx(1.0 + 1.0 + 0.5, abs=0.3)
-    assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)
-
-
-def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path, monkeypatch):
-    with_labels(files)
-    bpy.ops.oneframe.make_surface()
-    bpy.ops.oneframe.drill()
-    drilled(scene, STROKES[0])
     bpy.ops.oneframe.make_surface()
     (tmp_path / "frame.png").write_bytes(encode_png(np.full((60, 80, 3), 90, np.uint8)))
     bpy.ops.oneframe.load_frame(filepath=str(tmp_path / "frame.png"))
@@ -188,52 +97,35 @@ def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path, monk
         assert (tmp_path / "structures" / "facial_nerve.ply").exists()
     # what is beside the case makes the same surface again
     record = json.loads((tmp_path / "surface_made_by.json").read_text())
-    assert (record["strokes"], record["newer_strokes"]) == (1, False)
     assert str(files) not in json.dumps(record), "no name of a file"
     named = {"CT": "ct.nii.gz", "LABELS": "labels.nii.gz"}
     words = [str(files / named[word]) if word in named else word for word in record["command"].split()]
     monkeypatch.chdir(tmp_path)
     dispatch(["surface", *words[2:-1], str(tmp_path / "again")])
     assert (tmp_path / "again" / "surface.ply").read_bytes() == made
-    removed = json.loads((tmp_path / "again" / "surface.json").read_text())["removed"]
-    assert removed["volume_mm3"] == record["removed_mm3"] > 10
-    # the strokes stay visible in the slices
-    assert (drill_session.removed_in(scene, loaded.ct_of(scene)).distance_mm < 0).any()
-    (stroke,) = read_drill_plan(tmp_path / "drill.toml").strokes
-    assert np.array_equal(stroke.points, drill_strokes.rounded(np.array(STROKES[0][1])))
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
     assert len(scene.oneframe.surface.children) == 1
-    # a plan that was saved opens again
-    scene.oneframe_ct.strokes_text = ""
-    bpy.ops.oneframe.open_plan(filepath=str(tmp_path / "drill.toml"))
-    assert len(drill_strokes.strokes_of(scene)) == 1
 
 
 def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(scene, files, tmp_path):
     bpy.ops.oneframe.make_surface()
-    bpy.ops.oneframe.drill()
-    drilled(scene, STROKES[0])
-    volume = loaded.ct_of(scene).volume
+    volume = ct.ct_of(scene).volume
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"), compress=False)
     assert volume.values[10, 10].tobytes() not in (tmp_path / "kept.blend").read_bytes()
-    loaded._loaded.clear()
+    ct._loaded.clear()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
     scene = bpy.context.scene
-    assert loaded.ct_of(scene) is None
-    assert not scene.oneframe_ct.drilling
-    assert not scene.oneframe.surface.hide_get()
+    assert ct.ct_of(scene) is None
     assert not bpy.ops.oneframe.make_surface.poll()
     bpy.ops.oneframe.read_ct()
-    assert np.array_equal(loaded.ct_of(scene).volume.values, volume.values)
-    bpy.ops.oneframe.drill()
-    assert len(drill_session.of(scene).strokes) == 1
+    assert np.array_equal(ct.ct_of(scene).volume.values, volume.values)
 
 
 def test_what_is_no_ct_changes_nothing(scene, files):
-    before = loaded.ct_of(scene)
+    before = ct.ct_of(scene)
     with pytest.raises(RuntimeError, match="label"):
         bpy.ops.oneframe.open_ct(filepath=str(files / "labels.nii.gz"))
-    assert loaded.ct_of(scene) is before
+    assert ct.ct_of(scene) is before
     assert scene.oneframe_ct.path == str(files / "ct.nii.gz")
 
 

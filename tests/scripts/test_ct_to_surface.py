@@ -4,7 +4,6 @@ import json
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -70,10 +69,8 @@ def test_ct_and_labels_become_a_folder_that_a_second_run_replaces(ct, labels, tm
     nerve, _ = read_mesh(out / record["structures"]["facial_nerve"]["file"])
     np.testing.assert_allclose(nerve.vertices.mean(axis=0), np.add(CENTRE, (2, 0, 0)), atol=0.2)
     assert record["structures"]["chorda_tympani"]["colour"] == [0, 1, 0]
-    picture = cv2.imread(str(out / "slices.png"))[:, :, ::-1]
-    assert (picture == (255, 0, 255)).all(axis=2).sum() > 50
     written = [path for path in out.rglob("*") if path.is_file()]
-    assert len(written) == 5
+    assert len(written) == 4
     assert not any(SECRET.encode() in path.read_bytes() for path in written)
     assert SECRET not in ended.stdout
 

@@ -15,15 +15,13 @@ from .solver import PoseEstimate, solve_pose
 
 OFF_SURFACE_MM = 0.5
 """A landmark farther from the surface is reported: of the order of a voxel of a CT."""
-LANDMARKS = "landmarks"
-"""The kind of evidence that they are."""
 ELSEWHERE = 0.03
 """If all landmarks lie farther from the surface than this part of its diagonal, they belong to something else."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """A pose, and the landmarks and other evidence that it was found from, in one frame of the surface.
+    """A pose, and the landmarks that it was found from, in one frame of the surface.
 
     Attributes
     ----------
@@ -37,8 +35,6 @@ class Alignment:
         The pose; its ``cam_from_model`` maps from the frame of the landmarks.
     click_sigma_px
         The assumed standard deviation of a click.
-    kinds
-        The kinds of evidence that took part.
     """
 
     landmarks: tuple[Landmark, ...]
@@ -46,7 +42,6 @@ class Alignment:
     camera: PinholeCamera
     estimate: PoseEstimate
     click_sigma_px: float
-    kinds: tuple[str, ...] = (LANDMARKS,)
 
     @property
     def points(self) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
-from ..pose_uncertainty import PoseEvidence, PoseUncertainty
+from ..pose_uncertainty import PoseUncertainty
 from .image_pyramid import PyramidLevel
 from .local_search import score
 from .verification import ImageAgreement, Verification, jackknife, mean_distance_px, verify
@@ -82,13 +82,6 @@ class Refinement:
     rotation_deg: float
     verification: Verification | None
     uncertainty: PoseUncertainty | None
-
-    @property
-    def evidence(self) -> PoseEvidence | None:
-        """What the image says of the pose, to be solved together with landmarks; ``None`` if it was refused."""
-        if not self.accepted or self.uncertainty is None:
-            return None
-        return PoseEvidence(self.found, self.uncertainty)
 
     @property
     def can_be_taken(self) -> bool:

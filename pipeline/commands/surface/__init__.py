@@ -18,7 +18,7 @@ EPILOG = """examples:
   %(prog)s dicom_folder --series 2 --out surface
 
 VOLUME is a CT in Hounsfield units: NIfTI, NRRD, MetaImage, or a folder of DICOM slices. The folder gets surface.ply
-(LPS, mm), structures/*.ply, slices.png, on which to check the threshold, and surface.json, which says what was done.
+(LPS, mm), structures/*.ply, and surface.json, which says what was done.
 Names, dates and other text of the headers are written nowhere.
 """
 

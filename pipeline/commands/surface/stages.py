@@ -16,9 +16,6 @@ import numpy as np
 from ... import __version__
 from ...case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
 from ...files.outputs import check_outputs, check_own_folder, write_output, writing
-from ...images.pixel_values import to_uint8
-from ...images.png import encode_png
-from ...images.slice_picture import slice_picture
 from ...progress import ShareProgress
 from ...surface.structure_colour import structure_colour
 from ...volume.bone.bone import bone_voxels
@@ -31,10 +28,8 @@ from ...volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan
 from ...volume.make_surface import MadeSurface, SurfaceSettings, make_surface
 from ...volume.reading.label_map import read_labels
 from ...volume.reading.volume_reader import read_volume
-from ...volume.slices.slice_views import DrawnBone, LabelColours, slice_views
-from ...volume.volume import LabelMap, Volume
+from ...volume.volume import Volume
 
-SLICES = "slices.png"
 MOST_REMOVED = 0.5
 """Share of the bone; above it, something else than what was removed was given by mistake."""
 
@@ -85,7 +80,7 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
     inputs = {
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
-    check_own_folder(out, "|".join(map(re.escape, (SURFACE, SLICES, RECORD, STRUCTURES))), inputs)
+    check_own_folder(out, "|".join(map(re.escape, (SURFACE, RECORD, STRUCTURES))), inputs)
     check_outputs(_outputs(out, ()), inputs)
     try:
         _make(arguments, work, out, inputs)
@@ -134,7 +129,6 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
     if plan is not None and made.removed is not None:
         _report_clearances(work, made, made.removed, volume, plan)
     _write_meshes(work, out, made)
-    _write_slices(work, out, volume, level, solid, labels, made)
     _write_record(work, out)
 
 
@@ -175,7 +169,7 @@ def _report_clearances(work: _Work, made: MadeSurface, removed: RemovedField, vo
 
 
 def _outputs(out: Path, structures: Iterable[str]) -> list[Path]:
-    return [out / name for name in (SURFACE, SLICES, RECORD, *map(structure_file, structures))]
+    return [out / name for name in (SURFACE, RECORD, *map(structure_file, structures))]
 
 
 def _write_meshes(work: _Work, out: Path, made: MadeSurface) -> None:
@@ -198,26 +192,6 @@ def _write_meshes(work: _Work, out: Path, made: MadeSurface) -> None:
     }
     if made.structures:
         work.say(f"{len(made.structures)} structures: {out / STRUCTURES}")
-
-
-def _write_slices(
-    work: _Work,
-    out: Path,
-    volume: Volume,
-    level: float,
-    solid: np.ndarray,
-    labels: LabelMap | None,
-    made: MadeSurface,
-) -> None:
-    drawn = []
-    if labels is not None:
-        colours = {value: structure_colour(name) for value, name in structure_names(labels).items()}
-        drawn.append(LabelColours(labels, colours))
-    focus = made.finish.focus
-    centre = made.bone.surface.mesh.vertices.mean(axis=0) if focus is None else focus.centre
-    views = slice_views(volume, centre, DrawnBone(level, solid, made.removed, drawn))
-    write_output(out / SLICES, encode_png(to_uint8(slice_picture(views))))
-    work.say(f"slices: {out / SLICES}")
 
 
 def _write_record(work: _Work, out: Path) -> None:

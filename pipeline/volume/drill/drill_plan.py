@@ -10,8 +10,6 @@ A TOML file in the frame of the mesh (LPS), mm::
     points_mm = [[48.5, 35.0, 35.5], [48.5, 46.0, 36.0]]
 """
 
-import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +21,6 @@ from ...errors import InputError
 from ...files.content import LARGEST_TEXT, read_content
 from ...files.keys import check_keys
 from ...files.numbers import is_number
-from ...files.outputs import check_outputs, write_output
 from ...files.tables import parsed_toml
 from ..volume import VoxelGrid
 from .filled import index_points
@@ -77,34 +74,6 @@ def read_drill_plan(path: Path) -> DrillPlan:
         No TOML, an unknown or missing key, a radius or margin out of range, or points that are none.
     """
     return _parsed(read_content(path, "a drill plan", most=LARGEST_TEXT), path.name)
-
-
-def write_drill_plan(path: Path, plan: DrillPlan, inputs: Mapping[str, Path]) -> None:
-    """Write a plan that :func:`read_drill_plan` reads back to the last bit, whole or not at all.
-
-    Raises
-    ------
-    InputError
-        The file is an input (by their names in messages), or the plan could not be read back.
-    RunError
-        The file cannot be written.
-    """
-    check_outputs([path], inputs)
-    text = plan_text(plan)
-    _parsed(text, path.name)
-    write_output(path, text.encode())
-
-
-def plan_text(plan: DrillPlan) -> str:
-    """The plan as TOML."""
-    lines = ["# strokes of a virtual drill; LPS, mm"]
-    if plan.margins_mm:
-        lines += ["", "[margins_mm]"]
-        lines += [f"{_key(name)} = {float(value)!r}" for name, value in plan.margins_mm.items()]
-    for stroke in plan.strokes:
-        points = ", ".join(f"[{', '.join(repr(float(x)) for x in point)}]" for point in stroke.points)
-        lines += ["", "[[strokes]]", f"radius_mm = {float(stroke.radius_mm)!r}", f"points_mm = [{points}]"]
-    return "\n".join(lines) + "\n"
 
 
 def check_strokes(plan: DrillPlan, grid: VoxelGrid, where: str) -> list[str]:
@@ -186,13 +155,6 @@ def _length(value: Any, where: str, most: float, *, or_zero: bool = False) -> fl
         least = "from 0" if or_zero else "above 0"
         raise InputError(f"{where}: expected a length {least} to {most:g} mm, found {_shown(value)}")
     return float(value)
-
-
-def _key(name: str) -> str:
-    """A key of TOML, quoted where it must be."""
-    if re.fullmatch("[A-Za-z0-9_-]+", name):
-        return name
-    return json.dumps(name, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _box(lower: np.ndarray, upper: np.ndarray) -> str:

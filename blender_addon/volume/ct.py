@@ -1,18 +1,17 @@
-"""The voxels in memory. The scene stores paths only: for a file that is opened, the panel offers to read them."""
+"""The CT of a scene: the scene stores where it is, the voxels are in memory, and are read again from their file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import bpy
-import numpy as np
+from bpy.props import FloatProperty, IntProperty, StringProperty
 
-from ..class_registration import at_end
+from ..class_registration import at_end, attached, prop
 from ..pipeline.errors import InputError
-from ..pipeline.volume.reading.label_map import on_grid, read_labels
+from ..pipeline.volume.bone.threshold import DEFAULT_HU
+from ..pipeline.volume.reading.label_map import read_labels
 from ..pipeline.volume.reading.volume_reader import read_volume
-from ..pipeline.volume.slices.slice_planes import SlicePlane, slice_planes
 from ..pipeline.volume.volume import LabelMap, Volume
 from ..state import from_scene
 
@@ -20,27 +19,32 @@ Key = tuple[str, int, str]
 """Path of the CT, number of its series, and path of the labels; empty for none."""
 
 
+class ONEFRAME_PG_ct(bpy.types.PropertyGroup):
+    """The CT of a scene: neither voxels nor texts of a header."""
+
+    path: str = prop(StringProperty, "CT", "File, or folder of DICOM slices", subtype="FILE_PATH")
+    series: int = prop(IntProperty, "Series", "Number of the series in the folder; 0 for its only one")
+    labels_path: str = prop(StringProperty, "Labels", "The label map of the structures", subtype="FILE_PATH")
+    threshold_hu: float = prop(
+        FloatProperty,
+        "Threshold (HU)",
+        "Bone lies above it",
+        default=DEFAULT_HU,
+        soft_min=-200,
+        soft_max=2000,
+        min=-32000,
+        max=32000,
+        step=500,
+        precision=0,
+    )
+
+
 @dataclass(frozen=True)
 class LoadedCT:
-    """A CT in memory.
-
-    ``labels`` are the structures as in their file, ``label_values`` ``(Z, Y, X)`` their labels on the grid of the
-    volume.
-    """
+    """A CT in memory, and the structures of its label map."""
 
     volume: Volume
     labels: LabelMap | None = None
-    label_values: np.ndarray | None = None
-
-    @cached_property
-    def planes(self) -> tuple[SlicePlane, SlicePlane, SlicePlane]:
-        """Axial, coronal, sagittal."""
-        return slice_planes(self.volume.grid)
-
-    @cached_property
-    def range_hu(self) -> tuple[int, int]:
-        """Lowest and highest value."""
-        return int(self.volume.values.min()), int(self.volume.values.max())
 
 
 _loaded: dict[Key, LoadedCT] = {}
@@ -70,12 +74,12 @@ def loaded_ct(scene: bpy.types.Scene) -> LoadedCT:
     InputError
         There is none, or it is not in memory.
     """
-    found = ct_of(scene)
-    if found is None:
+    ct = ct_of(scene)
+    if ct is None:
         raise InputError(
             "expected a CT, found none; open one" if key_of(scene) is None else "press Read CT Again first"
         )
-    return found
+    return ct
 
 
 def keep(scene: bpy.types.Scene, ct: LoadedCT) -> None:
@@ -89,31 +93,14 @@ def keep(scene: bpy.types.Scene, ct: LoadedCT) -> None:
 def reader(key: Key) -> Callable[[Callable[[float], None]], LoadedCT]:
     """A function that reads a CT, and its labels, for a thread."""
     path, series, labels_path = key
-    known = next((ct for (at, number, _), ct in _loaded.items() if (at, number) == (path, series)), None)
 
     def read(progress: Callable[[float], None]) -> LoadedCT:
-        volume = read_volume(Path(path), series=series or None) if known is None else known.volume
+        volume = read_volume(Path(path), series=series or None)
         progress(0.7)
-        return with_labels(volume, Path(labels_path)) if labels_path else LoadedCT(volume)
+        labels = read_labels(Path(labels_path), volume, resampled=False) if labels_path else None
+        return LoadedCT(volume, labels)
 
     return read
 
 
-def with_labels(volume: Volume, path: Path) -> LoadedCT:
-    """A CT with the labels of a file.
-
-    Raises
-    ------
-    InputError
-        No label map, or not one of this CT.
-    """
-    labels = read_labels(path, volume, resampled=False)
-    return LoadedCT(volume, labels, on_grid(labels.values, labels.grid, volume.grid, path.name))
-
-
-def centre_mm(volume: Volume) -> np.ndarray:
-    """``(3,)`` LPS, mm: the middle of the volume."""
-    return volume.grid.bounds_mm.mean(axis=0)
-
-
-PARTS = (at_end(_loaded.clear),)
+PARTS = (attached(bpy.types.Scene, "oneframe_ct", ONEFRAME_PG_ct), at_end(_loaded.clear))

@@ -109,7 +109,6 @@ _REGISTRATIONS = tuple(
         "frames.take",
         "frames.to_queue",
         "frames.correct",
-        "frames.correct_surface",
         "frames.colour_sources",
         "frames.band",
         "frames.panel",

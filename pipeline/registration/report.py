@@ -9,9 +9,9 @@ from ..camera.pinhole import PinholeCamera
 from ..case.alignment_record import REGISTERED
 from ..colour.source_view import SourceView
 from ..surface.mesh import TriangleMesh
-from ..surface_correction.surface_check import SurfaceCheck
 from .colour_sources import ColourChoice
 from .register import RegisteredFrame
+from .surface_check import SurfaceCheck
 from .verdict import ACCEPTED, DOUBTFUL, REFUSED, WITHIN_PX, FilmChange, Verdict
 
 COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60, 50)}

@@ -7,14 +7,13 @@ import numpy as np
 
 from ..colour.vertex_colours import colour_vertices
 from ..files.numbers import format_two_digits
-from ..images.pixel_values import to_uint8
 from ..registration.colour_sources import ColourChoice
 from ..registration.report import COLOURS, FrameEvidence, RegistrationEvidence
+from ..registration.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
 from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
-from ..surface_correction.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
 from .page import asset, findings, html_page, page_footer, page_header, poses_section, spaced
 from .surface_sides import surface_sides
-from .thumbnails import base64_text, shrunk, sized_picture
+from .thumbnails import base64_text
 from .view_geometry import SourceFrame, pose_data
 
 SCRIPTS = ("elements.js", "table.js", "poses.js", "registration.js")
@@ -35,7 +34,6 @@ QUANTITIES = (
     },
 )  # fmt: skip
 """What frames are described and coloured by."""
-PICTURE_PX, QUALITY = 900, 80
 
 
 def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
@@ -52,7 +50,6 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         within=f"{WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
         poses=poses_section("frame"),
         limits=findings(_limits(evidence)),
-        surface=_surface(evidence),
         colour=_colour(evidence.colour),
         footer=page_footer(),
     )
@@ -97,24 +94,9 @@ def _doubt_of_surface(check: SurfaceCheck | None) -> str:
             f"{LEAST_ANGLE_DEG:g}°."
         )
     if check.words:
-        return "The surface is probably wrong, see above: so are depths and colours there."
+        return f"{check.words[:1].upper()}{check.words[1:]}: so are depths and colours there. See frames.png."
     told = np.isfinite(check.off_mm).mean()
     return f"The surface is where {check.frames} frames see it, as far as they tell: of {told:.0%} of the case's frame."
-
-
-def _surface(evidence: RegistrationEvidence) -> str:
-    check = evidence.surface
-    if check is None or not check.words:
-        return ""
-    picture = np.ascontiguousarray(to_uint8(check.picture(evidence.source.image))[..., ::-1])
-    uri = sized_picture(shrunk(picture, PICTURE_PX), QUALITY)["uri"]
-    lines = findings([f"{check.words[:1].upper()}{check.words[1:]}.", "oneframe correct may correct it, for research."])
-    return (
-        '<section id="surface" class="card" aria-labelledby="surface-title"><h2 id="surface-title">The surface</h2>'
-        f'<div class="stage"><img src="{uri}" alt="The frame, and where the surface is wrong"></div>'
-        '<p class="legend small">Red: it is nearer to the lens than the surface, blue: farther.</p>'
-        f"{lines}</section>"
-    )
 
 
 def _colour(choice: ColourChoice | None) -> str:

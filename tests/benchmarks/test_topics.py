@@ -42,7 +42,6 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
         "", ["--only", "photographs"],
         ["registration_photographs.csv", *(f"{name}.png" for name in REGISTRATION)],
     ),
-    "correction": ("", [], ["correction.csv", "correction.json", "correction.png"]),
     "stability": (
         "", ["--only", "camera"], ["stability_camera.csv", "stability_camera.png"]
     ),

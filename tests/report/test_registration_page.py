@@ -8,9 +8,9 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.source_view import SourceView
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.report import FrameEvidence, RegistrationEvidence
+from oneframe.registration.surface_check import SurfaceCheck
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, Verdict
 from oneframe.report.registration_page import registration_page
-from oneframe.surface_correction.surface_check import SurfaceCheck
 from oneframe.transforms import rigid, rotation_from_vector
 from tests.alignment.test_refinement import hills
 
@@ -48,8 +48,7 @@ def test_time_line_frame_and_table_follow_each_other(browser, page):
     assert browser.evaluate("document.querySelector('h1').textContent") == "one & two"
     # stretches, the longest first, then the least sure
     numbers = "[...document.querySelectorAll('#worst-table tbody tr')].map(it => it.children[1].textContent)"
-    assert "10% lies -1.0 to +1.0 mm" in browser.evaluate("document.querySelector('#surface li').textContent")
-    assert browser.evaluate("document.querySelector('#surface img').naturalWidth") == CAMERA.width
+    assert "10% lies -1.0 to +1.0 mm" in browser.evaluate("document.querySelector('#limits').textContent")
     assert browser.evaluate(numbers) == ["40–60", "10", "30", "0", "70", "20"]
     shown = "[document.querySelector('#number').textContent, document.querySelector('#reason').textContent]"
     assert browser.evaluate(shown) == ["40", "<b>4</b> of 9 places"]

@@ -181,14 +181,14 @@ def test_view_operators_are_cyclic_and_move_nothing(in_view, scene):
     def state():
         return round(view.opacity, 3), view.contour, surface.display_type
 
-    for call, given in (
+    for call, names in (
         (bpy.ops.oneframe.cycle_opacity, ()),
         (bpy.ops.wm.context_toggle, CONTOUR),
         (bpy.ops.wm.context_toggle_enum, WIREFRAME),
     ):
         passed = [state()]
         for _ in range(4):
-            assert call(**dict(given)) == {"FINISHED"}
+            assert call(**dict(names)) == {"FINISHED"}
             passed.append(state())
         assert passed[0] != passed[1]
         assert passed[0] == passed[4]

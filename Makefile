@@ -98,15 +98,13 @@ bench-surface: setup
 	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 
 # views against real photographs, beside the paper's method, in demo/evaluation, and in the light of the lens, in
-# demo/light; the poses of further frames, in demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; the surface
-# corrected by them, in demo/correction, and what views are worth to a network, in demo/training: CORRECTION_FLAGS and
-# TRAINING_FLAGS likewise
+# demo/light; the poses of further frames, in demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; and what
+# views are worth to a network, in demo/training: TRAINING_FLAGS likewise
 evaluate: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py evaluation --out demo/evaluation $(EVALUATE_FLAGS)
 	$(RUN) scripts/benchmark.py evaluation --light --out demo/light $(EVALUATE_FLAGS)
 	$(RUN) scripts/benchmark.py registration --out demo/registration $(EVALUATE_FLAGS)
-	$(RUN) scripts/benchmark.py correction --out demo/correction $(CORRECTION_FLAGS)
 	@if $(RUN) -c "import torch" 2>/dev/null; then $(RUN) scripts/benchmark.py training --out demo/training/training.csv --spoilt $(TRAINING_FLAGS); else echo "left out: training, which needs PyTorch (the extra train)"; fi
 
 # where methods fail, and what the software answers there, in demo/stability; STABILITY_FLAGS=--quick: minutes

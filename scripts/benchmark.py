@@ -3,8 +3,8 @@
     python scripts/benchmark.py TOPIC --out PATH [--quick] [--redraw]
 
 Topics: speed (against PyVista), chart (speed against accuracy), landmarks and refinement (accuracy of poses), surface
-(from CT), reader, evaluation (on published photographs), registration (of further frames), correction (of a surface by
-them), stability (where methods fail), training (what views are worth). TOPIC --help describes one.
+(from CT), reader, evaluation (on published photographs), registration (of further frames), stability (where methods
+fail), training (what views are worth). TOPIC --help describes one.
 --quick only shows that it runs; --redraw draws the charts again from --out.
 """
 
@@ -28,7 +28,7 @@ from oneframe.process.own_process import own_output
 
 TOPICS = (
     "speed", "chart", "landmarks", "refinement", "surface", "reader",
-    "evaluation", "registration", "correction", "stability", "training",
+    "evaluation", "registration", "stability", "training",
 )  # fmt: skip
 
 

@@ -30,8 +30,8 @@ from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
 from ..pipeline.registration.register import RegisteredFrame
 from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames, marked
 from ..pipeline.registration.report import registration_record
+from ..pipeline.registration.surface_check import SurfaceCheck
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
-from ..pipeline.surface_correction.surface_check import SurfaceCheck
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame

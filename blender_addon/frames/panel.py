@@ -3,7 +3,6 @@
 import bpy
 
 from ..pipeline.case.alignment_record import FURTHER_FRAMES
-from ..pipeline.surface_correction import CASE, PAGE
 from ..setup.alignment_record import pose_record
 from ..state import another_frame
 from ..state.known_case import further_frames
@@ -14,7 +13,6 @@ from ..video import session
 from ..video.session import FilmSession
 from . import found
 from .correct import record_text
-from .correct_surface import corrected_folder
 from .operators import is_aligned
 
 TEXT_LINES = 3
@@ -48,12 +46,6 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
         record = pose_record(scene)
         if record.get("method") == FURTHER_FRAMES:
             draw_text(layout, f"Corrected: {record_text(record)}, if the surface is right.", icon="CHECKMARK")
-        layout.separator()
-        layout.operator("oneframe.correct_surface", icon="MOD_SMOOTH")
-        if (folder := corrected_folder(scene, written=True)) is not None:
-            row = layout.row(align=True)
-            row.operator("wm.path_open", text="Open Map", icon="URL").filepath = str(folder / PAGE)
-            row.operator("oneframe.open_case", text="Open Corrected", icon="FILE_FOLDER").filepath = str(folder / CASE)
         layout.separator()
         row = layout.row(align=True)
         row.operator("oneframe.use_colour_sources", icon="COLOR")

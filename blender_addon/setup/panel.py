@@ -25,7 +25,6 @@ class ONEFRAME_PT_case(SidebarPanel):
         row.operator("oneframe.open_case", icon="FILE_FOLDER")
         row.operator("oneframe.save_case", icon="FILE_TICK")
         row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
-        row.operator("oneframe.save_record", text="", icon="TEXT")
         if settings.case_path:
             layout.label(text=bpy.path.basename(settings.case_path), icon="FILE_TEXT")
         _draw_missing(layout, context.scene)

@@ -12,11 +12,11 @@ from ..process.arguments import ArgumentParser, run_command
 from ..process.command_line import run_script
 
 COMMANDS = (
-    "surface", "sample", "frames", "case", "align", "overlay", "register", "light", "correct", "render",
+    "surface", "sample", "frames", "case", "align", "overlay", "register", "light", "render",
     "check", "pack", "train", "locate", "evaluate", "report", "colour",
 )  # fmt: skip
 """In the order of the data flow; each is a module of its name."""
-FOLDERS = {"light": "registered", "correct": "registered", "train": "learned", "locate": "learned"}
+FOLDERS = {"light": "registered", "train": "learned", "locate": "learned"}
 """Of those that stand in one."""
 
 EPILOG = """examples:

@@ -187,7 +187,7 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     if evidence.change is not None:
         yield f"note: {evidence.change.words()}"
     if evidence.surface is not None and evidence.surface.words:
-        yield f"note: {evidence.surface.words}: see {out / SHEET}; oneframe correct may correct it"
+        yield f"note: {evidence.surface.words}: see {out / SHEET}"
     yield from reasons[:MOST_REASONS]
     if len(reasons) > MOST_REASONS:
         yield f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}"

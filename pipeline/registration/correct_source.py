@@ -12,12 +12,12 @@ from ..case.alignment_record import FURTHER_FRAMES
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.numbers import format_two_digits
-from ..surface_correction.surface_check import SurfaceCheck
 from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
 from .colour_sources import Candidate
 from .flow_refinement import FlowFit
 from .register_frames import CaseRegistrar, FurtherFrame
 from .source_correction import SourceCorrection, SourceFit, Track
+from .surface_check import SurfaceCheck
 from .verdict import ACCEPTED, SPREAD
 
 MOST_FRAMES, LEAST_FRAMES = 24, 3
@@ -196,7 +196,7 @@ def _check(found: _Settled, frames: Sequence[FurtherFrame]) -> None:
     if now is not None and now.words and now.share > MOST_WRONG * found.before.share:
         raise InputError(
             "expected a pose of the case's frame at which the frames agree with the surface, found none: "
-            f"{now.words}; correct the surface first (oneframe correct)"
+            f"{now.words}; take a surface of the stage that the frames show"
         )
 
 

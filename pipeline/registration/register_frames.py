@@ -20,16 +20,16 @@ from ..files.outputs import write_output
 from ..images.image_reader import read_image
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
-from ..surface_correction import surface_check
-from ..surface_correction.surface_check import SurfaceCheck
 from ..transforms import inverse_rigid
 from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
 from ..video.frame_measures import denoised
+from . import surface_check
 from .colour_sources import Candidate, Candidates, evenly
 from .known_views import grey_codes
 from .register import RegisteredFrame, Registrar, judged_together, zoom_of
 from .source_correction import doubt_of_source, with_case
+from .surface_check import SurfaceCheck
 from .verdict import ACCEPTED, REFUSED, FilmAgreement, FilmChange, Verdict
 
 LONGER_SIDE_PX = 640

@@ -31,7 +31,7 @@ class Column:
 
     def data(self) -> dict[str, object]:
         """For the page."""
-        given = {"key": self.key, "name": self.name, "about": self.about, "unit": self.unit}
+        given: dict[str, object] = {"key": self.key, "name": self.name, "about": self.about, "unit": self.unit}
         return given if self.digits is None else given | {"digits": self.digits}
 
 

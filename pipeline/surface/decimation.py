@@ -41,23 +41,20 @@ def cluster_vertices(
     return reduced, None if colours is None else mean(colours)
 
 
-def reduced_mesh(
-    mesh: TriangleMesh, most_vertices: int, colours: np.ndarray | None = None
-) -> tuple[TriangleMesh, np.ndarray | None]:
-    """A mesh of at most this many vertices, evenly spread and all used by faces, or the mesh itself, and its colours.
+def reduced_mesh(mesh: TriangleMesh, most_vertices: int) -> TriangleMesh:
+    """A mesh of at most this many vertices, evenly spread and all used by faces, or the mesh itself.
 
     It stays as it is if it has no more vertices, or if so few would leave no face.
     """
     if len(mesh.vertices) <= most_vertices:
-        return mesh, colours
+        return mesh
     # as if every vertex stood for a square
     cell_mm = float(np.sqrt(np.linalg.norm(mesh.face_cross, axis=1).sum() / 2 / most_vertices))
     while True:
-        reduced, mean = cluster_vertices(mesh, cell_mm, colours)
+        reduced, _ = cluster_vertices(mesh, cell_mm)
         if reduced is mesh:
-            return mesh, colours
+            return mesh
         used, corners = np.unique(reduced.faces, return_inverse=True)
         if len(used) <= most_vertices:
-            faces = corners.reshape(-1, 3).astype(np.int32)
-            return TriangleMesh(reduced.vertices[used], faces), None if mean is None else mean[used]
+            return TriangleMesh(reduced.vertices[used], corners.reshape(-1, 3).astype(np.int32))
         cell_mm *= 1.05

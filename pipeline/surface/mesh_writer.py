@@ -8,7 +8,6 @@ top right, as in OBJ and in Blender: the centre of pixel (row, column) of an h x
 import hashlib
 import re
 import unicodedata
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -80,7 +79,6 @@ def encoded_ply(
     uv: np.ndarray | None = None,
     texture: str | None = None,
     space: str | None = None,
-    values: Mapping[str, np.ndarray] | None = None,
 ) -> bytes:
     """The bytes of a binary little endian PLY with float32 coordinates, as BOP stores its models (in mm), signed.
 
@@ -97,8 +95,6 @@ def encoded_ply(
         and a :data:`SAFE_NAME`. Readers without textures, such as Blender and Open3D, show ``colours``.
     space
         "LPS" or "RAS", patient coordinates, written as 3D Slicer does.
-    values
-        ``(V,)`` further values of the vertices by their names, written as ``float``.
     """
     vertex_count, face_count = len(mesh.vertices), len(mesh.faces)
     vertex_fields: list[tuple[str, str] | tuple[str, str, int]] = [("xyz", "<f4", 3)]
@@ -114,9 +110,6 @@ def encoded_ply(
     if colours is not None:
         vertex_fields.append(("rgb", "u1", 3))
         header += [f"property uchar {channel}" for channel in ("red", "green", "blue")]
-    for name in values or {}:
-        vertex_fields.append((name, "<f4"))
-        header.append(f"property float {name}")
     face_fields = [("count", "u1"), ("indices", "<i4", 3)]
     header += [f"element face {face_count}", "property list uchar int vertex_indices"]
     if uv is not None:
@@ -130,8 +123,6 @@ def encoded_ply(
         vertices["normal"] = normals
     if colours is not None:
         vertices["rgb"] = colours
-    for name, each in (values or {}).items():
-        vertices[name] = each
     faces = np.empty(face_count, face_fields)
     faces["count"], faces["indices"] = 3, mesh.faces
     if uv is not None:

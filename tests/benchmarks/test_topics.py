@@ -36,13 +36,12 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     "evaluation": (
         # writes the sample's case as without --light, and more
         "", ["--light", "--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],
-        ["evaluation.json", "scores.png"],
+        ["frames.csv", "figure.png"],
     ),
     "registration": (
         "", ["--only", "photographs"],
         ["registration_photographs.csv", *(f"{name}.png" for name in REGISTRATION)],
     ),
-    "correction": ("", [], ["correction.csv", "correction.json", "correction.png"]),
     "stability": (
         "", ["--only", "camera"], ["stability_camera.csv", "stability_camera.png"]
     ),

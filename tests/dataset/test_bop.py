@@ -80,7 +80,7 @@ def test_models_and_their_info(tmp_path):
 def test_a_mesh_without_a_smaller_form_stays_whole():
     x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
     mesh = grid_mesh(x, y, 0 * x)
-    assert reduced_mesh(mesh, 30)[0] is mesh
-    assert len(reduced_mesh(mesh, 29)[0].vertices) <= 29
+    assert reduced_mesh(mesh, 30) is mesh
+    assert len(reduced_mesh(mesh, 29).vertices) <= 29
     # no face has two corners
-    assert reduced_mesh(mesh, 2)[0] is mesh
+    assert reduced_mesh(mesh, 2) is mesh

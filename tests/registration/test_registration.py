@@ -23,6 +23,7 @@ from oneframe.images.png import encode_png
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration import known_views
+from oneframe.registration.accepted_frames import accepted_frames
 from oneframe.registration.pose_list import read_photographs
 from oneframe.registration.register import (
     RegisteredFrame,
@@ -32,7 +33,7 @@ from oneframe.registration.register import (
     judged_together,
     zoom_of,
 )
-from oneframe.registration.register_frames import CaseRegistrar
+from oneframe.registration.register_frames import CaseRegistrar, image_paths
 from oneframe.registration.report import frame_evidence
 from oneframe.registration.source_correction import SURFACE_SHARE, SourceCorrection, Track, with_case
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
@@ -405,8 +406,22 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     (source,) = read_case(out / "case.toml").frames
     assert source.image.exists()
     assert min(np.abs(source.cam_from_mesh - pose).max() for pose in poses) < 1.0
+    # an image that was added changes the numbers of others
+    (folder / "00.png").write_bytes((folder / "0.png").read_bytes())
+    loaded = load_case(read_case(tmp_path / "case.toml"))
+    accepted = accepted_frames(tmp_path / "registered_frames", None, loaded)
+    entries = json.loads((tmp_path / "registered_frames" / "poses.json").read_text())
+    stated = {entry["image"]: entry["cam_from_mesh"] for entry in entries}
+    names = [path.name for path in image_paths(folder)]
+    assert {names[number] for number in accepted.poses} == {"0.png", "1.png", "2.png"}
+    for number, pose in accepted.poses.items():
+        entry = stated[f"../frames/{names[number]}"]
+        assert pose == pytest.approx(np.array(entry) @ loaded.surface.mesh_from_model, abs=1e-9)
     for name in ("0", "1", "2"):
         (folder / f"{name}.png").unlink()
+    with pytest.raises(InputError, match=r"0\.png is not there"):
+        accepted_frames(tmp_path / "registered_frames", None, loaded)
+    (folder / "00.png").unlink()
     with pytest.raises(InputError, match=r"v empty\.png: .* empty.*; nor can any other frame be used"):
         registered(tmp_path, "frames", tmp_path / "none")
     assert not (tmp_path / "none").exists()

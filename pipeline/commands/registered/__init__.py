@@ -1,1 +1,1 @@
-"""What registered frames tell of their case: the lamp at the lens, and where the surface is really."""
+"""What registered frames tell of their case: the lamp at the lens."""

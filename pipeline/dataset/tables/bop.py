@@ -53,7 +53,7 @@ def write_models(root: Path, mesh: TriangleMesh, colours: np.ndarray) -> None:
     info |= {f"size_{axis}": float(value) for axis, value in zip("xyz", high - low, strict=True)}
     # BOP's readers know no such key and leave it alone
     info["box_centre_mm"] = ((low + high) / 2).tolist()
-    reduced, _ = reduced_mesh(mesh, EVAL_VERTICES)
+    reduced = reduced_mesh(mesh, EVAL_VERTICES)
     for name, model, rgb in (("models", mesh, colours), ("models_eval", reduced, None)):
         folder = root / name
         create_folder(folder)

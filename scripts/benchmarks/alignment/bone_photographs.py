@@ -37,7 +37,7 @@ from oneframe.transforms import camera_centre, rigid
 from oneframe.volume.bone.bone import bone_voxels
 from oneframe.volume.bone.structures import without_bone
 from oneframe.volume.bone.threshold import DEFAULT_HU
-from oneframe.volume.drill.drill_plan import DrillPlan, Stroke, read_drill_plan
+from oneframe.volume.drill.drill_plan import DrillPlan, read_drill_plan
 from oneframe.volume.make_surface import SurfaceSettings, make_surface
 from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
@@ -62,9 +62,7 @@ LAMPS = {
 LAMP_STRENGTH, LAMP_RADIUS_MM = 1.2, 5.0
 """Radiance of a white surface that faces the lamp, and the lamp's size."""
 AROUND_DEG = (0.0, *6 * (8.0, 14.0, 20.0))
-"""Tilts of the photographs that correct a surface."""
-OTHER_RADIUS, OTHER_MM = 0.85, (0.8, -0.6, 0.6)
-"""What the burr of another plan is smaller by, as a factor, and by how much its strokes are elsewhere."""
+"""Tilts of many photographs."""
 NOISE_HU = 60.0
 PLANS = Path(__file__).resolve().parents[3] / "docs" / "examples"
 SAMPLES = 4
@@ -115,18 +113,6 @@ def lit_bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[
                 lit = replace(case, path=case.path.with_stem(f"{name}_{kind}_{origin}"), light=light)
                 written.append(written_case(lit, photographs[1:]))
     return written
-
-
-def misdrilled_bones(folder: Path, out: Path) -> Iterator[tuple[CaseFiles, TriangleMesh]]:
-    """Cases of the drilled bones with many photographs, and for each the surface that another plan drills.
-
-    The case has the surface and the lamp of its photographs. Parameters and errors as for :func:`bone_cases`.
-    """
-    for name, lamp in LAMPS.items():
-        volume, labels, plan = _planned(folder, name)
-        others = (Stroke(OTHER_RADIUS * each.radius_mm, each.points + OTHER_MM) for each in plan.strokes)
-        shown, planned = (_drilled(volume, labels, each) for each in (plan, replace(plan, strokes=tuple(others))))
-        yield _lit_bone(name, shown, _cavity(plan), out, lamp), planned
 
 
 def photographed_bone(folder: Path, out: Path, name: str) -> tuple[CaseFiles, Callable[..., Iterator[Path]]]:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from oneframe.case.surface_doubts import EXACT_PX
 from oneframe.charts.page import PEER, WARNING
-from oneframe.surface_correction.correct_surface import FLOOR_PX
 
 from ..figures import conditions_note
 from ..sweeps import colouring, landmarks, refinement
@@ -66,18 +65,6 @@ SOURCES = (
     (refinement.BLOSTER, "bloster:\n14 photographs"),
     (refinement.LMO, "LM-O:\n12 photographs"),
 )
-CORRECTION = {
-    "frames": "frames",
-    "angle_deg": "angle between those farthest apart (°)",
-    "contrast": "contrast of the texture / the original's",
-    "noise": "noise: standard deviation (of 1)",
-    "k_percent": "focal length too long by (%)",
-    "height_px": "the surface is off by (px)",
-    "radius_px": "radius of the wrong part (px)",
-    "sharpness": "exponent of the wrong part's edge",
-    "lamp_mm": "lamp beside the lens (mm)",
-    "blood": "part of each frame under blood",
-}
 FRAMES = (
     ("texture-poor", "", "Texture-poor", "contrast / the original's"),
     ("occluded", "", "Occluded", "part under instruments"),
@@ -236,35 +223,11 @@ def renderer_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -
     return [draw_chart(data, title, [panels[:3], panels[3:]], small, size=(4.2, 3.2), key=answer_key())]
 
 
-def correction_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
-    """What is left of a surface's error, and how much of it is confirmed."""
-    y, panels = Axis("error (px); dotted: confirmed", ends=(0.0, 1.5)), list[Panel]()
-    for sweep, label in CORRECTION.items():
-        own = in_sweep(cells, sweep)
-        panel = with_lines(
-            Panel("", Axis(label), y, legend="upper left" if own[0].series else None), own, wrong=FLOOR_PX
-        )
-        panels.append(with_lines(panel, own, quantity="value", by=lambda cell: "", label_at=None, style=":"))
-    small = (
-        "A made surface in 13 frames of 160x120 px over 34°, at their true poses, a part of it 3 px off; lengths in "
-        "pixels on the surface. Error: median of what was changed and is confirmed. Wrong: more than 5 % of what is "
-        "confirmed is off by more than FLOOR_PX.",
-        conditions_note(conditions),
-    )
-    return [
-        draw_chart(
-            data, "Surfaces corrected by frames: where it ends", [panels[:5], panels[5:]], small, size=(2.9, 3.0),
-            key=answer_key(),
-        )
-    ]  # fmt: skip
-
-
 CHARTS: dict[str, Callable[[Sequence[Cell], Conditions, Path], list[Path]]] = {
     "pnp": landmark_charts,
     "refinement": refinement_charts,
     "colouring": colouring_charts,
     "camera": camera_charts,
-    "correction": correction_charts,
     "renderers": renderer_charts,
 }
 """By topic: draws charts of cells, with their conditions, next to their table; gives the files written."""

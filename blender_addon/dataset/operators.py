@@ -54,7 +54,7 @@ class ONEFRAME_OT_preview_poses(_AboutOptions):
             f"{planned.observed.max():.0%} of the surface in view; {planned.attempts:.1f} attempts per pose"
         )
         if shows_frame(context):
-            return message, "the poses are seen from elsewhere: press Orbit, then Home"
+            return message, "the poses are seen from elsewhere: orbit with the middle button, then Home"
         return message, "press Home in the view to see all of them"
 
 

@@ -1,1 +1,1 @@
-"""Panel *View*: compare surface and frame in the camera view."""
+"""Panel *View*: surface and frame in the camera view."""

@@ -1,4 +1,4 @@
-"""How the camera view shows surface and frame: opacity, wireframe, contour, comparisons.
+"""How the camera view shows surface and frame: opacity, wireframe, contour.
 
 The wireframe is Blender's own display setting of the object; ``overlay`` draws the rest over the view. At first that is
 the contour over the full frame, with a ghost of the surface until its pose is found.
@@ -8,7 +8,7 @@ Nothing here changes the pose.
 from collections.abc import Sequence
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
+from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty
 
 from ..class_registration import attached, prop
 from ..state import camera_view, from_scene
@@ -21,32 +21,6 @@ from .zoom import FrameTool
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
 GHOST = 0.3
 """Opacity until a pose is found, unless the user has set one: nobody can pin what he cannot see."""
-COMPARISONS = [
-    ("NONE", "None", "Surface over the frame, as Blender shows it"),
-    ("BLINK", "Blink", "Alternate between frame and surface twice a second: what jumps is not aligned"),
-    ("SWIPE", "Swipe", "Frame to the left, surface to the right of a line that you can drag"),
-    (
-        "DIFFERENCE",
-        "Difference",
-        "Coloured surface: differences from the frame are bright. Plain surface: frame in red, surface in cyan, "
-        "grey where they agree",
-    ),
-]
-
-
-def _surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    return from_scene.surface_of(scene) if from_scene.is_set_up(scene) else None
-
-
-def _wireframe(self: bpy.types.PropertyGroup) -> bool:
-    surface = _surface(self.id_data)
-    return surface is not None and surface.display_type == "WIRE"
-
-
-def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
-    surface = _surface(self.id_data)
-    if surface is not None:
-        surface.display_type = "WIRE" if value else "TEXTURED"
 
 
 def _opacity(self: bpy.types.PropertyGroup) -> float:
@@ -75,9 +49,6 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     chosen_opacity: float = prop(
         FloatProperty, description="Opacity that the user has set; -1 for none", default=-1, options={"HIDDEN"}
     )
-    wireframe: bool = prop(
-        BoolProperty, "Wireframe", "Show the surface as a wireframe", get=_wireframe, set=_set_wireframe
-    )
     contour: bool = prop(
         BoolProperty, "Contour", "Draw outlines and creases of the surface over the frame", default=True, update=redraw
     )
@@ -101,33 +72,11 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
         max=1,
         default=(1.0, 0.9, 0.15),
     )
-    comparison: str = prop(EnumProperty, "Compare", "Compare surface and frame", items=COMPARISONS, update=redraw)
-    split: float = prop(
-        FloatProperty,
-        "Line",
-        "Position of the line between frame and surface, as a fraction of the frame's width",
-        min=0,
-        max=1,
-        default=0.5,
-        subtype="FACTOR",
-    )
-    gain: float = prop(
-        FloatProperty,
-        "Gain",
-        "Factor by which the difference of a coloured surface is brightened",
-        min=0.5,
-        max=20,
-        default=3.0,
-    )
-    loupe: bool = prop(
-        BoolProperty, "Loupe", "Magnify the surroundings of the pointer while you pick landmarks", default=True
-    )
 
 
-def toggling(name: str, value: str = "") -> tuple[tuple[str, object], ...]:
-    """Settings with which Blender's operators toggle a setting of the view, or an item of it."""
-    path = ("data_path", f"scene.oneframe_view.{name}")
-    return (path, ("value_1", "NONE"), ("value_2", value)) if value else (path,)
+WIREFRAME = (("data_path", "scene.oneframe.surface.display_type"), ("value_1", "TEXTURED"), ("value_2", "WIRE"))
+CONTOUR = (("data_path", "scene.oneframe_view.contour"),)
+"""Settings with which Blender's operators toggle these."""
 
 
 class ONEFRAME_OT_cycle_opacity(FrameTool):
@@ -163,11 +112,8 @@ PARTS = (
     attached(bpy.types.Scene, "oneframe_view", ONEFRAME_PG_view),
     keys(
         Key("oneframe.cycle_opacity", "ONE"),
-        Key("wm.context_toggle", "TWO", properties=toggling("wireframe")),
-        Key("wm.context_toggle", "THREE", properties=toggling("contour")),
-        Key("wm.context_toggle_enum", "FOUR", properties=toggling("comparison", "BLINK")),
-        Key("wm.context_toggle_enum", "FIVE", properties=toggling("comparison", "SWIPE")),
-        Key("wm.context_toggle_enum", "SIX", properties=toggling("comparison", "DIFFERENCE")),
+        Key("wm.context_toggle_enum", "TWO", properties=WIREFRAME),
+        Key("wm.context_toggle", "THREE", properties=CONTOUR),
         Key("oneframe.zoom_frame", "WHEELINMOUSE", properties=(("factor", 1.25),)),
         Key("oneframe.zoom_frame", "WHEELOUTMOUSE", properties=(("factor", 0.8),)),
         Key("oneframe.zoom_frame", "SEVEN", properties=(("magnification", 1.0),)),

@@ -1,11 +1,12 @@
-"""Renders the surface's picture and contour at a view's resolution, into textures.
+"""Renders the surface's contour and its structures at a view's resolution, into textures.
 
-Three passes: the surface's colours and geometry (normal and depth in view axes); edges in the geometry (steps of the
-depth, changes of the normal); the ridges of the edge strength as lines one pixel wide, at any zoom. Structures, which
-lie inside the surface, have a texture of their own, where they are fainter behind the surface.
+Three passes: the surface's geometry (normal and depth in view axes); edges in the geometry (steps of the depth, changes
+of the normal); the ridges of the edge strength as lines one pixel wide, at any zoom. Structures, which lie inside the
+surface, have a texture of their own, where they are fainter behind the surface.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import bpy
@@ -15,7 +16,7 @@ from mathutils import Matrix
 
 from ..ui.rectangle import rectangle
 from .overlay_mesh import DrawnMesh, drawn_mesh
-from .overlay_shaders import edges_shader, lines_shader
+from .overlay_shaders import edges_shader, lines_shader, surface_shader
 
 MAX_SLOPE = 4.0
 """Depth per lateral distance; steeper steps are occluding contours: surface seen at less than 14 degrees."""
@@ -32,7 +33,7 @@ STRUCTURE_ALPHA, HIDDEN_ALPHA = 0.95, 0.4
 
 @dataclass(frozen=True)
 class Projection:
-    """The projection of a region or a loupe of ``width`` x ``height`` px.
+    """The projection of a region of ``width`` x ``height`` px.
 
     Attributes
     ----------
@@ -47,15 +48,6 @@ class Projection:
     view_from_world: Matrix
     clip_from_view: Matrix
     frame_mm_per_px: float = 0.0
-
-    def magnified(self, x: float, y: float, magnification: float, width: int, height: int) -> "Projection":
-        """The projection of a loupe of ``width`` x ``height`` px about the region pixel (x, y)."""
-        scale_x, scale_y = magnification * self.width / width, magnification * self.height / height
-        centre_x, centre_y = 2 * x / self.width - 1, 2 * y / self.height - 1
-        zoom = Matrix(
-            ((scale_x, 0, 0, -scale_x * centre_x), (0, scale_y, 0, -scale_y * centre_y), (0, 0, 1, 0), (0, 0, 0, 1))
-        )
-        return Projection(width, height, self.view_from_world, zoom @ self.clip_from_view, self.frame_mm_per_px)
 
     @property
     def mm_per_px(self) -> tuple[float, float]:
@@ -81,55 +73,47 @@ class SurfacePicture:
 
     Attributes
     ----------
-    picture
-        RGBA, code values; alpha 1 at the surface, otherwise 0.
+    geometry
+        Normal in view axes, and depth in mm; depth 0 beside the surface.
     structures
         RGBA, code values; alpha :data:`STRUCTURE_ALPHA`, :data:`HIDDEN_ALPHA` behind the surface, 0 elsewhere.
     lines
         Contour lines one pixel wide, 0..1; red: occluding contours, green: creases.
-    coloured
-        Whether the surface has colours.
-    white
-        Luminance of a plain surface where it faces the viewer.
     """
 
     def __init__(self, width: int, height: int) -> None:
         self.size = (width, height)
-        self.coloured, self.white = False, 1.0
         self._key: tuple = ()
-        self._lines_key: tuple = ()
-        self.picture = gpu.types.GPUTexture(self.size, format="RGBA8")
+        self._lines_key: float | None = None
         self.structures = gpu.types.GPUTexture(self.size, format="RGBA8")
-        self._geometry = gpu.types.GPUTexture(self.size, format="RGBA32F")
+        self.geometry = gpu.types.GPUTexture(self.size, format="RGBA32F")
         self._edges = gpu.types.GPUTexture(self.size, format="RGBA16F")
         self.lines = gpu.types.GPUTexture(self.size, format="RGBA8")
         # kept in an attribute: a framebuffer does not keep its textures alive
         self._depth = depth = gpu.types.GPUTexture(self.size, format="DEPTH_COMPONENT32F")
-        self._surface_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.picture, self._geometry))
+        self._surface_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.geometry,))
         self._structure_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.structures,))
         self._edges_target = gpu.types.GPUFrameBuffer(color_slots=(self._edges,))
         self._lines_target = gpu.types.GPUFrameBuffer(color_slots=(self.lines,))
 
     def draw(self, projection: Projection, surface: bpy.types.Object, crease_deg: float | None) -> None:
-        """Update the picture, and its lines unless ``crease_deg``, the least angle of a crease, is ``None``."""
+        """Update the textures, and the lines unless ``crease_deg``, the least angle of a crease, is ``None``."""
         mesh = drawn_mesh(surface.data)
-        drawn = [(child, drawn_mesh(child.data)) for child in shown_structures(surface)]
+        structures = [(child, drawn_mesh(child.data)) for child in shown_structures(surface)]
         key = (
             projection.key(),
             _drawing_key(surface, mesh),
-            *((_drawing_key(child, structure), child.show_in_front) for child, structure in drawn),
+            *((_drawing_key(child, structure), child.show_in_front) for child, structure in structures),
         )
         with _without_blending():
             if key != self._key:
                 self._draw_surface(projection, surface, mesh)
-                self._draw_structures(projection, drawn)
-                self._key, self._lines_key = key, ()
-            if crease_deg is not None and self._lines_key != (crease_deg,):
+                self._draw_structures(projection, structures)
+                self._key, self._lines_key = key, None
+            if crease_deg is not None and self._lines_key != crease_deg:
                 min_step_mm = 0.0 if mesh is None else MIN_STEP_EDGES * mesh.edge_mm
                 self._find_lines(projection, crease_deg, min_step_mm)
-                self._lines_key = (crease_deg,)
-        self.coloured = mesh is not None and mesh.coloured
-        self.white = max(float(np.dot(surface.color[:3], (0.2126, 0.7152, 0.0722))), 0.05)
+                self._lines_key = crease_deg
 
     def _draw_surface(self, projection: Projection, surface: bpy.types.Object, mesh: DrawnMesh | None) -> None:
         with self._surface_target.bind():
@@ -137,8 +121,11 @@ class SurfacePicture:
             gpu.state.depth_test_set("LESS")
             gpu.state.depth_mask_set(True)
             if mesh is not None:
-                view_from_model = projection.view_from_world @ surface.matrix_world
-                mesh.draw(view_from_model, projection.clip_from_view, (*surface.color[:3], 1.0))
+                shader = surface_shader("BONE")
+                shader.bind()
+                shader.uniform_float("view_from_model", projection.view_from_world @ surface.matrix_world)
+                shader.uniform_float("clip_from_view", projection.clip_from_view)
+                mesh.batch.draw(shader)
 
     def _draw_structures(
         self, projection: Projection, structures: list[tuple[bpy.types.Object, DrawnMesh | None]]
@@ -147,15 +134,20 @@ class SurfacePicture:
             self._structure_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
             gpu.state.depth_test_set("LESS")
             gpu.state.depth_mask_set(True)
+            shader = surface_shader("STRUCTURE")
             for child, mesh in structures:
-                if mesh is not None:
-                    mesh.draw(
-                        projection.view_from_world @ world_from_structure(child),
-                        projection.clip_from_view,
-                        (*child.color[:3], STRUCTURE_ALPHA),
-                        HIDDEN_ALPHA if child.show_in_front else 0.0,
-                        self._geometry,
-                    )
+                if mesh is None:
+                    continue
+                shader.bind()
+                shader.uniform_sampler("bone", self.geometry)
+                shader.uniform_float("view_from_model", projection.view_from_world @ world_from_structure(child))
+                shader.uniform_float("clip_from_view", projection.clip_from_view)
+                hidden_alpha = HIDDEN_ALPHA if child.show_in_front else 0.0
+                plain = (*child.color[:3], STRUCTURE_ALPHA, hidden_alpha, 0.0, 0.0, 0.0)
+                # kept in a variable: the buffer must live until the mesh is drawn
+                buffer = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", 8, plain))
+                shader.uniform_block("plain", buffer)
+                mesh.batch.draw(shader)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
 
@@ -169,7 +161,7 @@ class SurfacePicture:
             shader.uniform_float("min_step_mm", min_step_mm)
             shader.uniform_float("radius_px", radius_px)
             shader.uniform_float("magnification", max(projection.magnification, 1.0))
-            shader.uniform_sampler("geometry", self._geometry)
+            shader.uniform_sampler("geometry", self.geometry)
             placed_rectangle(shader, (0, 0), self.size, self.size).draw(shader)
         with self._lines_target.bind():
             shader = lines_shader()
@@ -201,20 +193,16 @@ def placed_rectangle(
     return rectangle(shader, 2 * corners / np.array(target) - 1, corners)
 
 
-def _drawing_key(found: bpy.types.Object, mesh: DrawnMesh | None) -> tuple:
-    world_from_object = tuple(value for row in world_from_structure(found) for value in row)
-    return None if mesh is None else mesh.checksum, world_from_object, tuple(found.color[:3])
+def _drawing_key(drawn: bpy.types.Object, mesh: DrawnMesh | None) -> tuple:
+    return mesh, tuple(value for row in world_from_structure(drawn) for value in row), tuple(drawn.color[:3])
 
 
-class _without_blending:
-    """Context manager: no blending while textures are drawn; restores blending and depth test afterwards."""
-
-    def __enter__(self) -> None:
-        self._blend, self._depth = gpu.state.blend_get(), gpu.state.depth_test_get()
-        self._mask = gpu.state.depth_mask_get()
-        gpu.state.blend_set("NONE")
-
-    def __exit__(self, *_: object) -> None:
-        gpu.state.blend_set(self._blend)  # type: ignore[arg-type]  # as it was read
-        gpu.state.depth_test_set(self._depth)  # type: ignore[arg-type]  # as it was read
-        gpu.state.depth_mask_set(self._mask)
+@contextmanager
+def _without_blending() -> Iterator[None]:
+    """No blending while textures are drawn; restores blending and depth test afterwards."""
+    blend, depth, mask = gpu.state.blend_get(), gpu.state.depth_test_get(), gpu.state.depth_mask_get()
+    gpu.state.blend_set("NONE")
+    yield
+    gpu.state.blend_set(blend)  # type: ignore[arg-type]  # as it was read
+    gpu.state.depth_test_set(depth)  # type: ignore[arg-type]  # as it was read
+    gpu.state.depth_mask_set(mask)

@@ -1,18 +1,15 @@
-"""The shaders of the overlays: picture and geometry of the surface, edges and lines in the geometry, the composite.
+"""The shaders of the overlays: geometry of the surface, structures, edges and lines in the geometry, the composite.
 
 All colours are code values, as on the screen. Blender passes images to shaders as scene-linear values, which the
 shaders encode.
 """
 
 from functools import cache
+from typing import Literal
 
 import gpu
 
 from ..ui.rectangle import DECODE, rectangle_shader
-
-SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE", "STRUCTURE")
-MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE", "FADE")
-"""What the composite shows under its lines; the shader knows them by their index."""
 
 _ENCODE = """
 vec3 encoded(vec3 light)
@@ -32,49 +29,28 @@ void main()
   normal_view = mat3(view_from_model) * normal;
   toward_eye = perspective ? -point.xyz : vec3(0.0, 0.0, 1.0);
   depth_mm = -point.z;
-#ifdef COLOURS
-  code = colour;
-#endif
-#ifdef TEXTURE
-  code = vec3(uv, 0.0);
-#endif
 }
 """
 
-_SURFACE_FRAGMENT = (
-    _ENCODE
-    + """
+_SURFACE_FRAGMENT = """
 const float tolerance_mm = 0.1;  /* a structure in the surface's plane is visible */
 
 void main()
 {
   vec3 n = normalize(normal_view);
   float facing = dot(n, normalize(toward_eye));
-  n = facing < 0.0 ? -n : n;
-#if defined(COLOURS)
-  picture = vec4(code, 1.0);
-#elif defined(TEXTURE)
-  picture = vec4(encoded(texture(surface_texture, code.xy).rgb), 1.0);
-#else
+#ifdef STRUCTURE
   /* a light next to the lens, as in a microscope */
   picture = vec4(plain.colour.rgb * (0.15 + 0.85 * abs(facing)), plain.colour.a);
-#ifdef PLAIN
-  /* ridges bright and valleys dark, half as much as in Blender's solid view: it also shows roughness */
-  float bend = clamp(2.0 * (dFdx(n.x) + dFdy(n.y)), -0.5, 0.5);
-  picture.rgb = min(picture.rgb * (1.0 + bend * (1.0 - abs(bend))), 1.0);
-#endif
-#endif
-#ifdef STRUCTURE
   float bone_mm = texelFetch(bone, ivec2(gl_FragCoord.xy), 0).w;
   if (bone_mm > 0.0 && depth_mm > bone_mm + tolerance_mm) {
     picture.a = plain.hidden_alpha.x;
   }
 #else
-  geometry = vec4(n, depth_mm);
+  geometry = vec4(facing < 0.0 ? -n : n, depth_mm);
 #endif
 }
 """
-)
 
 _DIRECTIONS = """
 const ivec2 directions[4] = ivec2[4](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1));
@@ -177,9 +153,6 @@ _COMPOSITE_FRAGMENT = (
     _ENCODE
     + DECODE
     + """
-const vec3 luminance = vec3(0.2126, 0.7152, 0.0722);
-const int NONE = 0, FRAME = 1, SURFACE = 2, SWIPE = 3, DIFFERENCE = 4, PICTURE = 5, FADE = 6;
-
 vec4 over(vec4 below, vec3 colour, float alpha)
 {
   float both = alpha + below.a * (1.0 - alpha);
@@ -190,36 +163,14 @@ void main()
 {
   vec2 px = (at - frame_offset) / frame_scale;
   vec2 uv = vec2(px.x + 0.5, frame_size.y - 0.5 - px.y) / frame_size;
-  ivec2 here = clamp(ivec2(floor(at - picture_origin)), ivec2(0), textureSize(picture, 0) - 1);
-  vec4 seen = texelFetch(picture, here, 0);
-  composite = vec4(0.0);
-  if (mode == PICTURE) {
-    composite = vec4(seen.a > 0.5 ? seen.rgb : vec3(0.3), 1.0);
-  }
-  else if (mode != NONE) {
-    vec3 recorded = encoded(texture(frame, clamp(uv, 0.5 / frame_size, 1.0 - 0.5 / frame_size)).rgb);
-    bool covered = seen.a > 0.5;
-    if (mode == FADE) {
-      composite = vec4(recorded, covered ? 1.0 - opacity : 0.0);
-    }
-    else if (mode == FRAME || (mode == SWIPE && px.x < split_px)) {
-      composite = vec4(recorded, 1.0);
-    }
-    else if (mode == DIFFERENCE) {
-      float grey = dot(recorded, luminance);
-      composite = vec4(vec3(0.25 * grey), 1.0);
-      if (covered) {
-        vec3 false_colour = vec3(grey, vec2(dot(seen.rgb, luminance) / white));
-        composite.rgb = coloured ? clamp(gain * abs(recorded - seen.rgb), 0.0, 1.0) : false_colour;
-      }
-    }
-    else {
-      composite = vec4(covered ? seen.rgb : recorded, 1.0);
-    }
-  }
-  if (mode != FRAME && (mode != SWIPE || px.x >= split_px)) {
-    vec4 inside = texelFetch(structures, here, 0);
-    composite = over(composite, inside.rgb, inside.a);
+  ivec2 here = clamp(ivec2(floor(at)), ivec2(0), textureSize(geometry, 0) - 1);
+  /* the frame over Blender's surface, or over all that is there */
+  bool covered = texelFetch(geometry, here, 0).w > 0.0;
+  vec3 recorded = encoded(texture(frame, clamp(uv, 0.5 / frame_size, 1.0 - 0.5 / frame_size)).rgb);
+  composite = vec4(recorded, covered || everywhere ? frame_alpha : 0.0);
+  if (inside) {
+    vec4 structure = texelFetch(structures, here, 0);
+    composite = over(composite, structure.rgb, structure.a);
   }
   if (contour) {
     /* from the distances to line pixels: coverage of a thin line, and of the dark halo around it */
@@ -243,11 +194,6 @@ void main()
     composite = over(composite, vec3(0.0), 0.55 * halo);
     composite = over(composite, line_colour.rgb, line);
   }
-  if (mode == SWIPE) {
-    float distance_px = abs(px.x - split_px) * abs(frame_scale.x);
-    composite = over(composite, vec3(0.0), clamp(2.5 - distance_px, 0.0, 1.0));
-    composite = over(composite, vec3(1.0), clamp(1.25 - distance_px, 0.0, 1.0));
-  }
   if (target_encodes) {
     composite.rgb = decoded(composite.rgb);
   }
@@ -257,12 +203,11 @@ void main()
 
 
 @cache
-def surface_shader(kind: str) -> gpu.types.GPUShader:
-    """The shader that draws a mesh into ``picture`` and ``geometry``; ``kind`` is one of :data:`SURFACE_KINDS`.
+def surface_shader(kind: Literal["BONE", "STRUCTURE"]) -> gpu.types.GPUShader:
+    """The shader that draws the surface into ``geometry``: normal and depth in view axes.
 
-    A ``STRUCTURE`` is drawn into ``picture`` only, fainter where the ``geometry`` of the surface, ``bone``, hides it.
+    A ``STRUCTURE`` is drawn into ``picture``, fainter where the ``geometry`` of the surface, ``bone``, hides it.
     """
-    plain = kind in ("PLAIN", "STRUCTURE")
     between = gpu.types.GPUStageInterfaceInfo(f"oneframe_surface_{kind.lower()}")
     between.smooth("VEC3", "normal_view")
     between.smooth("VEC3", "toward_eye")
@@ -271,25 +216,15 @@ def surface_shader(kind: str) -> gpu.types.GPUShader:
     info.define(kind)  # type: ignore[call-arg]  # the value is optional
     info.vertex_in(0, "VEC3", "position")
     info.vertex_in(1, "VEC3", "normal")
-    if kind == "COLOURS":
-        info.vertex_in(2, "VEC3", "colour")
-    if kind == "TEXTURE":
-        info.vertex_in(2, "VEC2", "uv")
-        info.sampler(0, "FLOAT_2D", "surface_texture")
-    if kind == "STRUCTURE":
-        info.sampler(0, "FLOAT_2D", "bone")
-    if not plain:
-        between.smooth("VEC3", "code")
     info.push_constant("MAT4", "view_from_model")
     info.push_constant("MAT4", "clip_from_view")
-    if plain:
+    if kind == "STRUCTURE":
+        info.sampler(0, "FLOAT_2D", "bone")
         # two matrices fill the push constants that every GPU supports
         info.typedef_source("struct Plain { vec4 colour; vec4 hidden_alpha; };")
         info.uniform_buf(0, "Plain", "plain")
     info.vertex_out(between)
-    info.fragment_out(0, "VEC4", "picture")
-    if kind != "STRUCTURE":
-        info.fragment_out(1, "VEC4", "geometry")
+    info.fragment_out(0, "VEC4", "picture" if kind == "STRUCTURE" else "geometry")
     info.vertex_source(_SURFACE_VERTEX)
     info.fragment_source(_SURFACE_FRAGMENT)
     return gpu.shader.create_from_info(info)
@@ -312,14 +247,13 @@ def lines_shader() -> gpu.types.GPUShader:
 
 @cache
 def composite_shader() -> gpu.types.GPUShader:
-    """Frame, picture, structures and lines -> the composite drawn over the view."""
+    """Frame, geometry, structures and lines -> the composite drawn over the view."""
     kinds = {
-        "VEC2": ("frame_scale", "frame_offset", "frame_size", "picture_origin"),
+        "VEC2": ("frame_scale", "frame_offset", "frame_size"),
         "VEC4": ("line_colour",),
-        "FLOAT": ("split_px", "gain", "opacity", "white", "line_px"),
-        "INT": ("mode",),
-        "BOOL": ("contour", "coloured", "target_encodes"),
+        "FLOAT": ("frame_alpha", "line_px"),
+        "BOOL": ("everywhere", "inside", "contour", "target_encodes"),
     }
     constants = [(kind, name) for kind, names in kinds.items() for name in names]
-    samplers = ("frame", "picture", "structures", "lines")
+    samplers = ("frame", "geometry", "structures", "lines")
     return rectangle_shader("composite", _COMPOSITE_FRAGMENT, samplers, constants, out="composite")

@@ -1,4 +1,4 @@
-"""The panel View: the comparisons of surface and frame, each with its key."""
+"""The panel View: how surface and frame are seen, each setting with its key."""
 
 import bpy
 
@@ -7,13 +7,12 @@ from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import StepPanel
-from .operators import ONEFRAME_PG_view, toggling
+from .operators import CONTOUR, WIREFRAME, ONEFRAME_PG_view
 from .overlay import frame_image_of
-from .second_view import second_view
 
 
 class ONEFRAME_PT_view(AlignmentPanel, StepPanel):
-    """Compare surface and frame"""
+    """See surface and frame"""
 
     bl_label = "2  View"
     bl_order = 3
@@ -21,10 +20,6 @@ class ONEFRAME_PT_view(AlignmentPanel, StepPanel):
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         scene = context.scene
-        row = layout.row(align=True)
-        row.operator("oneframe.side_by_side", icon="WINDOW", depress=second_view(context.screen) is not None)
-        if shows_frame(context):
-            row.operator("oneframe.orbit_surface", text="Orbit", icon="ORIENTATION_VIEW")
         if not shows_frame(context):
             layout.operator("oneframe.show_frame", icon="OUTLINER_OB_CAMERA")
             return
@@ -39,31 +34,19 @@ class ONEFRAME_PT_view(AlignmentPanel, StepPanel):
         row.prop(view, "opacity", slider=True)
         row.operator("oneframe.cycle_opacity", text="", icon="FILE_REFRESH")
         draw_key(row, "oneframe.cycle_opacity")
-        for name, icon in (("wireframe", "MOD_WIREFRAME"), ("contour", "MOD_EDGESPLIT")):
-            row = layout.row(align=True)
-            row.prop(view, name, icon=icon, toggle=True)
-            draw_key(row, "wm.context_toggle", **dict(toggling(name)))
+        row = layout.row(align=True)
+        row.prop(context.scene.oneframe.surface, "display_type", text="Surface")
+        draw_key(row, "wm.context_toggle_enum", **dict(WIREFRAME))
+        row = layout.row(align=True)
+        row.prop(view, "contour", icon="MOD_EDGESPLIT", toggle=True)
+        draw_key(row, "wm.context_toggle", **dict(CONTOUR))
         if view.contour:
             row = layout.row(align=True)
             row.prop(view, "contour_color", text="")
             row.prop(view, "crease_deg", text="Crease (°)")
         if frame_image_of(context.scene) is None:
             draw_text(layout, "No frame is loaded, or its file has moved. Load the frame.", icon="INFO")
-        for value, icon in (
-            ("NONE", "X"),
-            ("BLINK", "HIDE_OFF"),
-            ("SWIPE", "ARROW_LEFTRIGHT"),
-            ("DIFFERENCE", "SELECT_DIFFERENCE"),
-        ):
-            row = layout.row(align=True)
-            row.prop_enum(view, "comparison", value, icon=icon)
-            draw_key(row, "wm.context_toggle_enum", **dict(toggling("comparison", value)))
-        if view.comparison == "SWIPE":
-            layout.prop(view, "split", slider=True)
-        if view.comparison == "DIFFERENCE":
-            layout.prop(view, "gain")
         self._draw_zoom(layout)
-        layout.prop(view, "loupe")
 
     def _draw_zoom(self, layout: bpy.types.UILayout) -> None:
         row = layout.row(align=True)

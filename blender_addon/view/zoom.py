@@ -107,7 +107,7 @@ def _zoom_factor(view_camera_zoom: float) -> float:
 
 
 def free_rectangle(area: bpy.types.Area) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right corner (px of the view's region) of what is left of a 3D view for frame and loupe."""
+    """Lower left and upper right corner (px of the view's region) of what is left of a 3D view for the frame."""
     low, high = uncovered_rectangle(area)
     below = max((height_of(area) for height_of in reserved), default=0.0)
     low, high = np.maximum(low, [0.0, below]), high - [0.0, STATUS_PX * bpy.context.preferences.system.ui_scale]

@@ -1,7 +1,5 @@
 """How the camera view shows surface and frame: drawings agree with K, and no view operator moves an object."""
 
-from functools import partial
-
 import bpy
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from scipy.spatial import KDTree
 from blender_addon.ui.frame_view import FrameView
 from blender_addon.ui.keymap import MASK_TOOL, PIN_TOOL, binding
 from blender_addon.ui.strokes import Strokes
-from blender_addon.view.operators import toggling
+from blender_addon.view.operators import CONTOUR, WIREFRAME
 from blender_addon.view.overlay import Composite, frame_image_of
 from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, Projection, SurfacePicture
 from oneframe.blender.bridge.data_blocks import absolute_path
@@ -22,7 +20,6 @@ from oneframe.images.image_reader import read_image
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
 OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")
-COMPARED = ("BLINK", "SWIPE", "DIFFERENCE")
 
 
 @pytest.fixture
@@ -71,13 +68,12 @@ def projection_through(camera: PinholeCamera, times: int = 1):
 
 
 def drawn(surface, projection, crease_deg=None):
-    """``(H, W, 4)`` picture and lines, 0..1, top row first."""
+    """``(H, W)`` depth in mm, and ``(H, W, 4)`` lines, 0..1, top row first."""
     picture = SurfacePicture(projection.width, projection.height)
     picture.draw(projection, surface, crease_deg)
     shape = (projection.height, projection.width, 4)
-    return tuple(
-        np.array(texture.read(), float).reshape(shape)[::-1] / 255 for texture in (picture.picture, picture.lines)
-    )
+    geometry, lines = (np.array(each.read(), float).reshape(shape)[::-1] for each in (picture.geometry, picture.lines))
+    return geometry[..., 3], lines / 255
 
 
 def new_object(build):
@@ -104,7 +100,7 @@ def test_contour_of_a_ball_is_its_outline(gpu_context):
     times, radius, centre_cam = 6, 5.0, np.array([0.8, -0.6, 150.0])
     found = ball(radius)
     found.matrix_world = Matrix.Translation(centre_cam * [1, -1, -1])
-    picture, lines = drawn(found, projection_through(CAMERA, times), 60.0)
+    depth_mm, lines = drawn(found, projection_through(CAMERA, times), 60.0)
     v, u = np.mgrid[: times * CAMERA.height, : times * CAMERA.width]
     pixels = (np.stack([u, v], -1) + 0.5) / times - 0.5
     rays = CAMERA.rays_cam(pixels.reshape(-1, 2))
@@ -113,7 +109,7 @@ def test_contour_of_a_ball_is_its_outline(gpu_context):
     distance = np.linalg.norm(centre_cam)
     inside = np.arcsin(radius / distance) - np.arccos(along @ centre_cam / distance)
     inside_px = (inside * CAMERA.fx * times).reshape(v.shape)
-    covered = picture[..., 3] > 0.5
+    covered = depth_mm > 0
     assert covered[inside_px > 0.6].all()
     assert not covered[inside_px < -0.6].any()
     line = lines[..., :2].max(axis=-1) > 0.5
@@ -168,7 +164,7 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     buffer = gpu.types.GPUFrameBuffer(color_slots=(target,))
     picture = SurfacePicture(width, height)
     with buffer.bind():
-        composite = Composite("FRAME", seen, frame_image_of(scene), picture, contour=False, target_encodes=False)
+        composite = Composite(picture, seen, frame_image_of(scene), 1.0, everywhere=True, target_encodes=False)
         composite.draw(scene.oneframe_view, (0, 0), (width, height))
     shown = np.array(target.read(), float).reshape(height, width, 4)[::-1, :, :3]
     # the outermost pixels are mixed with the opposite border by some cards' anisotropic filters
@@ -179,41 +175,23 @@ def frame_path(scene):
     return absolute_path(scene.oneframe.frame_path)
 
 
-@pytest.mark.gl
-@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
-def test_a_coloured_surface_shows_its_colours(gpu_context, domain):
-    found = ball(5.0)
-    found.location = (0, 0, -150)
-    bpy.context.view_layer.update()
-    colours = found.data.color_attributes.new("colour", "BYTE_COLOR", domain)
-    colours.data.foreach_set("color_srgb", np.tile([0.2, 0.6, 0.9, 1.0], len(colours.data)))
-    picture, _ = drawn(found, projection_through(CAMERA))
-    covered = picture[..., 3] > 0.5
-    assert covered.sum() > 1000
-    np.testing.assert_allclose(
-        picture[covered][:, :3], np.broadcast_to([0.2, 0.6, 0.9], (covered.sum(), 3)), atol=0.006
-    )
-
-
-def test_view_operators_are_cyclic_replace_each_other_and_move_nothing(in_view, scene):
+def test_view_operators_are_cyclic_and_move_nothing(in_view, scene):
     before, view, surface = poses(scene), scene.oneframe_view, scene.oneframe.surface
 
     def state():
-        return round(view.opacity, 3), view.wireframe, view.contour, view.comparison, surface.display_type
+        return round(view.opacity, 3), view.contour, surface.display_type
 
-    calls = [bpy.ops.oneframe.cycle_opacity]
-    calls += [partial(bpy.ops.wm.context_toggle, **dict(toggling(name))) for name in ("wireframe", "contour")]
-    calls += [partial(bpy.ops.wm.context_toggle_enum, **dict(toggling("comparison", name))) for name in COMPARED]
-    for call in calls:
+    for call, names in (
+        (bpy.ops.oneframe.cycle_opacity, ()),
+        (bpy.ops.wm.context_toggle, CONTOUR),
+        (bpy.ops.wm.context_toggle_enum, WIREFRAME),
+    ):
         passed = [state()]
         for _ in range(4):
-            assert call() == {"FINISHED"}
+            assert call(**dict(names)) == {"FINISHED"}
             passed.append(state())
         assert passed[0] != passed[1]
         assert passed[0] == passed[4]
-    for call, name in zip(calls[-3:], COMPARED, strict=True):
-        call()
-        assert view.comparison == name
     assert all((a == b).all() for a, b in zip(poses(scene), before, strict=True))
 
 

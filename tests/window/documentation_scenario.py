@@ -30,7 +30,7 @@ CLICK_SIGMA_PX = 2.0
 WRONG = 6, (20.0, -14.0)
 """Index of the wrong click, and its error in px."""
 DISTURBED = rigid(rotation_from_vector(np.radians([0.3, 0.2, 3.0])), [-0.5, -0.6, 6.0])
-"""Error of the rough pose that the comparisons show."""
+"""Error of the rough pose that the contour shows."""
 VIEWS = 100
 FILM = ("clear", "tool", "clear", "hand", "blur", "clear", "glare", "clear", "blood", "clear")
 TOOLBAR_PX, SIDEBAR_PX = 60, 270
@@ -45,7 +45,7 @@ def scenario(user: User) -> Action:
     yield from look_at_frame(user, beside_panels=True)
     yield from window_picture(user, "sidebar")
     yield from landmarks(user)
-    yield from comparisons(user)
+    yield from contour(user)
     yield from colour_and_poses(user)
     yield from dataset(user)
     yield from video(user)
@@ -71,10 +71,10 @@ def landmarks(user: User) -> Action:
         bpy.ops.wm.tool_set_by_id(name="oneframe.pin_tool")
 
 
-def comparisons(user: User) -> Action:
-    """A rough pose by contour, swipe and difference, without the sidebar."""
+def contour(user: User) -> Action:
+    """A rough pose by contour, without the sidebar."""
     scene, space = bpy.context.scene, user.area.spaces.active
-    view, true = scene.oneframe_view, from_scene.cam_from_model(scene)
+    true = from_scene.cam_from_model(scene)
     surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, DISTURBED @ true)
     for structure in from_scene.surface_of(scene).children:
         structure.hide_viewport = True
@@ -83,11 +83,6 @@ def comparisons(user: User) -> Action:
     yield 0.5
     yield from look_at_frame(user, beside_panels=False)
     yield from frame_picture(user, "contour")
-    view.opacity, view.contour, view.comparison, view.split = 1.0, False, "SWIPE", 0.45
-    yield from frame_picture(user, "swipe")
-    view.comparison = "DIFFERENCE"
-    yield from frame_picture(user, "difference")
-    view.comparison, view.opacity, view.contour = "NONE", 0.0, True
     surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, true)
 
 
@@ -97,7 +92,7 @@ def colour_and_poses(user: User) -> Action:
     surface, camera = from_scene.surface_of(scene), from_scene.camera_object_of(scene)
     with user.context():
         assert operators.oneframe.project_colour(mode="texture") == {"FINISHED"}
-        operators.oneframe.orbit_surface()
+        bpy.ops.view3d.view_camera()
     tilted(view, camera, 35)
     view.view_distance *= 1.15
     yield from view_picture(user, "colour", width=1100)

@@ -1,4 +1,4 @@
-"""From a CT to its surface and a masked frame by hand: file dialog, a press that comes too early, brush of the mask."""
+"""From a CT to its surface and a masked frame by hand: file dialog, undo, brush of the mask."""
 
 import numpy as np
 from user import part
@@ -18,10 +18,6 @@ def scenario(user):
     yield from user.at_workbench()
     yield from user.open_sidebar("OneFrame")
     yield from user.press("make_surface")
-    # what is pressed meanwhile does nothing, and the header says so
-    user.event("LEFTMOUSE", "PRESS", user.middle())
-    user.event("LEFTMOUSE", "RELEASE", user.middle())
-    yield from user.until(lambda: "Not ready" in str(part("ui.background_operator")._shown), "a refusal", 30)
     yield from user.until(lambda: user.window.scene.oneframe.surface is not None, "the surface", 60)
     yield from user.undo(lambda: user.window.scene.oneframe.surface is None, "undo")
     yield from user.redo(lambda: user.window.scene.oneframe.surface is not None, "redo")

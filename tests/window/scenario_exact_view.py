@@ -44,7 +44,6 @@ def scenario(user):
     # the surface as Blender draws it
     scene.oneframe_view.opacity, scene.oneframe_view.contour = 1.0, False
     with user.context():
-        # no loupe over the dots
         bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     space.show_gizmo = space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = False
     background = scene.oneframe.camera_object.data.background_images[0]

@@ -1,9 +1,9 @@
-"""At a large interface scale no text over the view is cut off, and the loupe leaves the frame to see."""
+"""At a large interface scale no text over the view is cut off."""
 
 import bpy
 import numpy as np
 from bl_ext.user_default.oneframe.frames import band
-from bl_ext.user_default.oneframe.landmarks import loupe, tool
+from bl_ext.user_default.oneframe.landmarks import tool
 from bl_ext.user_default.oneframe.ui.keymap import LANDMARK_TOOL, MOVE_TOOL
 from bl_ext.user_default.oneframe.ui.strokes import Strokes
 from bl_ext.user_default.oneframe.video import session
@@ -32,12 +32,6 @@ def scenario(user):
             region = user.region()
             yield from user.move((region.x + x, region.y + y))
             yield from user.picture(f"1_{name.partition('.')[2]}_{place[0]}")
-            if name == LANDMARK_TOOL:
-                size = loupe.size_in(user.area)
-                corner = loupe.corner(user.area, np.array([x, y]), size, [])
-                assert (corner >= low).all()
-                assert (corner + size <= high).all()
-                assert not ((corner < [x, y]) & (corner + size > [x, y])).all(), "it covers what is under the pointer"
     check(user, "unaligned.toml", "Click a feature")
 
     bpy.context.scene.oneframe.surface.scale = 1.0, 1.0, 1.3

@@ -33,8 +33,6 @@ def scenario(user):
     with user.context():
         assert active_tool(bpy.context) == PIN_TOOL
 
-    yield from side_by_side(user)
-
     # leave by the tab, by undo, by disabling
     own = user.window.workspace
     user.window.workspace = bpy.data.workspaces["Layout"]
@@ -66,24 +64,6 @@ def scenario(user):
 
 def workspaces():
     return [workspace.name for workspace in bpy.data.workspaces]
-
-
-def side_by_side(user):
-    """Two pictures of one size beside one sidebar; the same button closes the second."""
-    user.call("side_by_side")
-    yield 0.5
-    views = sorted((area for area in user.window.screen.areas if area.type == "VIEW_3D"), key=lambda area: area.x)
-    yield from user.picture("side_by_side")
-    assert [area.spaces.active.show_region_ui for area in views] == [True, False]
-    sidebar = user.region("UI", views[0]).width
-    assert abs(views[0].width - sidebar - views[1].width) < 20
-    with bpy.context.temp_override(window=user.window, area=views[0], region=user.region("UI", views[0])):
-        bpy.ops.oneframe.side_by_side()
-    yield 0.5
-    yield from user.redraw()
-    assert len([area for area in user.window.screen.areas if area.type == "VIEW_3D"]) == 1
-    assert user.area.spaces.active.show_region_ui
-    assert_frame_is_free(user)
 
 
 def assert_frame_is_free(user):

@@ -82,6 +82,7 @@ class ONEFRAME_PT_setup(StepPanel):
             row.operator_menu_enum("oneframe.change_units", "units", text=settings.units)
             column.label(text=size_text(from_scene.surface_extents(context.scene)))
         column.operator("oneframe.add_structure", icon="OUTLINER_OB_MESH")
+        column.operator("oneframe.load_pose", icon="EMPTY_ARROWS")
 
 
 class ONEFRAME_PT_camera(PartPanel):

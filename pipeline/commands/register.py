@@ -30,10 +30,9 @@ covariance), bop_estimates.csv (the accepted ones), registration.html and frames
 video overlay.mp4: the overlay is the fainter the less sure its pose is, and what is not accepted is marked.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
-adjustment: a pose of the case that is some degrees off comes back, with --estimate-focal also a focal length that is
-some percent off, where the frames determine it. --colour-frames chooses accepted frames, sharp and clear ones, that
-bring the surface's colours nearer to what the other frames show: they colour what the case's own frame did not see, in
-its exposure.
+adjustment: a pose of the case that is some degrees off comes back, where the frames determine it. --colour-frames
+chooses accepted frames, sharp and clear ones, that bring the surface's colours nearer to what the other frames show:
+they colour what the case's own frame did not see, in its exposure.
 DIR/case.toml holds the case with the new pose and these frames.
 """
 
@@ -46,10 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("frames", metavar="FRAMES", type=Path, help="a folder of images, or a video")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
     parser.add_argument("--correct-source", action="store_true", help="first correct the case's own pose by the frames")
-    parser.add_argument(
-        "--estimate-focal", action="store_true",
-        help="with --correct-source: find the focal length too; the principal point and fy / fx stay",
-    )  # fmt: skip
     parser.add_argument(
         "--colour-frames", metavar="N", type=at_least(1), default=0,
         help="also write the case with up to N of the frames to colour its surface with",
@@ -79,8 +74,6 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
 
     if arguments.denoise and not arguments.colour_frames:
         raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
-    if arguments.estimate_focal and not arguments.correct_source:
-        raise InputError("command line: --estimate-focal: expected --correct-source with it, which finds both")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
     inputs = case.input_files() | frame_files(arguments.frames) | ({} if model is None else {"network": model})
@@ -139,7 +132,6 @@ def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: Text
         corrected = correct_source(
             loaded,
             arguments.frames,
-            focal=arguments.estimate_focal,
             tool=f"OneFrame {__version__}, register",
             date=datetime.date.today().isoformat(),
             progress=shown.reach,
@@ -150,8 +142,7 @@ def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: Text
             f"note: the case's {len(case.frames)} further frames keep their poses; if these are from before, take "
             f"them out and choose frames with --colour-frames\n"
         )
-    comment = f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
-    return corrected.loaded, comment + (f", K = {case.camera.k.tolist()}" if arguments.estimate_focal else "")
+    return corrected.loaded, f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
 
 
 def _write_film(

@@ -152,7 +152,7 @@ def test_the_installed_program_renders_with_workers_and_checks(run_installed, wr
     assert run_installed("oneframe", "pack", "out", "--out", "packed", "--verify").returncode == 0
     ended = run_installed("oneframe", "report", "out", "--out", "page.html")
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert b"complete and consistent" in (tmp_path / "page.html").read_bytes()
+    assert b"Complete and consistent" in (tmp_path / "page.html").read_bytes()
     (tmp_path / "out" / "poses.csv").unlink()
     ended = run_installed("oneframe", "check", "out", "--fast")
     assert ended.returncode == 1

@@ -22,6 +22,7 @@ EPILOG = """examples:
   %(prog)s case.toml surgery.mp4 --out registered
   %(prog)s case.toml surgery.mp4 --out registered --every 25
   %(prog)s case.toml surgery.mp4 --out registered --correct-source
+  %(prog)s case.toml surgery.mp4 --out registered --network network.onnx
 
 The frames are of the case's camera: the same K, or the same proportions, to which K is scaled. Each is accepted,
 doubtful or refused, with the probability that its pose is within 2 degrees, 2 %% of the distance and 5 px of what the
@@ -34,6 +35,10 @@ adjustment: a pose of the case that is some degrees off comes back, where the fr
 chooses accepted frames, sharp and clear ones, that bring the surface's colours nearer to what the other frames show:
 they colour what the case's own frame did not see, in its exposure.
 DIR/case.toml holds the case with the new pose and these frames.
+
+--network takes what oneframe train wrote, of views of this surface: a frame starts at the network's pose, and is
+refined and judged like any other; where that is not sure, the network sees it in the colours' range of the case's
+frame, then features are tried, and the most probable pose counts. No PyTorch is needed.
 """
 
 MOST_REASONS = 10
@@ -50,16 +55,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also write the case with up to N of the frames to colour its surface with",
     )  # fmt: skip
     parser.add_argument("--denoise", action="store_true", help="remove noise from these frames, as oneframe case does")
+    parser.add_argument(
+        "--network", metavar="FILE.onnx", type=Path, help="find first poses by a network of oneframe train"
+    )
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Register the frames, write the files and report what was found."""
-    register(arguments)
-
-
-def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
-    """Register the frames, from the poses that the network of a file finds, if there is one."""
     from ..case.case_file import read_case
     from ..case.case_folder import remove_unnamed
     from ..case.case_update import other_inputs
@@ -76,7 +79,11 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
         raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
-    inputs = case.input_files() | frame_files(arguments.frames) | ({} if model is None else {"network": model})
+    inputs = (
+        case.input_files()
+        | frame_files(arguments.frames)
+        | ({"network": arguments.network} if arguments.network else {})
+    )
     check_own_folder(out, NAMES, inputs)
     check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
     if other := other_inputs(out / CASE, case):
@@ -86,10 +93,10 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
         )
     loaded, comment = load_case(case).with_shown_structures(), ""
     guess = None
-    if model is not None:
+    if arguments.network:
         from ..learning.pose_network import PoseNetwork
 
-        guess = PoseNetwork.read(model, loaded).poses
+        guess = PoseNetwork.read(arguments.network, loaded).poses
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
         loaded, comment = _corrected(arguments, loaded, output)

@@ -216,7 +216,6 @@ FAILING = {
     "correct": "correct /no/case.toml /no/registered --out /no/out",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "pack": "pack /no/dataset --out /no/packed", "train": "train /no/dataset --out /no/network.onnx",
-    "locate": "locate /no/network.onnx /no/case.toml /no/frames --out /no/out",
     "report": "report /no/dataset --out /no/report.html",
     "evaluate": "evaluate /no/case.toml /no/list.json --out /no/out",
     "colour": "colour /no/case.toml --out /no/surface.ply",

@@ -150,9 +150,9 @@ def test_the_installed_program_renders_with_workers_and_checks(run_installed, wr
     ended = run_installed("oneframe", "pack", "out", "--out", "packed", "--views-per-shard", "2", "--workers", "2")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert run_installed("oneframe", "pack", "out", "--out", "packed", "--verify").returncode == 0
-    ended = run_installed("oneframe", "report", "out", "--out", "page.html", "--case", "case/case.toml")
+    ended = run_installed("oneframe", "report", "out", "--out", "page.html")
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert b"complete and consistent" in (tmp_path / "page.html").read_bytes()
+    assert b"Complete and consistent" in (tmp_path / "page.html").read_bytes()
     (tmp_path / "out" / "poses.csv").unlink()
     ended = run_installed("oneframe", "check", "out", "--fast")
     assert ended.returncode == 1

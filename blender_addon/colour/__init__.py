@@ -1,1 +1,1 @@
-"""Panel *Colour*: project the frame's colours on the surface, and export it."""
+"""Panel *Colour*: project the frame's colours on the surface."""

@@ -1,4 +1,4 @@
-"""Operators that project the frame's colours on the surface, show them, and export the coloured surface."""
+"""Operators that project the frame's colours on the surface, and show them."""
 
 from functools import partial
 from typing import Any, Literal
@@ -6,26 +6,21 @@ from typing import Any, Literal
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import EnumProperty
 
 from ..class_registration import listening, prop
-from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.camera_view import light_shape, spaces_of
 from ..state.known_case import further_frames
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
-from ..ui.operator import Available, Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile
+from ..ui.operator import Available, Messages, NeedsAlignment, Reporting
 from . import colouring
 
 MODES = [
     ("vertex", "Vertex Colours", "One colour per vertex: as fine as the mesh"),
     ("texture", "UV Texture", "A texture made of the frame's pixels: full detail"),
-]
-UNSEEN = [
-    ("neutral", "Neutral", "Grey"),
-    ("fill", "Fill", "The observed colours, continued smoothly over the surface"),
 ]
 
 
@@ -84,40 +79,6 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting):
         _check_object_mode(surface)
         remove_colour(surface)
         show_colour(surface)
-
-
-class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile):
-    """Export the surface with the frame's colours, projected at the current pose, as GLB, OBJ or PLY"""
-
-    bl_label = "Export Coloured Surface"
-    bl_options = {"REGISTER"}
-
-    filename_ext = ".glb"
-    usual_name = "surface.glb"
-    # the name says which of the three it is
-    check_extension = None
-    filter_glob: str = prop(StringProperty, default="*.glb;*.obj;*.ply", options={"HIDDEN"})
-    mode: Literal["texture", "vertex"] = prop(
-        EnumProperty, "Colours", "How the file holds the colours", items=MODES, default="texture"
-    )
-    unseen: str = prop(EnumProperty, "Unseen", "Surface that the frame did not see", items=UNSEEN, default="neutral")
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        record = colour_record(from_scene.surface_of(context.scene))
-        if record is not None:
-            self.mode = record["mode"]
-        return super().invoke(context, event)
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        path = self.chosen_file()
-        if path.suffix.lower() == ".glb" and "gltf" not in dir(bpy.ops.export_scene):
-            raise InputError(
-                f"{path}: expected Blender's glTF exporter, found it disabled; enable the add-on "
-                '"glTF 2.0 format" in the preferences, or export OBJ or PLY'
-            )
-        loaded = from_scene.loaded_case(context.scene)
-        messages = export_coloured_surface(loaded, path, colour=self.mode, unseen=self.unseen)
-        return (*messages, f"saved {path}")
 
 
 def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:

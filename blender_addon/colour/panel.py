@@ -1,4 +1,4 @@
-"""The panel Colour: projection, its coverage and accuracy, export, and the lamp at the lens."""
+"""The panel Colour: projection, its coverage and accuracy, and the lamp at the lens."""
 
 from collections.abc import Iterable
 
@@ -31,7 +31,6 @@ class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
             row.operator("oneframe.project_colour", text=name, icon=icon, depress=shown).mode = mode
         if record is not None:
             _draw_record(layout, scene, record)
-        layout.operator("oneframe.export_surface", text="Export GLB, OBJ, PLY", icon="EXPORT")
 
 
 def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dict) -> None:

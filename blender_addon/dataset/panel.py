@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..pipeline.dataset.options import LENS, NONE, PATHS, SAMPLERS, SHADOWS, option_groups
+from ..pipeline.dataset.options import LENS, NONE, PATHS, SHADOWS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.known_case import lamp_of
@@ -33,11 +33,7 @@ class ONEFRAME_PT_dataset(StepPanel):
         options = settings.dataset
         column = layout.column(align=True)
         column.prop(options, "count")
-        column.prop(options, "seed")
-        column = layout.column(align=True)
         column.prop(options, "sampler")
-        for name in SAMPLERS[options.sampler].options:  # type: ignore[attr-defined]  # from DatasetOptions
-            column.prop(options, name)
         try:
             pose_preview.dataset_options(context.scene)
         except InputError as error:
@@ -83,7 +79,7 @@ class ONEFRAME_PT_dataset_preview(PartPanel):
 
 
 class ONEFRAME_PT_dataset_options(PartPanel):
-    """Constraints on the views, and how they are rendered"""
+    """How the views are rendered"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "More Options"
@@ -92,12 +88,10 @@ class ONEFRAME_PT_dataset_options(PartPanel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, context.scene.oneframe.dataset
         layout.use_property_split, layout.use_property_decorate = True, False
-        groups = option_groups()
-        for title in ("constraints on poses", "views"):
-            column = layout.column(align=True)
-            for option in groups[title]:
-                if option.key not in {"count", *PATHS}:
-                    column.prop(options, option.key)
+        column = layout.column(align=True)
+        for option in option_groups()["views"]:
+            if option.key not in {"count", *PATHS}:
+                column.prop(options, option.key)
         column.prop(options, "stereo_mm")
         if options.stereo_mm or options.converge_mm:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "converge_mm")

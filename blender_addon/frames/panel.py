@@ -1,11 +1,10 @@
-"""The step Frames: the other frames of the film, the correction of the first pose, further colour sources."""
+"""The step Frames: the other frames of the film, the correction of the first pose."""
 
 import bpy
 
 from ..pipeline.case.alignment_record import FURTHER_FRAMES
 from ..setup.alignment_record import pose_record
 from ..state import another_frame
-from ..state.known_case import further_frames
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
 from ..ui.step_panel import StepPanel
@@ -46,12 +45,6 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
         record = pose_record(scene)
         if record.get("method") == FURTHER_FRAMES:
             draw_text(layout, f"Corrected: {record_text(record)}, if the surface is right.", icon="CHECKMARK")
-        layout.separator()
-        row = layout.row(align=True)
-        row.operator("oneframe.use_colour_sources", icon="COLOR")
-        row.operator("oneframe.clear_colour_sources", text="", icon="X")
-        for each in further_frames(scene):
-            layout.label(text=each.image.name, icon="IMAGE_DATA")
 
 
 def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:

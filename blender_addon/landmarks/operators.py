@@ -9,14 +9,13 @@ from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProp
 from ..class_registration import prop
 from ..pipeline.alignment.refinement.refine import explained
 from ..pipeline.case.case_file import MM_PER_UNIT
-from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
+from ..pipeline.case.landmark_file import read_landmarks
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.surface.mesh import TriangleMesh
 from ..state import events, from_scene, pose_evidence
 from ..state.landmarks import landmarks_mesh, replace_landmarks
-from ..state.scene_files import input_files
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import (
     Messages,
@@ -24,7 +23,6 @@ from ..ui.operator import (
     OpensFile,
     OperatorResult,
     Reporting,
-    SavesFile,
     report_error,
 )
 from ..ui.question import Asking
@@ -292,29 +290,6 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
         if pose_evidence.is_refined(scene):
             messages.append("the refined pose is unchanged; press Solve to replace it by that of the landmarks")
         return messages
-
-
-class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile):
-    """Export the landmarks to a CSV or JSON file: surface points in the frame and units of the mesh file, and pixels"""
-
-    bl_label = "Export Landmarks"
-    bl_options = {"REGISTER"}
-
-    filename_ext = ".csv"
-    usual_name = "landmarks.csv"
-    check_extension = None
-    filter_glob: str = prop(StringProperty, default="*.csv;*.json", options={"HIDDEN"})
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        scene = context.scene
-        path = self.chosen_file()
-        write_landmarks(
-            path,
-            landmarks_mesh(scene),
-            mm_per_unit=MM_PER_UNIT[scene.oneframe.units],
-            inputs=input_files(scene),
-        )
-        return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
 
 
 def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:

@@ -73,7 +73,6 @@ class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
         column.operator("oneframe.landmarks_clear", text="", icon="TRASH")
         column.separator()
         column.operator("oneframe.import_landmarks", text="", icon="IMPORT")
-        column.operator("oneframe.export_landmarks", text="", icon="EXPORT")
         layout.prop(settings, "click_sigma_px", text="Click Noise (px)")
         layout.prop(settings, "live_solve", text="Solve After Every Change", toggle=True)
         try:

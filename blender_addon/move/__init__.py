@@ -1,1 +1,1 @@
-"""Panel *Move*: change the pose by keys, handles and numbers."""
+"""Change the pose by keys, and by drags of the tool *Move Surface*."""

@@ -1,4 +1,4 @@
-"""Operators that move the surface in steps of image pixels: by keys, buttons, and drags of the tool."""
+"""Operators that move the surface in steps of image pixels: by keys, and drags of the tool."""
 
 import bpy
 import numpy as np
@@ -10,11 +10,11 @@ from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_from_vector, transform_points, turned_about
 from ..state import another_frame, from_scene
 from ..state.events import redraw
-from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh, set_cam_from_model
+from ..state.pose import keep_pivot, pivot_of, set_cam_from_model
 from ..ui.drag import Drag
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import MOVE_TOOL, TOOLS, Key, ViewTool, keys
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
+from ..ui.operator import NeedsAlignment, OperatorResult, Reporting, report_error
 
 AXES = [
     ("x", "Right", "Shift to the right in the image"),
@@ -181,31 +181,6 @@ class ONEFRAME_OT_drag_pose(_Mover, Drag):
         region = window_region(context.area)
         view = FrameView.of(context.scene, region, context.area.spaces.active.region_3d)
         return view.px_from_region(np.array([event.mouse_x - region.x, event.mouse_y - region.y], float))
-
-
-class ONEFRAME_OT_copy_pose(Reporting):
-    """Copy the pose to the clipboard: four rows of numbers at full precision, in the frame of the mesh file"""
-
-    bl_label = "Copy Pose"
-    bl_options = set()
-
-    inverse: bool = prop(BoolProperty, "Inverse", "Copy mesh_from_cam instead of cam_from_mesh")
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        context.window_manager.clipboard = "\n".join(pose_rows(context.scene, inverse=self.inverse))
-        return ("pose copied to the clipboard",)
-
-
-class ONEFRAME_OT_paste_pose(Reporting):
-    """Paste cam_from_mesh from the clipboard: 16 or 12 numbers, row by row"""
-
-    bl_label = "Paste Pose"
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        another_frame.check_own(context.scene)
-        pose, message = pose_from_text(context.window_manager.clipboard)
-        set_cam_from_mesh(context.scene, pose)
-        return (message,) if message else ()
 
 
 class MoveTool(ViewTool):

@@ -25,7 +25,6 @@ class ONEFRAME_PT_case(SidebarPanel):
         row.operator("oneframe.open_case", icon="FILE_FOLDER")
         row.operator("oneframe.save_case", icon="FILE_TICK")
         row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
-        row.operator("oneframe.save_record", text="", icon="TEXT")
         if settings.case_path:
             layout.label(text=bpy.path.basename(settings.case_path), icon="FILE_TEXT")
         _draw_missing(layout, context.scene)
@@ -83,6 +82,7 @@ class ONEFRAME_PT_setup(StepPanel):
             row.operator_menu_enum("oneframe.change_units", "units", text=settings.units)
             column.label(text=size_text(from_scene.surface_extents(context.scene)))
         column.operator("oneframe.add_structure", icon="OUTLINER_OB_MESH")
+        column.operator("oneframe.load_pose", icon="EMPTY_ARROWS")
 
 
 class ONEFRAME_PT_camera(PartPanel):

@@ -10,16 +10,11 @@ import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import prop
-from ..pipeline.blender.render.lettering import text_mask
 from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, is_found
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import other_inputs, update_case
 from ..pipeline.case.case_writer import case_output, write_case
 from ..pipeline.errors import InputError
-from ..pipeline.files.content import write_bytes_atomically
-from ..pipeline.files.outputs import check_outputs
-from ..pipeline.images.png import encode_png
-from ..pipeline.overlay.overlay_picture import case_picture
 from ..state import from_scene
 from ..state.events import redraw
 from ..state.known_case import known_case, remember_file
@@ -27,7 +22,7 @@ from ..state.scene_files import forget_stamps, input_files, saved, usual_folder
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, SavesFile
 from ..ui.question import ask_first
 from . import autosave
-from .alignment_record import doubts, pose_record, recorded_case
+from .alignment_record import doubts, recorded_case
 from .kept_files import keep_beside
 
 
@@ -115,29 +110,6 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
             # else undo would bring back the file before, for the next save
             bpy.ops.ed.undo_push(message=self.bl_label)
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
-
-
-class ONEFRAME_OT_save_record(NeedsAlignment, SavesFile):
-    """Save one page about the alignment, with names of files: frame, overlay, residuals, uncertainty, origin"""
-
-    bl_label = "Save Record"
-    bl_options = {"REGISTER"}
-
-    filename_ext = ".png"
-    usual_name = "record.png"
-    filter_glob: str = prop(StringProperty, default="*.png", options={"HIDDEN"})
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        # OpenCV comes with the extension
-        from ..pipeline.overlay.record_page import record_page
-
-        scene, path = context.scene, self.chosen_file()
-        check_outputs([path], input_files(scene))
-        loaded = from_scene.loaded_case(scene).with_shown_structures()
-        loaded = replace(loaded, case=replace(loaded.case, alignment=pose_record(scene)))
-        picture = case_picture(loaded, text_mask).image
-        write_bytes_atomically(path, encode_png(record_page(loaded, picture, text_mask)))
-        return (f"saved {path}",)
 
 
 REPLACE = "Replace the Pose?"

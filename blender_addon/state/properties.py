@@ -173,17 +173,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     show_landmarks: bool = prop(
         BoolProperty, "Show Landmarks", "Draw landmarks, residuals and the pose's uncertainty", default=True
     )
-    step: str = prop(
-        EnumProperty,
-        "Step",
-        "Step of the buttons in pixels of the frame",
-        items=[
-            ("coarse", "10 px", "Ten pixels (keys: hold Alt)"),
-            ("normal", "1 px", "One pixel"),
-            ("fine", "0.1 px", "A tenth of a pixel (keys: hold Shift)"),
-        ],
-        default="normal",
-    )
     dataset: ONEFRAME_PG_dataset = prop(PointerProperty, type=ONEFRAME_PG_dataset)
     dataset_out: str = prop(
         StringProperty, "Folder", "Folder of the dataset; a stopped run continues there", subtype="DIR_PATH"

@@ -16,8 +16,6 @@ from .reprojection import jacobian_at, twist_between
 REGION_LEVEL = 0.95
 
 ENTRY = tuple(ENTRY_SHAPES)
-FOCAL_DEPTH = "focal_depth_mm"
-"""Key for :attr:`PoseUncertainty.focal_depth_mm`, unless it is 0."""
 
 _DIRECTIONS = (
     "shift to the left or right ± {} mm",
@@ -53,9 +51,6 @@ class PoseUncertainty:
         Root mean square distance of these points from the pivot: makes rotations comparable with shifts.
     pivot_cam
         ``(3,)`` the pivot in the camera frame, mm.
-    focal_depth_mm
-        The part of the standard deviation along the camera's z that comes from a focal length found together with the
-        pose: the pivot is as much too far as the lens is too long. Both cancel in the image, but for the relief.
     """
 
     pivot_model: np.ndarray
@@ -64,7 +59,6 @@ class PoseUncertainty:
     sigma_px: float
     radius_mm: float
     pivot_cam: np.ndarray
-    focal_depth_mm: float = 0.0
 
     @classmethod
     def about_points(
@@ -100,27 +94,12 @@ class PoseUncertainty:
         """From :meth:`entry`, for the pose ``(4, 4)``."""
         covariance, pivot, radius = (np.array(entry[key], float) for key in ENTRY)
         pivot = transform_points(inverse_rigid(mesh_from_model), pivot)
-        pivot_cam, focal_depth = transform_points(cam_from_model, pivot), float(entry.get(FOCAL_DEPTH, 0.0))
-        return cls(pivot, covariance, np.inf, np.nan, float(radius), pivot_cam, focal_depth)
+        return cls(pivot, covariance, np.inf, np.nan, float(radius), transform_points(cam_from_model, pivot))
 
     def entry(self, mesh_from_model: np.ndarray) -> dict[str, object]:
         """What lists of poses and records keep, to be had back by :meth:`of_entry`: the keys are :data:`ENTRY`."""
         pivot = transform_points(mesh_from_model, self.pivot_model)
-        entry = dict[str, object](zip(ENTRY, (self.covariance.tolist(), pivot.tolist(), self.radius_mm), strict=True))
-        return entry | ({FOCAL_DEPTH: self.focal_depth_mm} if self.focal_depth_mm else {})
-
-    @property
-    def at_focal_length(self) -> "PoseUncertainty":
-        """The same as if the focal length were certain: how far the pose is off beside its K."""
-        covariance = self.covariance.copy()
-        covariance[2, 2] -= self.focal_depth_mm**2
-        return replace(self, covariance=covariance, focal_depth_mm=0.0)
-
-    def with_focal_depth(self, depth_mm: float) -> "PoseUncertainty":
-        """The inverse of :attr:`at_focal_length`."""
-        covariance = self.covariance.copy()
-        covariance[2, 2] += depth_mm**2
-        return replace(self, covariance=covariance, focal_depth_mm=depth_mm)
+        return dict(zip(ENTRY, (self.covariance.tolist(), pivot.tolist(), self.radius_mm), strict=True))
 
     @property
     def translation_mm(self) -> np.ndarray:
@@ -197,12 +176,11 @@ class PoseUncertainty:
             covariance=self.covariance * np.outer(scale, scale),
             radius_mm=self.radius_mm * factor,
             pivot_cam=self.pivot_cam * factor,
-            focal_depth_mm=self.focal_depth_mm * factor,
         )
 
     def widened(self, factor: float) -> "PoseUncertainty":
         """That of standard deviations ``factor`` times as large."""
-        return replace(self, covariance=factor**2 * self.covariance, focal_depth_mm=factor * self.focal_depth_mm)
+        return replace(self, covariance=factor**2 * self.covariance)
 
     def about(self, pivot_model: np.ndarray, cam_from_model: np.ndarray) -> "PoseUncertainty":
         """The same uncertainty of the pose ``(4, 4)``, as that of a twist about another pivot ``(3,)``."""
@@ -220,7 +198,7 @@ class PoseUncertainty:
     ) -> np.ndarray:
         """``(N, 2, 2)`` covariances, px^2, of the projections of ``(N, 3)`` model points."""
         jacobians = jacobian_at(points_model, camera, cam_from_model, self.pivot_model)
-        return jacobians @ self.at_focal_length.covariance @ np.swapaxes(jacobians, -1, -2)
+        return jacobians @ self.covariance @ np.swapaxes(jacobians, -1, -2)
 
     def root_mean_square_px(self, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> float:
         """Root mean square displacement in the image of ``(N, 3)`` points, px."""

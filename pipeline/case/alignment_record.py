@@ -43,7 +43,6 @@ KEYS = (
     "covariance_mm_rad",
     "pivot_mesh_mm",
     "radius_mm",
-    "focal_depth_mm",
 )
 """In the order in which they are written.
 
@@ -86,8 +85,6 @@ KEYS = (
     What these come from, of a pose that was registered or corrected by further frames: the covariance of a twist in
     camera axes (mm, radians) about a pivot in the frame of the mesh, and the radius that makes rotations comparable
     with shifts.
-``focal_depth_mm``
-    The standard deviation of the depth that goes along with that of a focal length found together with the pose.
 """
 
 INITIAL_GUESS = "initial guess"
@@ -128,11 +125,7 @@ def checked_alignment_record(table: object, where: str) -> dict[str, object]:
     if not isinstance(table, Mapping):
         raise InputError(f"{where}: expected a table, found {table!r}")
     check_keys(table, (), KEYS, f"{where} ")
-    checked = {key: _checked(key, table[key], f"{where} {key}") for key in KEYS if key in table}
-    if "focal_depth_mm" in checked and "covariance_mm_rad" in checked:
-        along = np.diag([0.0, 0.0, float(table["focal_depth_mm"]), 0.0, 0.0, 0.0]) ** 2
-        _checked_covariance(np.array(checked["covariance_mm_rad"]) - along, f"{where} covariance_mm_rad")
-    return checked
+    return {key: _checked(key, table[key], f"{where} {key}") for key in KEYS if key in table}
 
 
 def is_a_start(record: Mapping[str, object]) -> bool:
@@ -156,7 +149,7 @@ def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, obje
     if "covariance_mm_rad" in record:
         scale = np.array([factor] * 3 + [1.0] * 3)
         scaled["covariance_mm_rad"] = (np.array(record["covariance_mm_rad"]) * np.outer(scale, scale)).tolist()
-        lengths = [key for key in ("pivot_mesh_mm", "radius_mm", "focal_depth_mm") if key in record]
+        lengths = [key for key in ("pivot_mesh_mm", "radius_mm") if key in record]
         scaled |= {key: (np.array(record[key]) * factor).tolist() for key in lengths}
     if isinstance(words := record.get("weakest"), str):
         scaled["weakest"] = _MILLIMETRES.sub(lambda found: format_two_digits(float(found[0]) * factor), words)

@@ -67,12 +67,6 @@ class LoadedCase:
         pose = cam_from_mesh @ self.surface.mesh_from_model
         return replace(self, case=case, frames=(replace(self.frame, cam_from_model=pose), *self.frames[1:]))
 
-    def zoomed(self, factor: float) -> "LoadedCase":
-        """The case with another focal length of its frame, relative to its own."""
-        case = replace(self.case, camera=self.case.camera.zoomed(factor))
-        frame = replace(self.frame, camera=self.frame.camera.zoomed(factor))
-        return replace(self, case=case, frames=(frame, *self.frames[1:]))
-
     def with_shown_structures(self, only: Collection[str] = ()) -> "LoadedCase":
         """The case with the structures that overlays show: those named in ``only``, else those that are not white.
 

@@ -12,12 +12,10 @@ from ..process.arguments import ArgumentParser, run_command
 from ..process.command_line import run_script
 
 COMMANDS = (
-    "surface", "sample", "frames", "case", "align", "agree", "overlay", "register", "light", "render",
-    "check", "pack", "train", "locate", "evaluate", "report", "colour",
+    "surface", "sample", "frames", "case", "align", "overlay", "register", "light", "render",
+    "check", "pack", "train", "evaluate", "report", "colour",
 )  # fmt: skip
 """In the order of the data flow; each is a module of its name."""
-FOLDERS = {"light": "registered", "train": "learned", "locate": "learned"}
-"""Of those that stand in one."""
 
 EPILOG = """examples:
   %(prog)s sample --out sample_case
@@ -72,7 +70,7 @@ def _program_parser() -> ArgumentParser:
 
 def command_module(name: str) -> Any:
     """The module of a command, with ``ABOUT``, ``EPILOG``, ``add_arguments`` and ``run``."""
-    return import_module(f".{FOLDERS[name]}.{name}" if name in FOLDERS else f".{name}", __package__)
+    return import_module(f".{name}", __package__)
 
 
 if __name__ == "__main__":

@@ -15,11 +15,9 @@ EPILOG = """examples:
 
 PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
 Methods are projective, texture or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
-projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes
-evaluation.json, frames.csv, summary.md, summary.tex, figure.png, pairs.png, pictures/ and charts. FID and KID need
---inception: the documentation says how to export that file.
+projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes frames.csv with the scores of every
+photograph, summary.md and figure.png. FID and KID need --inception: the documentation says how to export that file.
 """
-DEFAULT_PICTURES = 6
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,19 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--inception", metavar="FILE.onnx", type=Path, help="InceptionV3 up to its 2048 features, for FID and KID"
     )
-    parser.add_argument(
-        "--pose-error-px", metavar="X", type=at_least(0, float),
-        help="error of the poses for the limit of a perfect view (default: the displacement that is measured)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--seed", metavar="N", type=at_least(0), default=0, help="of resampling and poses (default %(default)s)"
-    )
+    parser.add_argument("--seed", metavar="N", type=at_least(0), default=0, help="of resampling (default %(default)s)")
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
-    output.add_argument(
-        "--pictures", metavar="N", type=at_least(0), default=DEFAULT_PICTURES,
-        help="photographs of each case of which pictures are written (default %(default)s)",
-    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -68,8 +56,6 @@ def run(arguments: argparse.Namespace) -> None:
         arguments.out,
         methods,
         seed=arguments.seed,
-        pose_error_px=arguments.pose_error_px,
         inception=arguments.inception,
-        pictures=arguments.pictures,
     )
     output.writelines(f"{line}\n" for line in run_evaluation(prepared, stream=sys.stderr))

@@ -14,7 +14,6 @@ ABOUT = "Draw surface and structures over the frame, or over each frame of a vid
 EPILOG = """examples:
   %(prog)s case.toml --out overlay.png
   %(prog)s case.toml --out overlay.png --under-instruments
-  %(prog)s case.toml --out record.png --page
   %(prog)s case.toml --video surgery.mp4 --poses poses.json --out overlay.mp4
 
 What the bone hides is dashed, and fainter the deeper it lies below the surface; what is in front of it is solid. The
@@ -45,11 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--under-instruments", action="store_true",
         help="draw nothing where the frame's alpha is 0: what is there is in front of the bone",
     )  # fmt: skip
-    output.add_argument(
-        "--page", action="store_true",
-        help="write the record of the alignment: an A4 page with the picture, residuals, uncertainty and origin; it "
-        "shows names of files",
-    )  # fmt: skip
     output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
 
 
@@ -60,10 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise InputError(f"command line: {given}: expected {missing} with it")
     if arguments.video and arguments.under_instruments:
         raise InputError("command line: --under-instruments: expected no --video, whose frames have no alpha")
-    if arguments.video and arguments.page:
-        raise InputError("command line: --page: expected no --video, which has many frames")
     from ..case.case_file import read_case
-    from ..case.case_folder import made_by_file
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs
 
@@ -72,8 +63,6 @@ def run(arguments: argparse.Namespace) -> None:
     inputs = case.input_files()
     if arguments.video:
         inputs |= {"video": arguments.video, "file of the poses": arguments.poses}
-    if arguments.page:
-        inputs["record of the surface"] = made_by_file(case.mesh)
     check_outputs([arguments.out], inputs)
     loaded = load_case(case, aligned=not arguments.video).with_shown_structures(arguments.only)
     output.writelines(f"note: {message}\n" for message in loaded.messages)
@@ -108,10 +97,5 @@ def _picture(arguments: argparse.Namespace, loaded: "LoadedCase") -> list[str]:
 
     write = None if arguments.plain else text_mask
     picture = case_picture(loaded, write, under_instruments=arguments.under_instruments)
-    image = picture.image
-    if arguments.page:
-        from ..overlay.record_page import record_page
-
-        image = record_page(loaded, image, text_mask)
-    write_output(arguments.out, encode_png(image))
+    write_output(arguments.out, encode_png(picture.image))
     return picture_lines(loaded, picture)

@@ -22,6 +22,7 @@ EPILOG = """examples:
   %(prog)s case.toml surgery.mp4 --out registered
   %(prog)s case.toml surgery.mp4 --out registered --every 25
   %(prog)s case.toml surgery.mp4 --out registered --correct-source
+  %(prog)s case.toml surgery.mp4 --out registered --network network.onnx
 
 The frames are of the case's camera: the same K, or the same proportions, to which K is scaled. Each is accepted,
 doubtful or refused, with the probability that its pose is within 2 degrees, 2 %% of the distance and 5 px of what the
@@ -30,11 +31,14 @@ covariance), bop_estimates.csv (the accepted ones), registration.html and frames
 video overlay.mp4: the overlay is the fainter the less sure its pose is, and what is not accepted is marked.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
-adjustment: a pose of the case that is some degrees off comes back, with --estimate-focal also a focal length that is
-some percent off, where the frames determine it. --colour-frames chooses accepted frames, sharp and clear ones, that
-bring the surface's colours nearer to what the other frames show: they colour what the case's own frame did not see, in
-its exposure.
+adjustment: a pose of the case that is some degrees off comes back, where the frames determine it. --colour-frames
+chooses accepted frames, sharp and clear ones, that bring the surface's colours nearer to what the other frames show:
+they colour what the case's own frame did not see, in its exposure.
 DIR/case.toml holds the case with the new pose and these frames.
+
+--network takes what oneframe train wrote, of views of this surface: a frame starts at the network's pose, and is
+refined and judged like any other; where that is not sure, the network sees it in the colours' range of the case's
+frame, then features are tried, and the most probable pose counts. No PyTorch is needed.
 """
 
 MOST_REASONS = 10
@@ -47,24 +51,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
     parser.add_argument("--correct-source", action="store_true", help="first correct the case's own pose by the frames")
     parser.add_argument(
-        "--estimate-focal", action="store_true",
-        help="with --correct-source: find the focal length too; the principal point and fy / fx stay",
-    )  # fmt: skip
-    parser.add_argument(
         "--colour-frames", metavar="N", type=at_least(1), default=0,
         help="also write the case with up to N of the frames to colour its surface with",
     )  # fmt: skip
     parser.add_argument("--denoise", action="store_true", help="remove noise from these frames, as oneframe case does")
+    parser.add_argument(
+        "--network", metavar="FILE.onnx", type=Path, help="find first poses by a network of oneframe train"
+    )
     parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Register the frames, write the files and report what was found."""
-    register(arguments)
-
-
-def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
-    """Register the frames, from the poses that the network of a file finds, if there is one."""
     from ..case.case_file import read_case
     from ..case.case_folder import remove_unnamed
     from ..case.case_update import other_inputs
@@ -79,11 +77,13 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
 
     if arguments.denoise and not arguments.colour_frames:
         raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
-    if arguments.estimate_focal and not arguments.correct_source:
-        raise InputError("command line: --estimate-focal: expected --correct-source with it, which finds both")
     output, out = own_output(), arguments.out
     case = read_case(arguments.case)
-    inputs = case.input_files() | frame_files(arguments.frames) | ({} if model is None else {"network": model})
+    inputs = (
+        case.input_files()
+        | frame_files(arguments.frames)
+        | ({"network": arguments.network} if arguments.network else {})
+    )
     check_own_folder(out, NAMES, inputs)
     check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
     if other := other_inputs(out / CASE, case):
@@ -93,10 +93,10 @@ def register(arguments: argparse.Namespace, model: Path | None = None) -> None:
         )
     loaded, comment = load_case(case).with_shown_structures(), ""
     guess = None
-    if model is not None:
+    if arguments.network:
         from ..learning.pose_network import PoseNetwork
 
-        guess = PoseNetwork.read(model, loaded).poses
+        guess = PoseNetwork.read(arguments.network, loaded).poses
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
         loaded, comment = _corrected(arguments, loaded, output)
@@ -139,7 +139,6 @@ def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: Text
         corrected = correct_source(
             loaded,
             arguments.frames,
-            focal=arguments.estimate_focal,
             tool=f"OneFrame {__version__}, register",
             date=datetime.date.today().isoformat(),
             progress=shown.reach,
@@ -150,8 +149,7 @@ def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: Text
             f"note: the case's {len(case.frames)} further frames keep their poses; if these are from before, take "
             f"them out and choose frames with --colour-frames\n"
         )
-    comment = f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
-    return corrected.loaded, comment + (f", K = {case.camera.k.tolist()}" if arguments.estimate_focal else "")
+    return corrected.loaded, f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
 
 
 def _write_film(

@@ -1,48 +1,42 @@
-"""What lies behind the surface in a view, at random: an effect beside those of :mod:`oneframe.reader.lens`."""
+"""What lies behind the surface in a view, at random: networks should not learn that it is black."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..images.pixel_values import linear_from_codes
 from .view import View
 
 
-@dataclass(frozen=True)
-class Background:
-    """Something behind surface and instruments, also in place of what ``--surroundings`` shows there.
+def with_background(view: View, rng: np.random.Generator, images: Sequence[np.ndarray] = ()) -> np.ndarray:
+    """``(H, W, 3)`` uint8 RGB of a view with something behind surface and instruments, in place of any surroundings.
 
-    Attributes
+    Parameters
     ----------
+    view
+        The view.
+    rng
+        Source of what is shown.
     images
         ``(h, w, 3)`` uint8 RGB of any size, one of which is shown, cut to the view's proportions; without any, patches
         and texture of random colours are.
     """
-
-    images: Sequence[np.ndarray] = ()
-
-    def __call__(self, linear: np.ndarray, view: View, rng: np.random.Generator) -> np.ndarray:
-        """Apply the effect, see :data:`~oneframe.reader.lens.Effect`."""
-        height, width = linear.shape[:2]
-        if len(self.images):
-            image = self.images[int(rng.integers(len(self.images)))]
-            if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-                found = f"{image.dtype} {image.shape}"
-                raise InputError(f"Background: expected images (h, w, 3) of uint8 RGB, found {found}; convert them")
-            factor = max(width / image.shape[1], height / image.shape[0])
-            size_wh = max(width, round(factor * image.shape[1])), max(height, round(factor * image.shape[0]))
-            large = cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)
-            left, top = rng.integers(size_wh[0] - width + 1), rng.integers(size_wh[1] - height + 1)
-            codes = large[top : top + height, left : left + width].astype(np.float32)
-        else:
-            codes = random_background(rng, width, height)
-        behind = ~(view.mask_whole | view.mask_occluder)
-        result = linear.copy()
-        result[behind] = linear_from_codes(codes[behind].clip(0, 255) / 255)
-        return result
+    height, width = view.rgb.shape[:2]
+    if len(images):
+        image = images[int(rng.integers(len(images)))]
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+            raise InputError(
+                f"background: expected images (h, w, 3) of uint8 RGB, found {image.dtype} {image.shape}; convert them"
+            )
+        factor = max(width / image.shape[1], height / image.shape[0])
+        size_wh = max(width, round(factor * image.shape[1])), max(height, round(factor * image.shape[0]))
+        large = cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR)
+        left, top = rng.integers(size_wh[0] - width + 1), rng.integers(size_wh[1] - height + 1)
+        behind = large[top : top + height, left : left + width]
+    else:
+        behind = random_background(rng, width, height).clip(0, 255).astype(np.uint8)
+    return np.where((view.mask_whole | view.mask_occluder)[..., None], view.rgb, behind)
 
 
 def random_background(rng: np.random.Generator, width: int, height: int) -> np.ndarray:

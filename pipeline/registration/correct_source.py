@@ -29,13 +29,9 @@ LEAST_AGREEMENT = 0.6
 """Share of the pixels that agree at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
 LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
-FOCAL_SPREAD = 1.5
-"""As :data:`.SPREAD`, of the focal length: three were off by 0.9, 1.2 and 2.5 times what is stated without."""
 MOST_WRONG = 0.5
 """Of the places that frames put elsewhere at the case's pose, the part that may be there at the corrected one too: 0.02
 where that pose was off, 0.7 and more where the surface is wrong."""
-LARGEST_FOCAL = 0.025
-"""Relative standard deviation of the focal length above which they leave it open."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,6 @@ def correct_source(
     loaded: LoadedCase,
     folder_or_video: Path,
     *,
-    focal: bool = False,
     tool: str,
     date: str,
     progress: Callable[[float], None],
@@ -71,8 +66,6 @@ def correct_source(
         The case at its pose, which may be some degrees off.
     folder_or_video
         Folder of images, or a video.
-    focal
-        Find the focal length too, the same in all frames; principal point and fy / fx stay.
     tool, date
         For the record in the case.
     progress
@@ -81,37 +74,27 @@ def correct_source(
     Raises
     ------
     InputError
-        The frames cannot be used, too few of them are accepted, they leave the pose or the focal length open, or they
-        put the surface elsewhere at the corrected pose too.
+        The frames cannot be used, too few of them are accepted, they leave the pose open, or they put the surface
+        elsewhere at the corrected pose too.
     """
-    if focal and loaded.case.distortion is not None:
-        raise InputError(
-            f"{loaded.case.path.name}: expected no distortion where the focal length is to be found, found "
-            f"coefficients: they belong to the focal length of their calibration; correct the pose alone"
-        )
     registrar, name, first = CaseRegistrar(loaded), folder_or_video.name, loaded
     with registrar.frames(folder_or_video) as opened:
         every = -(-opened.count // MOST_FRAMES)
     with registrar.frames(folder_or_video, every) as opened:
         frames = [each for each in opened.frames if not each.problem]
     try:
-        found = _settled(registrar, frames, focal, progress)
+        found = _settled(registrar, frames, progress)
         _check(found, frames)
     except InputError as error:
         raise InputError(f"{name}: {error}; the pose is not corrected") from None
     loaded, fit, points = found.loaded, found.fit, found.points_model
     camera, pose, pivot = loaded.case.camera, fit.cam_from_model, registrar.pivot_model
     start = (first.case.alignment or {}).get("method")
-    uncertainty, relative = _uncertainty(fit, pivot, points)
+    uncertainty = PoseUncertainty.about_points(pivot, SPREAD**2 * fit.covariance, points, pose)
     if uncertainty.largest_rotation_deg > LARGEST_DEG:
         raise InputError(
             f"{name}: expected frames that determine the pose of the case's frame, found ±"
             f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
-        )
-    if relative > LARGEST_FOCAL:
-        raise InputError(
-            f"{name}: expected frames that determine the focal length, found {camera.fx:.0f} px ± "
-            f"{relative:.0%}; take K from a calibration, as microscopes need, and correct the pose alone"
         )
     moved_px = _moved_px(points, first, loaded)
     moved_deg = rotation_angle_deg(pose[:3, :3] @ first.frame.cam_from_model[:3, :3].T)
@@ -125,8 +108,6 @@ def correct_source(
         f"{len(fit.frames)} further frames; if the surface is right, it is off by about "
         f"{format_two_digits(error_px)} px, least certain: {uncertainty.weakest}"
     )
-    if focal:
-        text += f", and the focal length is {camera.fx:.0f} px ± {relative:.1%} (it was {first.case.camera.fx:.0f} px)"
     return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
 
 
@@ -143,9 +124,7 @@ class _Settled(NamedTuple):
     poses: Mapping[int, np.ndarray]
 
 
-def _settled(
-    registrar: CaseRegistrar, frames: Sequence[FurtherFrame], focal: bool, progress: Callable[[float], None]
-) -> _Settled:
+def _settled(registrar: CaseRegistrar, frames: Sequence[FurtherFrame], progress: Callable[[float], None]) -> _Settled:
     """Register frames to the case and fit its pose to them, again and again until it stays."""
     poses, pivot, before = dict[int, np.ndarray](), registrar.pivot_model, None
     loaded = registrar.loaded
@@ -163,11 +142,10 @@ def _settled(
             break
         if not poses:
             before = _checked(registrar, frames, {done: each.cam_from_model for done, each in fits.items()})
-        correction = SourceCorrection(registrar.mesh, registrar.camera, pivot, focal=focal)
+        correction = SourceCorrection(registrar.mesh, registrar.camera, pivot)
         fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
         was = registrar.loaded
         loaded = was.posed(fit.cam_from_model @ inverse_rigid(was.surface.mesh_from_model), {})
-        loaded = loaded.zoomed(fit.camera.fx / registrar.camera.fx)
         poses = dict(zip(fits, fit.frames, strict=True))
         points = np.concatenate([each.points_model for each in fits.values()])
         moved_px = _moved_px(points, was, loaded) * registrar.camera.width / loaded.case.camera.width
@@ -205,18 +183,6 @@ def _checked(
 ) -> SurfaceCheck | None:
     found = (Candidate(at, frames[at].image, frames[at].valid, pose) for at, pose in poses.items())
     return registrar.checked_surface(list(found))
-
-
-def _uncertainty(fit: SourceFit, pivot_model: np.ndarray, points_model: np.ndarray) -> tuple[PoseUncertainty, float]:
-    """A pose's uncertainty, and the relative standard deviation of a focal length that was found with it, else 0."""
-    relative = FOCAL_SPREAD * float(np.sqrt(np.diag(fit.covariance)[6:].sum()))
-    depth_mm = float(transform_points(fit.cam_from_model, pivot_model)[2])
-    # how far the pose is off beside its K: a longer lens and a greater distance cancel
-    beside = np.eye(6, len(fit.covariance))
-    beside[2, 6:] = -depth_mm
-    covariance = SPREAD**2 * beside @ fit.covariance @ beside.T
-    known = PoseUncertainty.about_points(pivot_model, covariance, points_model, fit.cam_from_model)
-    return known.with_focal_depth(depth_mm * relative), relative
 
 
 def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -> float:

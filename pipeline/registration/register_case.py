@@ -119,9 +119,7 @@ def register_case(
     chosen = [] if choice is None else [each.candidate for each in choice.frames]
     known = RegistrationEvidence(
         tuple(evidence),
-        registrar.mesh,
         registrar.source,
-        registrar.pivot_model,
         loaded.case.alignment or {},
         is_film=is_film,
         change=change,

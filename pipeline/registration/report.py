@@ -8,7 +8,6 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..case.alignment_record import REGISTERED
 from ..colour.source_view import SourceView
-from ..surface.mesh import TriangleMesh
 from .colour_sources import ColourChoice
 from .register import RegisteredFrame
 from .surface_check import SurfaceCheck
@@ -83,10 +82,8 @@ class RegistrationEvidence:
     ----------
     frames
         In their order.
-    mesh, source
-        The surface in the model frame, and the case's frame, at the size at which frames are registered.
-    pivot_model
-        ``(3,)``, mm: the surface point in the middle of the case's frame.
+    source
+        The case's frame, at the size at which frames are registered.
     alignment
         The record of the case's pose.
     is_film
@@ -102,9 +99,7 @@ class RegistrationEvidence:
     """
 
     frames: tuple[FrameEvidence, ...]
-    mesh: TriangleMesh
     source: SourceView
-    pivot_model: np.ndarray
     alignment: Mapping[str, object]
     is_film: bool
     change: FilmChange | None = None

@@ -3,8 +3,7 @@
 A pixel of the aligned frame, the source, lies on the surface where its ray meets it: at a wrong pose of the source in a
 wrong place. Frames that see the place from other sides cannot all agree on it, whatever their poses, unless the
 source's is right. All poses are found together, as in bundle adjustment (Triggs et al. 2000) with points that stay on
-the surface; those of the frames are eliminated (Schur complement). The focal length, the same in all, may be found too:
-near and far places of the surface tell it from the distance.
+the surface; those of the frames are eliminated (Schur complement).
 
 What surface and source are off is part of the uncertainty of every pose that is registered to them.
 """
@@ -29,8 +28,6 @@ from .verdict import ACCEPTED, DOUBTFUL, LEAST_ACCEPTED, blocks_of, within
 LOSS = Loss(1.0)
 MOST_STEPS, SETTLED = 60, 1e-6
 """Steps, and the share of the cost below which a step is the last."""
-LARGEST_ZOOM = 0.2
-"""Largest part of a step, as the logarithm of the focal length."""
 STEEPEST = 0.2
 """Cosine between ray and normal below which a pixel's place on the surface is too uncertain."""
 LEAST_BEND = 0.2
@@ -63,18 +60,14 @@ class SourceFit(NamedTuple):
         ``(4, 4)`` the source's, mm.
     frames
         ``(F, 4, 4)`` those of the frames, mm.
-    camera
-        The camera of all frames.
     covariance
-        ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes; ``(7, 7)`` with the
-        logarithm of the focal length.
+        ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes.
     agreement
         Mean weight of the pixels, 0..1: low at a pose that is not near the right one, and on a wrong surface.
     """
 
     cam_from_model: np.ndarray
     frames: np.ndarray
-    camera: PinholeCamera
     covariance: np.ndarray
     agreement: float
 
@@ -88,10 +81,7 @@ class _Pixels(NamedTuple):
 
 
 class _Linear(NamedTuple):
-    """Residuals ``(N, 2)``, their weights ``(N,)`` and cost, and derivatives by the twists.
-
-    ``by_source`` is ``(N, 2, 6)``, or ``(N, 2, 7)`` with that by the logarithm of the focal length.
-    """
+    """Residuals ``(N, 2)``, their weights ``(N,)`` and cost, and derivatives ``(N, 2, 6)`` by the twists."""
 
     residuals: np.ndarray
     weight: np.ndarray
@@ -111,65 +101,55 @@ class _Normal(NamedTuple):
 
 
 class SourceCorrection:
-    """Finds the source's pose, and the focal length if asked for, from tracks."""
+    """Finds the source's pose from tracks."""
 
-    def __init__(
-        self, mesh: TriangleMesh, camera: PinholeCamera, pivot_model: np.ndarray, *, focal: bool = False
-    ) -> None:
-        """Prepare a surface (model frame) and the camera of all frames; twists are about the ``(3,)`` pivot, mm.
-
-        ``focal`` finds the focal length too; principal point and fy / fx stay.
-        """
+    def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, pivot_model: np.ndarray) -> None:
+        """Prepare a surface (model frame) and the camera of all frames; twists are about the ``(3,)`` pivot, mm."""
         self._mesh, self._rays, self._camera, self._pivot = mesh, MeshRays(mesh), camera, pivot_model
-        self._unknowns = 7 if focal else 6
 
     def fit(self, source: np.ndarray, tracks: Sequence[Track]) -> SourceFit:
         """The poses that fit together, from a rough one ``(4, 4)`` of the source; every track has pixels."""
-        camera, frames = self._camera, np.stack([track.cam_from_model for track in tracks])
+        frames = np.stack([track.cam_from_model for track in tracks])
         number = np.repeat(np.arange(len(tracks)), [len(track.source_px) for track in tracks])
         source_px, frame_px = (
             np.concatenate(each) for each in zip(*((track.source_px, track.frame_px) for track in tracks), strict=True)
         )
         pixels = _Pixels(source_px, frame_px, number)
-        now, damping = self._linear(camera, source, frames, pixels), 1e-4
+        now, damping = self._linear(source, frames, pixels), 1e-4
         for _ in range(MOST_STEPS):
             normal = _normal(now, number, damping)
             step = np.linalg.solve(normal.reduced, normal.right)
             steps = np.einsum("fij,fj->fi", normal.inverses, normal.own_rights - step @ normal.crosses)
             moved = np.stack([apply_twist(*each, self._pivot) for each in zip(steps, frames, strict=True)])
-            next_source = apply_twist(step[:6], source, self._pivot)
-            next_camera = camera.zoomed(float(np.exp(np.clip(step[6:].sum(), -LARGEST_ZOOM, LARGEST_ZOOM))))
-            tried = self._linear(next_camera, next_source, moved, pixels)
+            next_source = apply_twist(step, source, self._pivot)
+            tried = self._linear(next_source, moved, pixels)
             if tried.cost >= now.cost:
                 damping *= 10
                 continue
             is_last = now.cost - tried.cost < SETTLED * now.cost
-            camera, source, frames, now, damping = next_camera, next_source, moved, tried, damping / 10
+            source, frames, now, damping = next_source, moved, tried, damping / 10
             if is_last:
                 break
-        return SourceFit(source, frames, camera, _covariance(now, number, source_px), float(now.weight.mean()))
+        return SourceFit(source, frames, _covariance(now, number, source_px), float(now.weight.mean()))
 
-    def _linear(self, camera: PinholeCamera, source: np.ndarray, frames: np.ndarray, pixels: _Pixels) -> _Linear:
+    def _linear(self, source: np.ndarray, frames: np.ndarray, pixels: _Pixels) -> _Linear:
         """All pixels at some poses."""
+        camera = self._camera
         rays_cam = camera.rays_cam(pixels.source)
         depths_mm, normals_cam, met = self._hits(source, rays_cam)
         points_cam = depths_mm[:, None] * rays_cam
         points_model = (points_cam - source[:3, 3]) @ source[:3, :3]
         poses = Poses.of(frames, self._pivot)[pixels.number]
         offsets_cam = np.einsum("nij,nj->ni", poses.rotations, points_model - self._pivot)
-        predicted = camera.project(offsets_cam + poses.positions)
-        residuals = pixels.frame - predicted
+        residuals = pixels.frame - camera.project(offsets_cam + poses.positions)
         cost, weight = LOSS(np.where(met, (residuals**2).sum(axis=1), np.nan))
         by_frame = twist_jacobians(camera, offsets_cam[:, None], poses.positions)[:, 0]
-        # a point moves against the source's twist, inwards if the lens is longer, and along its ray back to the surface
+        # a point moves against the source's twist, and along its ray back to the surface
         facing = np.where(met, (normals_cam * rays_cam).sum(axis=1), 1.0)
         slide = np.eye(3) - rays_cam[:, :, None] * normals_cam[:, None] / facing[:, None, None]
         turn = cross_matrices(points_cam - transform_points(source, self._pivot[None]))
-        narrowed = points_cam[:, :, None] * np.array([-1.0, -1.0, 0.0])[:, None]
-        moved = slide @ np.concatenate([np.broadcast_to(-np.eye(3), turn.shape), turn, narrowed], axis=2)
+        moved = slide @ np.concatenate([np.broadcast_to(-np.eye(3), turn.shape), turn], axis=2)
         by_source = by_frame[:, :, :3] @ poses.rotations @ source[:3, :3].T @ moved
-        by_source[:, :, 6] += predicted - [camera.cx, camera.cy]
-        by_source = by_source[:, :, : self._unknowns]
         known = weight > 0
         residuals, by_source, by_frame = (
             np.where(known.reshape(-1, *[1] * (each.ndim - 1)), each, 0.0) for each in (residuals, by_source, by_frame)
@@ -238,8 +218,7 @@ def with_case(
 ) -> RegisteredFrame:
     """A registered frame whose covariance, probability and state include what surface and aligned frame are off.
 
-    To first order, what the aligned frame shows moves with its pose as a whole, and takes the others along; but not
-    where it is too far for a lens that is too long, as then is every frame, along its own axis. A surface
+    To first order, what the aligned frame shows moves with its pose as a whole, and takes the others along. A surface
     that is too deep along its rays is one scaled about its centre: so is then the way from there to another frame.
 
     Parameters
@@ -260,9 +239,7 @@ def with_case(
     uncertainty = replace(own, covariance=own.covariance + SURFACE_SHARE**2 * np.outer(way, way))
     if source is not None:
         turn = np.kron(np.eye(2), pose[:3, :3] @ source_from_model[:3, :3].T)
-        covariance = uncertainty.covariance + turn @ source.at_focal_length.covariance @ turn.T
-        farther = float(own.pivot_cam[2] / source.pivot_cam[2])
-        uncertainty = replace(own, covariance=covariance).with_focal_depth(farther * source.focal_depth_mm)
+        uncertainty = replace(own, covariance=uncertainty.covariance + turn @ source.covariance @ turn.T)
     alone, both = within(own, camera), within(uncertainty, camera)
     verdict = replace(found.verdict, probability=found.verdict.probability * min(both / max(alone, 1e-9), 1.0))
     if verdict.state == ACCEPTED and verdict.probability < LEAST_ACCEPTED:

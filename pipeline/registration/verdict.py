@@ -185,8 +185,7 @@ def _likeness(codes: np.ndarray, block: np.ndarray) -> np.ndarray:
 
 
 def within(uncertainty: PoseUncertainty, camera: PinholeCamera) -> float:
-    """Probability that a pose is within the limits, beside the K that belongs to it."""
-    uncertainty = uncertainty.at_focal_length
+    """Probability that a pose is within the limits."""
     depth_mm, covariance = float(uncertainty.pivot_cam[2]), uncertainty.covariance
     across_px = camera.fx / depth_mm * sqrt(max(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]), 0.0))
     share = sqrt(max(float(covariance[2, 2]), 0.0)) / depth_mm

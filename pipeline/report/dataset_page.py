@@ -1,215 +1,166 @@
-"""The page that shows a dataset: its views, poses and distributions, what the checker found, and provenance."""
+"""The page that shows a dataset: its views with their truths, what the checker found, and where it comes from.
 
-import hashlib
-import string
-from dataclasses import dataclass
+What is missing or damaged is named, and the rest is shown.
+"""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TextIO
 
 import cv2
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..case.case_file import Case
 from ..dataset.check.check_dataset import CheckReport
+from ..dataset.check.findings import printable
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import MODEL_FILES, RECORD, ViewPaths
-from ..dataset.model_file import read_model
-from ..errors import InputError
+from ..dataset.layout import RECORD, ViewPaths, largest_view_file
+from ..dataset.run.resume_record import ViewRecord, read_record
+from ..errors import InputError, RunError
 from ..files.content import read_content
-from ..images.image_check import check_image
+from ..images.image_check import LARGEST_IMAGE, check_image
 from ..progress import Progress
-from ..surface.mesh import TriangleMesh
-from ..transforms import checked_rigid
-from .check_section import badge, check_section
-from .dataset_views import ShownView, shown_message, shown_view
-from .page import asset, html_page, page_footer, page_header, poses_section, spaced
-from .provenance import part_of, provenance_section
-from .surface_sides import surface_sides
-from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitted, limited_picture
-from .view_geometry import SourceFrame, pose_data
+from .page import Column, Item, escaped, html_page, lines_of, picture_of, webp
 
 OVERLAY = "overlay.png"
-FRAME_BYTES = 600_000
-"""Room for the source frame, and for its overlay, as text."""
-SCRIPTS = ("elements.js", "slider.js", "histogram.js", "layers.js", "poses.js", "dataset.js")
-
-QUANTITIES = (
-    {
-        "key": "angle", "name": "Angle", "unit": "°", "digits": 1,
-        "about": "between the view's camera and the source frame's, seen from the pivot: the surface point in the "
-        "middle of the source frame",
-    },
-    {"key": "distance", "name": "Distance", "unit": " mm", "digits": 0, "about": "from the camera to the pivot"},
-    {
-        "key": "observed", "name": "Observed", "unit": " %", "digits": 1,
-        "about": "share of the surface in the view that the source frame saw",
-    },
-    {"key": "surface", "name": "Surface", "unit": " %", "digits": 1, "about": "share of the view that shows surface"},
-)  # fmt: skip
-"""What views are sorted, filtered and coloured by."""
-
-
-@dataclass(frozen=True)
-class _Page:
-    """What the parts of the page share."""
-
-    root: Path
-    description: Description
-    surface: tuple[TriangleMesh, np.ndarray] | None
-    source: SourceFrame
-    problems: list[str]
+PAGE_BYTES = 15_000_000
+"""Room for all pictures of views, as text, so that a page of 1000 views stays below 20 MB."""
+TEXT_PER_BYTE = 4 / 3
+"""Growth of what is written as base64."""
+WIDEST_PX, BYTES_PER_PIXEL, QUALITY = 960, 0.11, 70
+"""Of a picture as WebP: its width at the most, and how many bytes a pixel takes at this quality, at the most."""
+COLUMNS = (
+    Column("angle", "Angle", "between the view's line of sight and the frame's", 1, "°"),
+    Column("depth", "Depth", "median depth of the surface in view", 1, " mm"),
+    Column("observed", "Observed", "share of the surface in the view that the frame saw", 1, " %"),
+    Column("surface", "Surface", "share of the view that shows surface", 1, " %"),
+)
 
 
 def dataset_page(
-    root: Path,
-    *,
-    views: int = 0,
-    check: CheckReport | None = None,
-    case: Case | None = None,
-    most_bytes: int = PAGE_BYTES,
-    stream: TextIO | None = None,
+    root: Path, *, views: int = 0, check: CheckReport | None = None, stream: TextIO | None = None
 ) -> bytes:
     """Make the page.
 
     Parameters
     ----------
     root
-        The dataset's folder. What is missing or damaged of its views and its model is named on the page.
+        The dataset's folder.
     views
         Show this many views, evenly spaced; 0 for all.
     check
         What the checker found; ``None`` if it did not run.
-    case
-        The case that was rendered, for its frame.
-    most_bytes
-        Of all pictures of views together, as text.
     stream
         Stream for the progress.
-
-    Raises
-    ------
-    InputError
-        No dataset, or one of another format.
     """
-    page = _read(root)
-    frames = _frames(page, case)
-    description, camera = page.description, page.description.camera
-    sample = list(range(description.count))
+    description = read_description(root / RECORD)
+    numbers = list(range(description.count))
     if 0 < views < description.count:
-        sample = sorted(set(np.linspace(0, description.count - 1, views).round().astype(int).tolist()))
-    shown = fitted(
-        sample,
-        lambda index, quality: shown_view(root, index, quality),
-        lambda view: view.size * TEXT_PER_BYTE,
-        most_bytes=most_bytes,
-        progress=lambda count: Progress(count, "views", stream=stream),
+        numbers = sorted(set(np.linspace(0, description.count - 1, views).round().astype(int).tolist()))
+    width_px = _width_px(description, len(numbers))
+    # OpenCV decodes and encodes without Python's lock
+    with ThreadPoolExecutor(4) as pool, Progress(len(numbers), "views", stream=stream) as shown:
+        items = []
+        for item in pool.map(lambda number: _item(root, number, description, width_px), numbers):
+            items.append(item)
+            shown.advance()
+    problems = [item.note for item in items if item.note]
+    options, camera = description.content.get("options"), description.camera
+    facts = [f"{description.count} views", f"object {description.name}", f"{camera.width} × {camera.height} px"]
+    if isinstance(options, dict):
+        facts += [f"{name} {options[name]}" for name in ("engine", "colour", "sampler") if name in options]
+    if len(numbers) < description.count:
+        facts.append(f"shown: {len(numbers)}, evenly spaced")
+    sections = [("Check", _check(check, problems))]
+    if (overlay := _image(root / OVERLAY, OVERLAY)) is not None:
+        sections.append(("The frame with its overlay", picture_of(webp(overlay, WIDEST_PX, 85), "The frame")))
+    given = json.dumps(description.content, indent=1, ensure_ascii=False)
+    sections.append(("Provenance", f"<pre>{escaped(given)}</pre>"))
+    return html_page(
+        root.resolve().name, "dataset", facts, COLUMNS, items, layers=("Colour", "Truths"), sections=sections
     )
-    for view in shown:
-        page.problems.extend(view.problems)
-    options = part_of(description.content, "options")
-    facts = [
-        f"{spaced(description.count)} views",
-        f"object {description.name}",
-        f"{camera.width} × {camera.height} px",
-        f"{options['engine']}, {options['colour']}" if {"engine", "colour"} <= options.keys() else "",
-        f"sampler {options['sampler']}" if "sampler" in options else "",
-        f"shown: {spaced(len(sample))}, evenly spaced" if len(sample) < description.count else "",
-    ]
-    resolved = root.resolve()
-    header = page_header(
-        kind="dataset",
-        name=resolved.name,
-        facts=[fact for fact in facts if fact],
-        status=badge(check),
-    )
-    body = string.Template(asset("dataset.html")).substitute(
-        header=header,
-        poses=poses_section("view"),
-        check=check_section(check, page.problems),
-        provenance=provenance_section(description),
-        footer=page_footer(),
-    )
-    data = {
-        "quantities": QUANTITIES,
-        "noun": "view",
-        "coloured": "observed",
-        "size": camera.size_wh,
-        "views": [_view_data(view, page) for view in shown],
-        "source": page.source.data(),
-        "sides": surface_sides(page.surface, page.source),
-        "frames": frames,
-    }
-    title = f"{resolved.name} · OneFrame dataset"
-    return html_page(title=title, body=body, data=data, scripts=SCRIPTS)
 
 
-def _read(root: Path) -> _Page:
-    description, problems, surface = read_description(root / RECORD), [], None
+def _width_px(description: Description, count: int) -> int:
+    """Width of pictures with which two of each view have room."""
+    camera = description.camera
+    pixels = PAGE_BYTES / TEXT_PER_BYTE / BYTES_PER_PIXEL / max(2 * count, 1)
+    return int(min(WIDEST_PX, camera.width, np.sqrt(pixels * camera.width / camera.height)))
+
+
+def _item(root: Path, number: int, description: Description, width_px: int) -> Item:
+    paths, record, note = ViewPaths(root, number), None, ""
     try:
-        mesh, colours = read_model(root, MODEL_FILES[0])
-        surface = mesh, np.full((len(mesh.vertices), 3), 200, np.uint8) if colours is None else colours
-    except InputError as error:
-        problems.append(shown_message(error, root))
-    given, where = part_of(description.content, "frame"), f"{root / RECORD}: frame"
-    try:
-        k = [[given["fx"], 0, given["cx"]], [0, given["fy"], given["cy"]], [0, 0, 1]]
-        camera = PinholeCamera.from_matrix(k, size=(given["width"], given["height"]), where=where)
-        pose, _ = checked_rigid(given["cam_from_model"], where)
-    except KeyError as missing:
-        raise InputError(f"{where}: expected a key {missing}, it is missing; copy the dataset again") from None
-    source = SourceFrame.of(camera, pose, None if surface is None else surface[0])
-    return _Page(root, description, surface, source, problems)
+        record = read_record(paths, with_mask=False)
+    except RunError as error:
+        note = _shown(error, root).partition("; ")[0]
+    rgb, depth, observed = (
+        _image(paths.file(kind), paths.relative(kind)) for kind in ("rgb", "depth", "mask_observed")
+    )
+    missing = [paths.relative(kind) for kind, image in (("rgb", rgb), ("depth", depth)) if image is None]
+    if missing and not note:
+        note = f"{missing[0]}: expected an image of the view, found none or a damaged one"
+    colour = None if rgb is None or rgb.ndim != 3 else webp(rgb, width_px, QUALITY)
+    truths = None
+    if depth is not None and depth.ndim == 2:
+        truths = webp(_truths_picture(depth, observed), width_px, QUALITY)
+    figures = {} if record is None else _figures(record, depth, description)
+    return Item(str(number), (colour, truths), figures, note)
 
 
-def _view_data(view: ShownView, page: _Page) -> dict[str, object]:
-    data: dict[str, object] = {
-        "index": view.index,
-        "file": ViewPaths(page.root, view.index).relative("rgb"),
-        "picture": None if view.picture is None else base64_text(view.picture),
-        "layers": None if view.layers is None else base64_text(view.layers),
-        "range": None if view.range_mm is None else [round(value, 3) for value in view.range_mm],
-        "problems": view.problems,
-    }
-    if view.record is None:
-        return data
-    pose, visible = view.record.cam_from_model, view.record.gt_info.px_count_visib
-    data |= pose_data(pose)
-    data["angle"] = round(page.source.angle_deg(pose), 3)
-    data["distance"] = round(page.source.distance_of(pose), 3)
+def _figures(record: ViewRecord, depth: np.ndarray | None, description: Description) -> dict[str, float | str]:
+    """Finite numbers by the keys of :data:`COLUMNS`."""
+    camera, visible = description.camera, record.gt_info.px_count_visib
+    figures: dict[str, float | str] = {"surface": 100 * visible / (camera.width * camera.height)}
+    frame = description.content.get("frame")
+    if isinstance(frame, dict) and "cam_from_model" in frame:
+        given = np.array(frame["cam_from_model"], float).reshape(4, 4)
+        cosine = float(np.clip(record.cam_from_model[2, :3] @ given[2, :3], -1, 1))
+        figures["angle"] = float(np.degrees(np.arccos(cosine)))
     if visible > 0:
-        data["observed"] = round(100 * view.record.px_count_observed / visible, 2)
-    camera = page.description.camera
-    data["surface"] = round(100 * visible / (camera.width * camera.height), 2)
-    return data
+        figures["observed"] = 100 * record.px_count_observed / visible
+    if depth is not None and (inside := depth > 0).any():
+        figures["depth"] = float(np.median(depth[inside])) * record.depth_scale
+    return figures
 
 
-def _frames(page: _Page, case: Case | None) -> dict[str, object]:
-    """The source frame and its overlay, as far as their files are there."""
-    note, frames = [], []
-    if case is not None:
-        data = read_content(case.image, "the frame of the case")
-        known = part_of(page.description.content, "inputs_sha256").get("frame")
-        if known is not None and hashlib.sha256(data).hexdigest() != known:
-            note.append(
-                "This is another frame than the one that was rendered: its SHA-256 differs from dataset.json's."
-            )
-        if case.distortion is not None:
-            note.append("The frame is shown as it was taken; overlay and views are undistorted.")
-        frames.append({"name": "Frame", **_frame(data, case.image.name)})
+def _truths_picture(depth: np.ndarray, observed: np.ndarray | None) -> np.ndarray:
+    """``(H, W, 3)`` uint8: depth in colours, near is bright; what the frame did not see is grey; black beside it."""
+    inside = depth > 0
+    levels = np.zeros(depth.shape, np.uint8)
+    if inside.any():
+        near, far = (float(end) for end in (depth[inside].min(), depth[inside].max()))
+        levels[inside] = np.rint(255 - 200 * (depth[inside] - near) / max(far - near, 1e-9)).astype(np.uint8)
+    picture = cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS)
+    if observed is not None and observed.shape == depth.shape:
+        unseen = inside & (observed == 0)
+        picture[unseen] = levels[unseen][:, None] // 2
+    picture[~inside] = 0
+    return picture
+
+
+def _image(path: Path, name: str) -> np.ndarray | None:
+    """An image as OpenCV decodes it: BGR, or one channel; ``None`` if it is missing or damaged."""
     try:
-        data = read_content(page.root / OVERLAY, "the overlay of the frame", OVERLAY)
-        frames.append({"name": "Overlay", **_frame(data, OVERLAY)})
-    except InputError as error:
-        page.problems.append(shown_message(error, page.root))
-    if case is None and frames:
-        note.append("The frame itself is not part of a dataset; --case CASE.toml adds it.")
-    return {"pictures": frames, "note": " ".join(note)}
+        data = read_content(path, "an image of the view", name, most=largest_view_file(LARGEST_IMAGE, 1))
+        check_image(data, name)
+    except InputError:
+        return None
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
 
 
-def _frame(data: bytes, name: str) -> dict[str, object]:
-    check_image(data, name)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{name}: expected an image, found a damaged one; copy it again")
-    return limited_picture(image, FRAME_BYTES)
+def _check(check: CheckReport | None, problems: list[str]) -> str:
+    """What the checker found, and what the page could not show, as HTML."""
+    if check is None:
+        head = "<p>The dataset was not checked for this page. <code>oneframe check</code> does it.</p>"
+    elif not check.findings:
+        head = f'<p class="good">Complete and consistent: {check.hashed} files with the right hash.</p>'
+    else:
+        head = f'<p class="bad">Not complete and consistent: {len(check.findings)} findings.</p>'
+        head += lines_of([f"{kind}: {line}" for kind, lines in check.findings.first.items() for line in lines])
+    return head + lines_of(problems[:50])
+
+
+def _shown(error: object, root: Path) -> str:
+    """A message with paths relative to the folder: a page that is passed on tells nothing of this computer."""
+    return printable(str(error).replace(f"{root}/", "").replace(str(root), root.name))

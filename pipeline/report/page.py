@@ -1,7 +1,7 @@
-"""One HTML file with everything in it: style, scripts, data and pictures.
+"""One HTML file with everything in it: style, script, data and pictures.
 
 The page asks for nothing from anywhere. Its content security policy forbids all requests, and allows only the very
-scripts and styles that it was written with, by their hashes: text from a dataset cannot become code.
+script and style that it was written with, by their hashes: text from a dataset cannot become code.
 """
 
 import base64
@@ -9,17 +9,56 @@ import hashlib
 import html
 import json
 import string
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from importlib import resources
+
+import cv2
+import numpy as np
 
 from .. import __version__
 
-MARK = "<!DOCTYPE html>\n<!-- OneFrame report -->\n"
+
+@dataclass(frozen=True)
+class Column:
+    """A figure of each item: its key, its name, what it means; ``digits`` and ``unit`` of a number."""
+
+    key: str
+    name: str
+    about: str
+    digits: int | None = None
+    unit: str = ""
+
+    def data(self) -> dict[str, object]:
+        """For the page."""
+        given: dict[str, object] = {"key": self.key, "name": self.name, "about": self.about, "unit": self.unit}
+        return given if self.digits is None else given | {"digits": self.digits}
 
 
-def asset(name: str) -> str:
-    """The text of a file of the folder ``assets``."""
-    return resources.files(__package__).joinpath("assets", name).read_text("utf-8")
+@dataclass(frozen=True)
+class Item:
+    """What has a place in the grid.
+
+    Attributes
+    ----------
+    name, note, state
+        Plain text; the note is a sentence, the state one of the page's.
+    pictures
+        WebP, one for each layer of the page; ``None`` where there is none.
+    figures
+        By the keys of the columns: finite numbers and texts.
+    """
+
+    name: str
+    pictures: tuple[bytes | None, ...]
+    figures: dict[str, float | str] = field(default_factory=dict)
+    note: str = ""
+    state: str = ""
+
+    def data(self) -> dict[str, object]:
+        """For the page."""
+        pictures = [None if each is None else base64.b64encode(each).decode() for each in self.pictures]
+        return {"name": self.name, "pictures": pictures, "note": self.note, "state": self.state, **self.figures}
 
 
 def escaped(text: object) -> str:
@@ -27,46 +66,61 @@ def escaped(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-def spaced(number: int) -> str:
-    """A whole number with thin spaces between thousands."""
-    return f"{number:,}".replace(",", "\u202f")
-
-
-def html_page(*, title: str, body: str, data: Mapping[str, object], scripts: Sequence[str]) -> bytes:
+def html_page(
+    title: str,
+    kind: str,
+    facts: Sequence[str],
+    columns: Sequence[Column],
+    items: Sequence[Item],
+    *,
+    layers: Sequence[str],
+    sections: Sequence[tuple[str, str]],
+) -> bytes:
     """The content of the file.
 
     Parameters
     ----------
-    title
-        Plain text.
-    body
-        HTML in which :func:`escaped` was applied to everything that comes from files.
-    data
-        What the scripts show: JSON types, finite numbers only.
-    scripts
-        Names of assets that share one scope, in their order.
+    title, kind, facts
+        Plain text: what is shown, what that is, and figures of it in one line.
+    columns, items
+        What the grid holds.
+    layers
+        Names of the pictures of an item.
+    sections
+        Headings (plain text) and contents (HTML: :func:`escaped` was applied to everything that comes from files).
     """
-    style = asset("report.css")
-    code = "(() => {\n'use strict';\n" + "\n".join(asset(name) for name in scripts) + "\n})();\n"
+    style, code = _asset("page.css"), "(() => {\n'use strict';\n" + _asset("page.js") + "})();\n"
     policy = (
         f"default-src 'none'; script-src {_source_hash(code)}; style-src {_source_hash(style)}; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
-    text = (
-        f'{MARK}<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{escaped(policy)}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n'
-        '<meta name="referrer" content="no-referrer">\n'
-        f'<meta name="generator" content="OneFrame {escaped(__version__)}">\n'
-        f"<title>{escaped(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}\n"
-        f'<script type="application/json" id="data">{embedded_json(data)}</script>\n'
-        f"<script>{code}</script>\n</body>\n</html>\n"
+    data = {
+        "columns": [column.data() for column in columns],
+        "items": [item.data() for item in items],
+        "layers": layers,
+        "states": list(dict.fromkeys(item.state for item in items if item.state)),
+    }
+    text = string.Template(_asset("page.html")).substitute(
+        policy=escaped(policy),
+        version=escaped(__version__),
+        title=escaped(title),
+        kind=escaped(kind),
+        style=style,
+        script=code,
+        facts="".join(f"<li>{escaped(fact)}</li>" for fact in facts),
+        sections="\n".join(
+            f'<section class="card"><h2>{escaped(name)}</h2>{content}</section>' for name, content in sections
+        ),
+        data=_embedded_json(data),
     )
     return text.encode("utf-8", "replace")
 
 
-def embedded_json(data: object) -> str:
+def _asset(name: str) -> str:
+    return resources.files(__package__).joinpath("assets", name).read_text("utf-8")
+
+
+def _embedded_json(data: object) -> str:
     """JSON that cannot end the element that it stands in."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
@@ -76,37 +130,20 @@ def _source_hash(block: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(block.encode()).digest()).decode()}'"
 
 
-def page_header(*, kind: str, name: str, facts: Sequence[str], status: str = "") -> str:
-    """The head of a page: what it shows, its name, facts in one line, and a badge (HTML)."""
-    line = "".join(f"<li>{escaped(fact)}</li>" for fact in facts)
-    return (
-        '<a class="skip" href="#main">Skip to the content</a>\n<header class="top"><div class="bar">'
-        f'<p class="brand">OneFrame <span>{escaped(kind)}</span></p>'
-        '<button id="theme" class="quiet" type="button" aria-label="Switch between light and dark" '
-        'title="Switch between light and dark"><span aria-hidden="true">◐</span></button></div>'
-        f'<div class="title"><h1>{escaped(name)}</h1>{status}</div><ul class="facts">{line}</ul></header>\n'
-        "<noscript><p class='muted'>This page shows its pictures with JavaScript, which is switched off here."
-        "</p></noscript>"
-    )
+def lines_of(lines: Sequence[str]) -> str:
+    """Sentences as a list."""
+    return '<ul class="lines">' + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>" if lines else ""
 
 
-def poses_section(noun: str) -> str:
-    """The section with the poses; each is that of a ``noun``."""
-    return string.Template(asset("poses.html")).substitute(noun=noun).rstrip()
+def picture_of(data: bytes, alt: str) -> str:
+    """A WebP as an element."""
+    return f'<img class="wide" alt="{escaped(alt)}" src="data:image/webp;base64,{base64.b64encode(data).decode()}">'
 
 
-def property_table(rows: Sequence[tuple[str, str]], *, caption: str) -> str:
-    """A table of names and values; the values are HTML."""
-    body = "".join(f'<tr><th scope="row">{escaped(name)}</th><td>{value}</td></tr>' for name, value in rows)
-    return f'<div class="scroll"><table class="properties"><caption>{escaped(caption)}</caption>{body}</table></div>'
-
-
-def findings(lines: Sequence[str]) -> str:
-    """A list of sentences that warn."""
-    return '<ul class="findings">' + "".join(f"<li>{escaped(line)}</li>" for line in lines) + "</ul>"
-
-
-def page_footer() -> str:
-    """Where the page comes from."""
-    made = f"Made by OneFrame {escaped(__version__)}."
-    return f"<footer><p>{made} This file needs no network and sends nothing.</p></footer>"
+def webp(image: np.ndarray, width_px: int, quality: int) -> bytes:
+    """``(H, W, 3)`` uint8 in OpenCV's order (BGR), reduced to a width by averaging over areas, as WebP."""
+    height, width = image.shape[:2]
+    if width > width_px:
+        size = width_px, max(1, round(height * width_px / width))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".webp", image, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()

@@ -72,7 +72,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--width", metavar="PX", type=int, default=MICROSCOPE.width, help="of the sample's images")
     parser.add_argument("--spacing-mm", metavar="MM", type=float, default=SPACING_MM, help="of the sample's surface")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--pictures", type=int, default=2, help="as oneframe evaluate")
 
 
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
@@ -89,7 +88,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
                 report(f"{path.stem}: step between frames {none:.1f} of 255, in the light of the lens {lit:.1f}")
         prepared = evaluation_run(
             files, arguments.out, chosen_methods(methods, RENDERERS),
-            seed=arguments.seed, inception=arguments.inception, pictures=arguments.pictures,
+            seed=arguments.seed, inception=arguments.inception,
         )  # fmt: skip
         for line in run_evaluation(prepared, stream=sys.stderr):
             report(line)

@@ -1,4 +1,4 @@
-"""Colours on the surface: the pipeline's values; replacing, removing, undo, marking unseen surface, export."""
+"""Colours on the surface: the pipeline's values; replacing, removing, undo, marking unseen surface."""
 
 import json
 from collections import Counter
@@ -9,7 +9,6 @@ import pytest
 from mathutils import Matrix
 
 from blender_addon.colour import operators as colour
-from oneframe.blender.colour.export import export_coloured_surface
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import colouring_view_of, colours_of
@@ -174,17 +173,6 @@ def test_colours_of_another_pose_are_outdated(opened):
     assert colour.is_outdated(opened, record)
 
 
-@pytest.mark.parametrize(("name", "mode"), [("s.ply", "vertex"), ("s.glb", "texture")])
-def test_export_writes_the_file_of_the_script(opened, case_path, tmp_path, name, mode):
-    export_coloured_surface(load_case(read_case(case_path)), tmp_path / "script" / name, colour=mode)
-    before = blocks()
-    (tmp_path / "addon").mkdir()
-    bpy.ops.oneframe.export_surface(filepath=str(tmp_path / "addon" / name), mode=mode)
-    assert blocks() == before
-    for path in (tmp_path / "script").iterdir():
-        assert (tmp_path / "addon" / path.name).read_bytes() == path.read_bytes()
-
-
 def refused(operator, message, **settings):
     with pytest.raises(RuntimeError, match=message):
         operator(**settings)
@@ -196,7 +184,6 @@ def test_refusals_change_nothing(addon, opened, case_path):
     bpy.ops.object.mode_set(mode="EDIT")
     refused(bpy.ops.oneframe.project_colour, "expected Object mode, found Edit mode")
     bpy.ops.object.mode_set(mode="OBJECT")
-    refused(bpy.ops.oneframe.export_surface, "cannot hold vertex", filepath="x.obj", mode="vertex")
     refused(bpy.ops.oneframe.mark_unseen, "Project colour on the surface first")
     # out of the frame
     surface.matrix_world = Matrix.Translation((500, 0, 0)) @ surface.matrix_world

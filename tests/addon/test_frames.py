@@ -1,21 +1,16 @@
 """The film's frames in the add-on: found where they are, looked at without a trace, a correction, colour sources."""
 
 import bpy
-import cv2
 import numpy as np
 import pytest
 
 from blender_addon.case_queue import queued
-from blender_addon.colour.operators import is_outdated
 from blender_addon.frames import found
 from blender_addon.setup.alignment_record import recorded_case
-from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.state import another_frame, from_scene, pose_evidence
-from blender_addon.state.known_case import further_frames
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
-from oneframe.blender.colour.surface_colour import colour_record
 from oneframe.case import case_queue
 from oneframe.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, checked_alignment_record
 from oneframe.case.case_file import read_case
@@ -24,7 +19,7 @@ from oneframe.registration.register_frames import CaseRegistrar
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
-from tests.registration.test_registration import CAMERA, PIVOT, SOURCE, photograph, seen_from, write_case
+from tests.registration.test_registration import PIVOT, SOURCE, photograph, seen_from, write_case
 from tests.remembered import registration, remembered
 from tests.video.surgical_film import write_film
 
@@ -125,7 +120,6 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
         # what is done in the view would go to the case's own frame
         for name, given in (
             ("nudge", {}),
-            ("paste_pose", {}),
             ("landmark_set", {"point": (0, 0, 0)}),
         ):
             with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Back"):
@@ -133,26 +127,9 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     bpy.ops.oneframe.case_frame()
     assert another_frame.seen(scene) is None
     assert state_of(scene, tmp_path / "case.toml") == before
-    # the same again replaces them
-    for _ in range(2):
-        bpy.ops.oneframe.use_colour_sources(count=2)
-        used = further_frames(scene)
-        # of three, one is left out at least, to judge
-        assert 1 <= len(used) <= 2
-    assert unsaved_parts(scene) == ("colour sources",)
-    assert is_outdated(scene, colour_record(scene.oneframe.surface))
-    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
-    for each in read_case(tmp_path / "case.toml").frames:
-        assert cv2.imread(str(each.image), cv2.IMREAD_UNCHANGED).shape == (*CAMERA.shape_hw, 4)
-        assert is_at(each.cam_from_mesh, POSES[int(each.image.stem[len("frame_") :][:6])])
-    bpy.ops.oneframe.project_colour()
-    assert not is_outdated(scene, colour_record(scene.oneframe.surface))
-    bpy.ops.oneframe.clear_colour_sources()
-    assert further_frames(scene) == ()
     # what was found holds for the pose that it began with
     bpy.ops.oneframe.nudge(step_px=1.0)
     assert found.of(scene) is None
-    assert not bpy.ops.oneframe.use_colour_sources.poll()
 
 
 @pytest.mark.parametrize("state", [ACCEPTED, DOUBTFUL, REFUSED])

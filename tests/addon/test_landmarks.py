@@ -12,6 +12,8 @@ from blender_addon.ui import frame_view
 from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.alignment.surface_object import set_pose
+from oneframe.case.case_file import MM_PER_UNIT
+from oneframe.case.landmark_file import write_landmarks
 from oneframe.errors import InputError
 from oneframe.transforms import rotation_from_vector, transform_points
 
@@ -232,13 +234,13 @@ def test_a_saved_case_opens_with_its_landmarks_and_its_own_pose(scene, pairs, tm
     assert [entry.enabled for entry in reopened.oneframe.landmarks[:3]] == [True, False, True]
 
 
-def test_exported_landmarks_are_imported_unchanged(scene, pairs, tmp_path):
+def test_landmarks_of_a_file_are_imported_unchanged(scene, pairs, tmp_path):
     scene.oneframe.units = "m"
     add(*pairs)
     bpy.ops.oneframe.landmark_set(name="half", pixel=(5, 6))
     before = landmarks_mesh(scene)
     path = tmp_path / "pairs.csv"
-    bpy.ops.oneframe.export_landmarks(filepath=str(path))
+    write_landmarks(path, before, mm_per_unit=MM_PER_UNIT[scene.oneframe.units], inputs={})
     bpy.ops.oneframe.landmarks_clear()
     moved = displace(scene)
     bpy.ops.oneframe.import_landmarks(filepath=str(path))
@@ -252,7 +254,7 @@ def test_exported_landmarks_are_imported_unchanged(scene, pairs, tmp_path):
 def test_a_surface_that_cannot_be_picked_on_is_reported(scene, pairs, tmp_path):
     add(*pairs)
     path = tmp_path / "pairs.csv"
-    bpy.ops.oneframe.export_landmarks(filepath=str(path))
+    write_landmarks(path, landmarks_mesh(scene), mm_per_unit=1.0, inputs={})
     moved = displace(scene)
     bpy.context.view_layer.layer_collection.children[0].exclude = True
     with pytest.raises(InputError, match="Outliner"):

@@ -13,7 +13,6 @@ from blender_addon.refine.status_line import status
 from blender_addon.setup.alignment_record import doubts
 from blender_addon.setup.case_in_scene import unsaved_parts, unsaved_text
 from blender_addon.state import from_scene, pose_evidence, to_scene
-from blender_addon.state import pose as pose_text
 from blender_addon.state.pose import pivot_of
 from blender_addon.view.overlay_passes import world_from_structure
 from oneframe.camera.pinhole import PinholeCamera
@@ -230,7 +229,7 @@ def test_a_scaled_surface_is_refused_until_the_scale_is_removed(opened, tmp_path
         origin = surface.matrix_world.translation.copy()
         surface.matrix_world = surface.matrix_world @ Matrix.Diagonal((*factors, 1.0))
         bpy.context.view_layer.update()
-        for operator in (save, operators.nudge, operators.copy_pose):
+        for operator in (save, operators.nudge):
             with pytest.raises(RuntimeError, match=kind):
                 operator()
         assert not (tmp_path / "x.toml").exists()
@@ -269,15 +268,6 @@ def test_an_edited_surface_is_refused_until_it_is_saved(opened, case_path, tmp_p
     bpy.context.view_layer.update()
     assert (surface.matrix_world @ surface.data.vertices[7].co - point).length < 1e-3
     assert not np.allclose(updated_pose(opened), before, atol=1e-6)
-
-
-def test_a_pose_survives_the_clipboard(opened, tmp_path):
-    rows = pose_text.pose_rows(opened)
-    pose, _ = pose_text.pose_from_text(", ".join(f"[{row.replace(' ', ', ')}]" for row in rows))
-    before = updated_pose(opened)
-    bpy.ops.oneframe.nudge(axis="roll", step_px=10)
-    pose_text.set_cam_from_mesh(opened, pose)
-    assert np.allclose(updated_pose(opened), before, rtol=0, atol=1e-9)
 
 
 MISTAKES = [

@@ -36,7 +36,7 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     "evaluation": (
         # writes the sample's case as without --light, and more
         "", ["--light", "--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],
-        ["evaluation.json", "scores.png"],
+        ["frames.csv", "figure.png"],
     ),
     "registration": (
         "", ["--only", "photographs"],

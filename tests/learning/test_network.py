@@ -1,6 +1,5 @@
 """A network learns where a picture shows which point of a surface; PnP makes a pose of that, which is judged."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +10,6 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
-from oneframe.commands.__main__ import dispatch
 from oneframe.dataset.identity import geometry_hash
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
@@ -123,9 +121,7 @@ def test_a_frame_in_which_features_fail_is_located_and_judged(coded_case):
     folder, true, _ = coded_case
     (entry,) = registration.registered(folder, "frames", folder / "registered")
     assert entry["state"] == REFUSED
-    line = ["locate", *map(str, (folder / "network.onnx", folder / "case.toml", folder / "frames"))]
-    dispatch([*line, "--out", str(folder / "located")])
-    (entry,) = json.loads((folder / "located" / "poses.json").read_text())
+    (entry,) = registration.registered(folder, "frames", folder / "located", "--network", folder / "network.onnx")
     assert entry["state"] == ACCEPTED
     assert rotation_angle_deg(np.array(entry["cam_from_mesh"])[:3, :3] @ true[:3, :3].T) < 0.5
     assert {path.name for path in (folder / "located").iterdir()} == {
@@ -156,9 +152,8 @@ def test_a_network_of_something_else_is_refused(coded_case, what):
     }[what]
     words = {"surface": "another", "zoom": "zoom", "record": "oneframe train wrote", "cut off": "again"}[what]
     (folder / "network.onnx").write_bytes(data)
-    line = ["locate", *map(str, (folder / "network.onnx", folder / "case.toml", folder / "frames"))]
     with pytest.raises(InputError, match=rf"network\.onnx: expected .*{words}"):
-        dispatch([*line, "--out", str(folder / "located")])
+        registration.registered(folder, "frames", folder / "located", "--network", folder / "network.onnx")
     assert not (folder / "located").exists()
 
 

@@ -104,7 +104,6 @@ def writing_commands(case: Path, target: Path) -> Iterator[tuple[CommandLine, li
         yield line, [target], own
     line = ("evaluate", case, folder / "held_out.json", "--out", target)
     yield line, [target], {*own, "held_out.json", "photo.png"}
-    yield ("agree", case, case, "--out", target), [target], own
     yield ("render", case, "--out", target, "--count", "1"), [target], own
 
 
@@ -129,7 +128,6 @@ def refused_lines(case: Path, other: Path) -> Iterator[CommandLine]:
                 yield line
     for place in (folder, other / "way"):
         yield "sample", "--out", place
-        yield "agree", case, case, "--out", place
         yield "evaluate", case, folder / "held_out.json", "--out", place
         yield "render", case, "--out", place, "--count", "1"
     yield "render", case, "--out", other, "--count", "1"
@@ -139,14 +137,14 @@ def refused_lines(case: Path, other: Path) -> Iterator[CommandLine]:
 def test_no_command_replaces_an_input(case, tmp_path, run_all):
     before = hashes(case.parent)
     lines = list(refused_lines(case, tmp_path))
-    assert {line[0] for line in lines} >= {"colour", "align", "overlay", "case", "agree", "render", "sample"}
+    assert {line[0] for line in lines} >= {"colour", "align", "overlay", "case", "render", "sample"}
     for line, (code, errors) in zip(lines, run_all(lines), strict=True):
         assert_sentence(code, errors, line)
         assert hashes(case.parent) == before, line
 
 
 OWN_NAMES = {
-    "register": "frame_000001-0123abcd.png", "agree": "worst_1_a.png", "evaluate": "figure.png",
+    "register": "frame_000001-0123abcd.png", "evaluate": "figure.png",
     "surface": "surface.ply", "frames": "a_frame_000001.png",
 }  # fmt: skip
 """A name that each command gives in a folder whose files it replaces."""
@@ -167,7 +165,6 @@ def test_no_folder_takes_an_input_that_is_called_like_an_output(case, tmp_path, 
         listed.write_text(json.dumps([{"image": f"../own {command}/{name}", "cam_from_mesh": POSE}]))
         read: list[CommandLine] = {
             "register": [("register", case, own), ("register", used, case.parent)],
-            "agree": [("agree", used, used)],
             "evaluate": [("evaluate", case, listed), ("evaluate", used, listed)],
             "surface": [("surface", own / name), ("surface", case.parent / "frame.png", "--labels", own / name)],
             "frames": [("frames", own / name)],
@@ -219,9 +216,7 @@ FAILING = {
     "correct": "correct /no/case.toml /no/registered --out /no/out",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "pack": "pack /no/dataset --out /no/packed", "train": "train /no/dataset --out /no/network.onnx",
-    "locate": "locate /no/network.onnx /no/case.toml /no/frames --out /no/out",
     "report": "report /no/dataset --out /no/report.html",
-    "agree": "agree /no/a.toml /no/b.toml --out /no/out",
     "evaluate": "evaluate /no/case.toml /no/list.json --out /no/out",
     "colour": "colour /no/case.toml --out /no/surface.ply",
 }  # fmt: skip

@@ -36,7 +36,7 @@ def found_in(rng, state=ACCEPTED):
         return RegisteredFrame(Verdict(REFUSED, 0.25, "it shares too few features"))
     pose, root = pose_of(rng), rng.normal(0, 0.1, (6, 6))
     points = rng.normal(0, 9, (50, 3))
-    uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose).with_focal_depth(0.3)
+    uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose)
     return RegisteredFrame(Verdict(state, 0.9875, "12 of 40 places"), pose, uncertainty)
 
 
@@ -46,7 +46,7 @@ def assert_same(one, other):
         assert other.cam_from_model is other.uncertainty is None
         return
     np.testing.assert_allclose(one.cam_from_model, other.cam_from_model, atol=1e-9)
-    for name in ("pivot_model", "covariance", "radius_mm", "pivot_cam", "focal_depth_mm"):
+    for name in ("pivot_model", "covariance", "radius_mm", "pivot_cam"):
         np.testing.assert_allclose(getattr(one.uncertainty, name), getattr(other.uncertainty, name), atol=1e-9)
 
 
@@ -77,8 +77,6 @@ def test_a_case_in_a_queue_keeps_pose_and_covariance_as_found(write_tiny_case, t
     pose = case.cam_from_mesh @ mesh_from_model
     stated = PoseUncertainty.stated(case.alignment, np.zeros((1, 3)), pose, mesh_from_model)
     assert_same(found, RegisteredFrame(found.verdict, pose, stated))
-    with pytest.raises(InputError, match="expected a covariance"):
-        checked_alignment_record(case.alignment | {"focal_depth_mm": 9.0}, "record")
     # as the uncertainty of the pose of a surface of another size
     scaled = checked_alignment_record(scaled_record(case.alignment, 1000.0), "record")
     for key, value in found.uncertainty.scaled(1000.0).entry(se3_exp(np.array([3e5, -2e4, 5e3, 0, 0, 0]))).items():

@@ -35,31 +35,30 @@ def page(tmp_path_factory):
     source = SourceView(grey, everywhere, CAMERA, pose, inverse_depth=inverse)
     off_mm = np.linspace(-1, 1, 300).reshape(15, 20)
     check = SurfaceCheck(off_mm, np.abs(off_mm) > 0.9, 14)
-    evidence = RegistrationEvidence(
-        tuple(frames), mesh, source, np.zeros(3), {"error_px": 1.5}, is_film=True, surface=check
-    )
+    evidence = RegistrationEvidence(tuple(frames), source, {"error_px": 1.5}, is_film=True, surface=check)
     path = tmp_path_factory.mktemp("page") / "registration.html"
     path.write_bytes(registration_page(evidence, name="one & two"))
     return path
 
 
-def test_time_line_frame_and_table_follow_each_other(browser, page):
+def test_frames_with_their_states_and_reasons(browser, page):
     browser.open(page, dark=True)
     assert browser.evaluate("document.querySelector('h1').textContent") == "one & two"
-    # stretches, the longest first, then the least sure
-    numbers = "[...document.querySelectorAll('#worst-table tbody tr')].map(it => it.children[1].textContent)"
-    assert "10% lies -1.0 to +1.0 mm" in browser.evaluate("document.querySelector('#limits').textContent")
-    assert browser.evaluate(numbers) == ["40–60", "10", "30", "0", "70", "20"]
-    shown = "[document.querySelector('#number').textContent, document.querySelector('#reason').textContent]"
-    assert browser.evaluate(shown) == ["40", "<b>4</b> of 9 places"]
-    for selector, number in (("#next-lost", "10"), ("#next-lost", "30"), ("#previous", "20"), ("#next", "30")):
-        browser.click(selector)
-        assert browser.evaluate(shown)[0] == number
-    x, y = browser.place_of("#line")
-    width = browser.evaluate("document.querySelector('#line').getBoundingClientRect().width")
-    for place, (state, probability) in enumerate(zip(STATES, PROBABILITIES, strict=True)):
-        browser.click_at(x + width * ((place + 0.5) / len(STATES) - 0.5), y)
+    text = browser.evaluate("document.body.textContent")
+    assert "10% lies -1.0 to +1.0 mm" in text
+    # of a stretch the first frame's reason
+    assert "40 to 60, refused: <b>4</b> of 9 places" in text
+    states = browser.evaluate("[...document.querySelectorAll('#grid button')].map(it => it.dataset.state)")
+    assert states == list(STATES)
+    for place, probability in enumerate(PROBABILITIES):
+        shown = "[document.querySelector('#name').textContent, document.querySelector('#note').textContent]"
         assert browser.evaluate(shown) == [f"{10 * place}", f"<b>{place}</b> of 9 places"]
-        assert browser.evaluate("document.querySelector('#state').textContent") == state
-        assert browser.evaluate("document.querySelector('#facts dd').textContent") == f"{probability:.3f}"
+        figures = browser.evaluate("[...document.querySelectorAll('#facts dd')].map(it => it.textContent)")
+        assert figures[:2] == [STATES[place], f"{probability:.3f}"]
+        browser.key("ArrowRight")
+    browser.evaluate(
+        f"(() => {{ const it = document.querySelector('#only'); it.value = '{DOUBTFUL}';"
+        " it.dispatchEvent(new Event('change')); })()"
+    )
+    assert browser.evaluate("document.querySelector('#name').textContent") == "30"
     assert (browser.errors, browser.outside_requests()) == ([], [])

@@ -5,7 +5,6 @@ import re
 from functools import partial
 from pathlib import Path
 
-import bpy
 import cv2
 import numpy as np
 import pytest
@@ -138,34 +137,3 @@ def test_white_structures_are_context_and_others_can_be_chosen(overlay, case_pat
     assert ((white - magenta)[differs][:, 1] >= 0).all()
     with pytest.raises(InputError, match="no structure is named 'nerve'"):
         dispatch(["overlay", str(case_path), "--out", str(tmp_path / "x.png"), "--only", "nerve"])
-
-
-def test_the_page_shows_the_picture_and_what_the_case_states(addon, overlay, case_path, tmp_path):
-    """And the window writes the same."""
-    picture, page = tmp_path / "picture.png", tmp_path / "page.png"
-    assert (
-        overlay(case_path, "--out", picture).returncode == overlay(case_path, "--page", "--out", page).returncode == 0
-    )
-    shown, sheet = (cv2.imread(str(path)).astype(int) for path in (picture, page))
-    assert sheet.shape == (1754, 1240, 3)
-    rows, columns = (np.flatnonzero((sheet != sheet[..., :1]).any(axis=2).any(axis=axis)) for axis in (1, 0))
-    part = sheet[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.uint8)
-    small = cv2.resize(part, shown.shape[1::-1], interpolation=cv2.INTER_AREA)
-    assert np.abs(small - shown).mean() < 4
-    below = sheet[rows[-1] + 1 :]
-    nerve_only, _, _ = case_path.read_text().partition('[[structures]]\nname = "chorda')
-    case_path.write_text(nerve_only + '[alignment]\nmethod = "refined"\nerror_px = 0.5\n')
-    overlay(case_path, "--page", "--out", page)
-    assert (cv2.imread(str(page))[rows[-1] + 1 :] < 128).sum() > (below < 128).sum() + 300
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    bpy.ops.oneframe.save_record(filepath=str(tmp_path / "window.png"))
-    assert (tmp_path / "window.png").read_bytes() == page.read_bytes()
-    record = case_path.with_name("surface_made_by.json")
-    for damaged in (b"\xff\xfe", b"{", b"[1, 2]", b""):
-        record.write_bytes(damaged)
-        refused = overlay(case_path, "--page", "--out", page)
-        assert refused.returncode == 2
-        assert refused.stderr.startswith(f"error: {record}: expected")
-    record.unlink()
-    refused = overlay(case_path, "--page", "--video", page, "--poses", page, "--out", picture)
-    assert "expected no --video" in refused.stderr

@@ -1,12 +1,8 @@
 """Landmarks drawn over a picture: where each was clicked, how far off the pose is, how sure. Needs ``cv2``."""
 
-from collections.abc import Iterable, Sequence
-
 import cv2
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
-from ...case.landmarks import Landmark
 from ...transforms import transform_points
 from ..pose_uncertainty import ellipse_outlines
 from .align_landmarks import Alignment, landmark_arrays
@@ -36,35 +32,17 @@ def marked(picture: np.ndarray, alignment: Alignment) -> np.ndarray:
     covariances = estimate.uncertainty.pixel_covariances(alignment.points, alignment.camera, estimate.cam_from_model)
     outlines = ellipse_outlines(np.nan_to_num(covariances), estimate.uncertainty.ellipse_scale())
     shown = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points))
-    return _marked(picture, alignment.landmarks, shown, outlines, estimate.inliers)
-
-
-def with_residuals(
-    picture: np.ndarray, landmarks: Sequence[Landmark], camera: PinholeCamera, cam_from_mesh: np.ndarray
-) -> np.ndarray:
-    """As :func:`marked`, of complete landmarks (``mesh``) at a pose that is known without its uncertainty."""
-    shown = camera.project(transform_points(cam_from_mesh, landmark_arrays(landmarks)[0]))
-    return _marked(picture, landmarks, shown, [None] * len(landmarks), [True] * len(landmarks))
-
-
-def _marked(
-    picture: np.ndarray,
-    landmarks: Sequence[Landmark],
-    shown: np.ndarray,
-    outlines: Iterable[np.ndarray | None],
-    inliers: Iterable[bool],
-) -> np.ndarray:
+    landmarks = alignment.landmarks
     result = np.ascontiguousarray(picture, np.float32).copy()
     size = max(picture.shape[:2]) / 100
     pen = _Pen(result, max(1, round(size / 8)))
     for landmark, pixel, place, outline, inlier in zip(
-        landmarks, landmark_arrays(landmarks)[1], shown, outlines, inliers, strict=True
+        landmarks, landmark_arrays(landmarks)[1], shown, outlines, estimate.inliers, strict=True
     ):
         colour = INLIER if inlier else OUTLIER
         pen.lines(list(pixel + size * _CROSS), colour)
         if np.isfinite(place).all():
-            if outline is not None:
-                pen.lines([place + outline], ELLIPSE, closed=True)
+            pen.lines([place + outline], ELLIPSE, closed=True)
             # an outlier's residual is long enough as it is
             pen.lines([np.stack([pixel, pixel + (MAGNIFIED if inlier else 1.0) * (place - pixel)])], colour)
         pen.text(landmark.name, pixel + size, size / 20, colour)

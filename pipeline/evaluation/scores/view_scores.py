@@ -1,13 +1,9 @@
 """All scores of one view against the photograph of its pose. Needs ``cv2``."""
 
-from dataclasses import asdict
-
 import numpy as np
 
 from ...images.pixel_values import mask_box
-from .edge_measures import Gradients, edge_measures, sharpness
-from .flow_alignment import MARGIN_PX, aligned_by_flow
-from .similarity import similarity, whole_and_parts
+from .similarity import WINDOW_PX, whole_and_parts
 
 DARKEST, BRIGHTEST = 10 / 255, 250 / 255
 """Code values beyond these are noise or saturated and say nothing about a factor."""
@@ -88,18 +84,11 @@ SCORES = {
     "psnr_observed_corrected": "PSNR inside the observed surface after the correction, dB",
     "error_surface_corrected": "mean absolute error inside the surface after the correction, /255",
     "error_observed_corrected": "mean absolute error inside the observed surface after the correction, /255",
-    "flow_px": "residual displacement, median over the observed surface, px",
-    "flow_high_px": "residual displacement, 95th percentile over the observed surface, px",
-    "ssim_aligned": "SSIM inside the observed surface after correction and alignment by the residual flow",
-    "gradient_correlation": "cosine of the gradients inside the observed surface, aligned",
-    "edge_f": "F-score of edges within 2 px, inside the observed surface, aligned",
-    "edge_px": "mean distance between edges, aligned, px",
-    "sharpness": "gradients of the view over those of the photograph, inside the observed surface",
 }
 """The scores of a view, in the order of the table -> what they mean."""
 
-HIGHER_IS_BETTER = ("ssim", "psnr", "correlation", "gradient_correlation", "edge_f")
-LOWER_IS_BETTER = ("error", "edge_px")
+HIGHER_IS_BETTER = ("ssim", "psnr", "correlation")
+LOWER_IS_BETTER = ("error",)
 """Beginnings of names of scores of which more, or less, is better; the others describe views and poses."""
 FEWEST_PIXELS = 64
 """A part of the image below this size is not scored: a window of SSIM has 49 pixels."""
@@ -124,7 +113,7 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
     values["surface_px"], values["observed_px"] = map(float, (np.count_nonzero(surface), np.count_nonzero(observed)))
     if values["surface_px"] < FEWEST_PIXELS:
         return values
-    everything, box = surface.size, mask_box(surface, MARGIN_PX)
+    everything, box = surface.size, mask_box(surface, WINDOW_PX)
     real, synthetic, surface, observed = (each[box] for each in (real, synthetic, surface, observed))
     seen = values["observed_px"] >= FEWEST_PIXELS
     parts = {"surface": surface, "observed": observed} if seen else {"surface": surface}
@@ -139,20 +128,6 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
             values[f"error_{part}{suffix}"] = each.mean_error
             if not suffix:
                 values[f"correlation_{part}"] = each.correlation
-    if seen:
-        values |= _registered_scores(real, matched, observed)
-    return values
-
-
-def _registered_scores(real: np.ndarray, synthetic: np.ndarray, observed: np.ndarray) -> dict[str, float]:
-    moved = aligned_by_flow(real, synthetic, observed)
-    values = {"flow_px": moved.median_px, "flow_high_px": moved.high_px}
-    edges = Gradients.of(real)
-    # measured before the alignment, whose interpolation blurs a little
-    values["sharpness"] = sharpness(edges, Gradients.of(synthetic), observed)
-    if np.count_nonzero(moved.mask) >= FEWEST_PIXELS:
-        values["ssim_aligned"] = similarity(real, moved.aligned, moved.mask).ssim
-        values |= asdict(edge_measures(edges, Gradients.of(moved.aligned), moved.mask))
     return values
 
 

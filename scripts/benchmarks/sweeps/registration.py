@@ -40,8 +40,6 @@ LIGHTS_DEG, LAMP_MM = (0.0, 15.0, 30.0, 45.0, 60.0), 300.0
 TILTS_DEG, DIRECTIONS = (10.0, 20.0, 30.0, 45.0, 60.0, 75.0), 4
 OFF_DEG, SURFACE_MM, OFF_SHARE = (2.0, 4.0, 8.0), (0.0, 0.25, 0.5, 1.0), 0.005
 """By how much the source's pose and the surface are off; the pose's shift as a share of the distance and degree."""
-FOCAL_PERCENT = (-10.0, 10.0)
-"""By how much the focal length is off."""
 WAVE_MM, WAVES = 12.0, 48
 """Mean length of the waves of a surface's error, and their number."""
 
@@ -231,8 +229,6 @@ def corrections(scene: Scene, seed: int, sources: int, *, surfaces: bool, quick:
             surface = replace(source.loaded.surface, mesh=rough(source.loaded.surface.mesh, rms_mm, rng))
             rougher = replace(source, loaded=replace(source.loaded, surface=surface))
             yield corrected(rougher, "surface", rms_mm, 4.0, rng)
-        for index, percent in enumerate(() if quick else FOCAL_PERCENT):
-            yield corrected(source, "focal", percent, 2.0, np.random.default_rng([seed, number, 10, index]))
 
 
 def more_frames(scene: Scene, counts: Sequence[int], seed: int) -> Trials:
@@ -245,26 +241,21 @@ def more_frames(scene: Scene, counts: Sequence[int], seed: int) -> Trials:
 
 
 def corrected(source: Scene, kind: str, amount: float, off_deg: float, rng: np.random.Generator) -> RegistrationTrial:
-    """Disturb the source's pose, and correct it; refused if the command would end with an error.
-
-    With the focal length off by ``amount`` percent, the distance is off as much, as in a pose aligned with it.
-    """
+    """Disturb the source's pose, and correct it; refused if the command would end with an error."""
     truth, registration = source.loaded.frame, Registration(source, "correction")
     pivot, axes = registration.registrar.pivot_model, rng.normal(size=(2, 3))
     axis, shift = axes / np.linalg.norm(axes, axis=1, keepdims=True)
     middle = transform_points(truth.cam_from_model, pivot[None])[0]
     turn = rotation_from_vector(math.radians(off_deg) * axis)
     shift = middle - turn @ middle + OFF_SHARE * off_deg * np.linalg.norm(middle) * shift
-    zoom = 1 + amount / 100 if kind == "focal" else 1.0
-    farther = rigid(translation=(zoom - 1) * middle)
-    wrong = replace(truth, cam_from_model=farther @ rigid(turn, shift) @ truth.cam_from_model)
+    wrong = replace(truth, cam_from_model=rigid(turn, shift) @ truth.cam_from_model)
     began, state, errors = time.process_time(), REFUSED, NO_ERROR
     with temporary_folder() as folder:
         for number, frame in enumerate(source.photographs):
             (folder / f"{number:03d}{frame.path.suffix}").symlink_to(frame.path.resolve())
         try:
-            loaded = replace(source.loaded, frames=(wrong,)).zoomed(zoom)
-            found = correct_source(loaded, folder, focal=zoom != 1, tool="benchmark", date="", progress=lambda _: None)
+            loaded = replace(source.loaded, frames=(wrong,))
+            found = correct_source(loaded, folder, tool="benchmark", date="", progress=lambda _: None)
             state, errors = ACCEPTED, registration.errors(found.loaded.frame.cam_from_model, truth.cam_from_model)
         except InputError:
             """Too few frames agree."""

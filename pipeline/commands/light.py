@@ -5,10 +5,10 @@ import datetime
 from dataclasses import replace
 from pathlib import Path
 
-from ... import __version__
-from ...errors import InputError
-from ...images.transfer import TRANSFERS
-from ...process.own_process import own_output
+from .. import __version__
+from ..errors import InputError
+from ..images.transfer import TRANSFERS
+from ..process.own_process import own_output
 
 ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."
 EPILOG = """examples:
@@ -49,16 +49,16 @@ def run(arguments: argparse.Namespace) -> None:
     """Find the lamp, write it into the case and report what it explains."""
     if arguments.video and not arguments.frames:
         raise InputError("command line: --video: expected FRAMES with it, the folder that oneframe register wrote")
-    from ...case.case_file import read_case
-    from ...case.case_update import check_replaced, update_case
-    from ...case.case_writer import case_output, write_case
-    from ...case.loaded_case import load_case
-    from ...files.outputs import check_outputs, made_folder, write_output, writing
-    from ...images.pixel_values import to_uint8
-    from ...images.png import encode_png
-    from ...light.find_lamp import find_lamp
-    from ...light.lamp_picture import lamp_picture
-    from ...registration.accepted_frames import accepted_frames, small_frames
+    from ..case.case_file import read_case
+    from ..case.case_update import check_replaced, update_case
+    from ..case.case_writer import case_output, write_case
+    from ..case.loaded_case import load_case
+    from ..files.outputs import check_outputs, made_folder, write_output, writing
+    from ..images.pixel_values import to_uint8
+    from ..images.png import encode_png
+    from ..light.find_lamp import find_lamp
+    from ..light.lamp_picture import lamp_picture
+    from ..registration.accepted_frames import accepted_frames, small_frames
 
     case, output, target = read_case(arguments.case), own_output(), arguments.out
     outputs = [path for path in (arguments.picture, target and case_output(target)) if path]

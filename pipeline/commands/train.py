@@ -3,11 +3,11 @@
 import argparse
 from pathlib import Path
 
-from ...errors import InputError, naming
-from ...process.arguments import at_least
-from ...process.own_process import own_output
+from ..errors import InputError, naming
+from ..process.arguments import at_least
+from ..process.own_process import own_output
 
-ABOUT = "Train a network on the views of a dataset, which finds first poses of frames: see oneframe locate."
+ABOUT = "Train a network on the views of a dataset, which finds first poses of frames for oneframe register --network."
 EPILOG = """examples:
   %(prog)s dataset --out network.onnx
   %(prog)s dataset --out network.onnx --steps 6000
@@ -16,7 +16,7 @@ Views for it: oneframe render case.toml --out dataset --for-training --count 300
 
 It learns from the views alone which point of the surface is seen where; crops of them are turned, zoomed, relit, partly
 hidden and put on random backgrounds meanwhile. Views are made as small as the network needs them, and of more than
-2000 some are taken, evenly. FILE is ONNX, which OpenCV runs: frames are located without PyTorch.
+2000 some are taken, evenly. FILE is ONNX, which OpenCV runs: registering with it needs no PyTorch.
 
 Training needs PyTorch and the package onnx: pip install torch onnx. The file appears at the end.
 """
@@ -35,15 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Train the network and write its file."""
     try:
-        from ...learning.coordinate_network import onnx_file, trained_network
+        from ..learning.coordinate_network import onnx_file, trained_network
     except ImportError as error:
         raise InputError(
             f"train: expected PyTorch and onnx, {error.name} is not installed; run pip install torch onnx and try again"
         ) from None
-    from ...files.outputs import check_outputs, made_folder, write_output
-    from ...learning.view_crops import ViewCrops
-    from ...progress import Progress
-    from ...reader import open_dataset
+    from ..files.outputs import check_outputs, made_folder, write_output
+    from ..learning.view_crops import ViewCrops
+    from ..progress import Progress
+    from ..reader import open_dataset
 
     out, output = arguments.out, own_output()
     with open_dataset(arguments.dataset) as views:

@@ -1,1 +1,0 @@
-"""What registered frames tell of their case: the lamp at the lens."""

@@ -1,0 +1,237 @@
+"""What an evaluation says: the scores of every photograph, their means with intervals, and who leads."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .conditions import Conditions
+from .scores.distribution_distance import FEWEST_IMAGES, FID_IMAGES, frechet_distance, kernel_distance
+from .scores.mean_intervals import MeanInterval, Resampling
+from .scores.view_scores import SCORES, direction
+
+ALL = "all"
+"""The name of all cases together."""
+HEADINGS = {
+    "ssim_whole": ("SSIM, whole image", 3),
+    "ssim_surface": ("SSIM, surface", 3),
+    "ssim_observed": ("SSIM, observed", 3),
+    "psnr_whole": ("PSNR, whole (dB)", 1),
+    "psnr_observed": ("PSNR, observed (dB)", 1),
+    "error_observed": ("error, observed (/255)", 1),
+    "ssim_observed_corrected": ("SSIM, observed, corrected", 3),
+    "error_observed_corrected": ("error, observed, corrected", 1),
+}
+"""Scores of the table -> heading and decimals."""
+RANKED = {
+    "ssim_whole": "SSIM of the whole image",
+    "ssim_surface": "SSIM inside the surface",
+    "ssim_observed": "SSIM inside the observed surface",
+}
+FILLED, MOST_OBSERVED = ", fill, ", 0.98
+"""In the name of a method, and the share of the surface that is as good as all."""
+FRAME_COLUMNS = ("case", "image", "method", *SCORES)
+
+
+@dataclass(frozen=True)
+class Row:
+    """The scores of a view, see :mod:`oneframe.evaluation.scores.view_scores`; NaN for those that it does not have."""
+
+    case: str
+    image: str
+    method: str
+    scores: Mapping[str, float]
+
+    @property
+    def cells(self) -> tuple[object, ...]:
+        """In the order of :data:`FRAME_COLUMNS`; scores that a view does not have are empty."""
+        scores = ("" if math.isnan(self.scores[name]) else self.scores[name] for name in SCORES)
+        return self.case, self.image, self.method, *scores
+
+
+@dataclass(frozen=True)
+class Mean:
+    """The mean of a score over the photographs of a case.
+
+    Attributes
+    ----------
+    interval
+        With its 95 % confidence interval and the number of photographs.
+    behind
+        How far it is behind that of the leading method on the same photographs; ``None`` where neither more nor less is
+        better, or a value is missing.
+    """
+
+    interval: MeanInterval
+    behind: MeanInterval | None = None
+
+
+@dataclass(frozen=True)
+class Distances:
+    """FID and KID between ``n`` photographs and a method's views; ``kid_error`` is the standard error."""
+
+    fid: float
+    kid: float
+    kid_error: float
+    n: int
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Means by case (and :data:`ALL`), method and score; distances by case and method; who is a peer."""
+
+    conditions: Conditions
+    cases: tuple[str, ...]
+    peer_by_method: Mapping[str, bool]
+    means: Mapping[tuple[str, str, str], Mean]
+    distances: Mapping[tuple[str, str], Distances]
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """The cases, and of several also :data:`ALL`."""
+        return self.cases + (ALL,) * (len(self.cases) > 1)
+
+    def mean(self, case: str, method: str, score: str) -> MeanInterval:
+        """The mean of a score; NaN, of no photographs, if there is none."""
+        found = self.means.get((case, method, score))
+        return MeanInterval(math.nan, math.nan, math.nan, 0) if found is None else found.interval
+
+
+def summary_of(
+    rows: Sequence[Row], surfaces: Mapping[str, str], peer_by_method: Mapping[str, bool], conditions: Conditions,
+    features: Mapping[tuple[str, str], Sequence[tuple[np.ndarray, np.ndarray]]], rng: np.random.Generator,
+) -> Summary:  # fmt: skip
+    """Summarise rows.
+
+    Parameters
+    ----------
+    rows
+        All cases', photograph by photograph.
+    surfaces
+        Case -> what its surface is called: cases of one surface are drawn together.
+    peer_by_method
+        Method -> whether others made it, in the order of the table.
+    conditions
+        Under which the rows were measured.
+    features
+        By case and method: those of each photograph and its view.
+    rng
+        Draws for the intervals.
+    """
+    means: dict[tuple[str, str, str], Mean] = {}
+    by_image = {(row.case, row.image, row.method): row.scores for row in rows}
+    images = list(dict.fromkeys((row.case, row.image) for row in rows))
+    for case in (*surfaces, ALL):
+        own = [image for image in images if case in (ALL, image[0])]
+        resampling = Resampling([(surfaces[name], name, image) for name, image in own], rng)
+        for score in SCORES:
+            values = {method: np.array([by_image[*image, method][score] for image in own]) for method in peer_by_method}
+            for method, mean in _means(values, direction(score), resampling):
+                means[case, method, score] = mean
+    return Summary(conditions, tuple(surfaces), peer_by_method, means, dict(_distances(features)))
+
+
+def _means(values: Mapping[str, np.ndarray], sign: int, resampling: Resampling) -> Iterator[tuple[str, Mean]]:
+    """By method: of ``(N,)`` values, of which more (1), less (-1) or neither (0) is better."""
+    intervals = {method: resampling.interval(each) for method, each in values.items()}
+    known = {method: sign * each.mean for method, each in intervals.items() if not math.isnan(each.mean)}
+    leader = max(known, key=lambda method: known[method], default=None) if sign else None
+    for method, interval in intervals.items():
+        mean = Mean(interval)
+        if leader is not None:
+            with np.errstate(invalid="ignore"):
+                mean = replace(mean, behind=resampling.interval(sign * (values[leader] - values[method])))
+        yield method, mean
+
+
+def _distances(
+    features: Mapping[tuple[str, str], Sequence[tuple[np.ndarray, np.ndarray]]],
+) -> Iterator[tuple[tuple[str, str], Distances]]:
+    groups = {key: list(each) for key, each in features.items()}
+    for (_, method), each in features.items():
+        groups.setdefault((ALL, method), []).extend(each)
+    for key, pairs in groups.items():
+        if len(pairs) >= FEWEST_IMAGES:
+            real, rendered = (np.stack(each) for each in zip(*pairs, strict=True))
+            kernel = kernel_distance(real, rendered)
+            yield key, Distances(frechet_distance(real, rendered), kernel.kid, kernel.standard_error, len(pairs))
+
+
+def markdown_table(summary: Summary, notes: Iterable[str]) -> bytes:
+    """The summary as Markdown: conditions and notes, then a table for each case and for all."""
+    lines = ["# Evaluation", "", *(f"{line}  " for line in summary.conditions.lines()), ""]
+    lines += ["Means with 95 % confidence intervals: bootstrap over surfaces, then cases, then photographs.", ""]
+    lines += [f"- {note}" for note in notes]
+    for case in summary.blocks:
+        of_case = [method for method in summary.peer_by_method if (case, method) in summary.distances]
+        headings = [heading for heading, _ in HEADINGS.values()] + ["FID", "KID"] * bool(of_case)
+        lines += ["", f"## {'All cases' if case == ALL else case}", "", _line("", *headings)]
+        lines.append("|---" * (len(headings) + 1) + "|")
+        for method in summary.peer_by_method:
+            cells = [_cell(summary.mean(case, method, name), decimals) for name, (_, decimals) in HEADINGS.items()]
+            if (distances := summary.distances.get((case, method))) is not None:
+                cells += [f"{distances.fid:.1f}", f"{distances.kid:.4f} ± {distances.kid_error:.4f}"]
+            lines.append(_line(method, *cells))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _line(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _cell(mean: MeanInterval, decimals: int) -> str:
+    if math.isnan(mean.mean):
+        return ""
+    interval = "" if math.isnan(mean.low) else f" [{mean.low:.{decimals}f}, {mean.high:.{decimals}f}]"
+    return f"{mean.mean:.{decimals}f}{interval}"
+
+
+def summary_notes(summary: Summary) -> Iterator[str]:
+    """What a reader must know of the figures."""
+    if any(each.n < FID_IMAGES for each in summary.distances.values()):
+        yield f"FID is biased: it needs {FID_IMAGES} images or more. Compare KID."
+    yield from _which_unseen(summary)
+    yield from _where_peers_lead(summary)
+
+
+def _which_unseen(summary: Summary) -> Iterator[str]:
+    """Which ``--unseen`` serves which aim, where the frame did not see all of the surface in view."""
+    case, methods = summary.blocks[-1], summary.peer_by_method
+    neutral = next((name for name, peer in methods.items() if not (peer or FILLED in name)), None)
+    if neutral is None:
+        return
+    surface, observed = (summary.mean(case, neutral, name).mean for name in ("surface_px", "observed_px"))
+    if not observed < MOST_OBSERVED * surface:
+        return
+    head, _, engine = neutral.rpartition(", ")
+    filled, grey = (summary.mean(case, name, "ssim_surface") for name in (f"{head}{FILLED}{engine}", neutral))
+    figures = f" (SSIM {filled.mean:.3f} against {grey.mean:.3f})" if filled.n and grey.n else ""
+    yield (
+        f"The frame saw {observed / surface:.0%} of the surface in view. Where all of it is to look like photographs, "
+        f"render with --unseen fill{figures}. --unseen neutral paints nothing that the frame did not show: its grey "
+        "counts as wrong on the whole surface, so judge it by the observed one."
+    )
+
+
+def _where_peers_lead(summary: Summary) -> Iterator[str]:
+    """A sentence for every case and score by which the paper's method is ahead of all of ours.
+
+    Ahead is what the interval of the paired difference tells apart.
+    """
+    for case in summary.blocks:
+        for score, words in RANKED.items():
+            groups: dict[bool, list[tuple[float, str]]] = {True: [], False: []}
+            for method, peer in summary.peer_by_method.items():
+                if (mean := summary.mean(case, method, score)).n:
+                    groups[peer].append((mean.mean, method))
+            if not groups[True] or not groups[False]:
+                continue
+            (theirs, leader), (ours, best) = max(groups[True]), max(groups[False])
+            behind = summary.means[case, best, score].behind
+            if theirs > ours and behind is not None and behind.low > 0:
+                title = "All cases" if case == ALL else case
+                yield (
+                    f"{title}: {leader} is ahead in {words}, {theirs:.3f} against {ours:.3f} ({best}), "
+                    f"by {behind.low:.3f} to {behind.high:.3f} on the same photographs."
+                )

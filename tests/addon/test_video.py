@@ -17,7 +17,7 @@ from tests.video.surgical_film import Event, surgical_film, write_film
 SIZE_WH = (64, 48)
 """That of the small case."""
 
-KINDS = ("clear", "tool", "clear", "blur", "clear")
+KINDS = ("clear", "glove", "clear", "blur", "clear")
 
 
 @pytest.fixture(scope="module")
@@ -103,9 +103,9 @@ def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, vi
 
 def test_a_frame_that_is_taken_is_the_commands_and_goes_with_the_case(film, video, case_path, tmp_path):
     scene = bpy.context.scene
-    tool = int(np.argmax([score.obstructed for score in film.scores.frames]))
-    assert KINDS[tool // 8] == "tool"
-    shown_frame.show(scene, tool)
+    covered = int(np.argmax([score.obstructed for score in film.scores.frames]))
+    assert KINDS[covered // 8] == "glove"
+    shown_frame.show(scene, covered)
     expected, by_command = film.score, tmp_path / "frames"
     (written,) = write_frames(video, by_command, film.scores, [expected])
     for masked, file in ((False, written.image), (True, written.masked)):

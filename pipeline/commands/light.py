@@ -46,11 +46,11 @@ def run(arguments: Arguments) -> None:
     """Find the lamp, write it into the case and report what it explains."""
     if arguments.video and not arguments.frames:
         raise InputError("command line: --video: expected FRAMES with it, the folder that oneframe register wrote")
+    from ..case.case_changes import check_replaced
     from ..case.case_file import read_case
-    from ..case.case_update import check_replaced, update_case
     from ..case.case_writer import case_output, write_case
     from ..case.loaded_case import load_case
-    from ..files.outputs import check_outputs, made_folder, write_output, writing
+    from ..files.outputs import check_outputs, made_folder, write_output
     from ..images.pixel_values import to_uint8
     from ..images.png import encode_png
     from ..light.find_lamp import find_lamp
@@ -79,9 +79,5 @@ def run(arguments: Arguments) -> None:
             arguments.picture, encode_png(to_uint8(lamp_picture(loaded.surface.mesh, loaded.frame, found.light)))
         )
         output.write(f"frame, shading, frame without it: {arguments.picture}\n")
-    with writing(made_folder(target or case.path)):
-        if target:
-            write_case(target, lit)
-        else:
-            update_case(case.path, lit)
+    write_case(made_folder(target or case.path), lit)
     output.write(f"{found.figures}\nthe case with its lamp: {target or case.path}\n")

@@ -13,7 +13,7 @@ from ..camera.distortion import distorted_pixels
 from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame, UnreadFrame
 from ..case.loaded_case import LoadedCase
-from ..colour.reference_view import ReferenceView, colouring_view_of
+from ..colour.reference_view import ReferenceView, reference_view
 from ..errors import InputError
 from ..files.content import content_named
 from ..files.outputs import write_output
@@ -92,7 +92,7 @@ class CaseRegistrar:
         frame = loaded.frame
         small = small_frame(frame)
         self.camera = small.camera
-        view = colouring_view_of(replace(loaded, frames=(small,)))
+        view = reference_view(replace(loaded, frames=(small,)))
         self.mesh, self.pivot_model, self.cam_from_model = view.mesh, view.pivot_model, frame.cam_from_model
         self.source = view.view
         self._registrar = Registrar(view.mesh, view.view, view.pivot_model)

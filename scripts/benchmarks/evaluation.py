@@ -27,7 +27,7 @@ from oneframe.case.frame import UnreadFrame
 from oneframe.case.loaded_case import LoadedCase, load_case
 from oneframe.colour.lens_shading import LensShading, lens_shading_of
 from oneframe.colour.ray_tracer import RayTracer
-from oneframe.colour.reference_view import traced_view_of
+from oneframe.colour.reference_view import reference_view, traced_surface
 from oneframe.colour.shading import ColouredSurface
 from oneframe.errors import InputError
 from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
@@ -153,7 +153,7 @@ def frames_apart(loaded: LoadedCase, light: LensShading | None) -> float:
 
     Views at the first frame's pose are coloured from one frame each, in the light of the lens or as the frames are.
     """
-    reference, camera = traced_view_of(loaded, light), loaded.frame.camera
+    reference, camera = reference_view(loaded, traced_surface, light), loaded.frame.camera
     side, steps = camera.width // BLOCKS, list[np.ndarray]()
     views = [
         RayTracer(ColouredSurface(reference.mesh, (view,), light=light), camera).render(loaded.frame.cam_from_model)

@@ -159,16 +159,18 @@ def reference_view(loaded: LoadedCase, look: Look = nearest_surface, light: Lens
 
 
 def colours_of(reference: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
-    """The surface's colour from each frame in a mode (``projective``, ``texture``, ``vertex``), and messages.
+    """The surface's colour from each frame in a mode (``projective``, ``vertex``), and messages.
 
-    In all modes the frame's view tells which points it saw.
+    In both the frame's view tells which points it saw.
     """
     if mode == "projective":
         return list(reference.views), []
+    if mode != "vertex":
+        raise ValueError(f"expected the colour mode projective or vertex, found {mode!r}")
     colours: list[SurfaceColour] = []
     said: list[str] = []
     for view in reference.views:
-        colour, messages = baked_colour_of(replace(reference, views=(view,)), mode)
+        colour, messages = vertex_colours_of(replace(reference, views=(view,)))
         colours.append(replace(colour, source=view))
         said += messages
     return colours, said

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[], help="another case and its photographs; may be repeated",
     )  # fmt: skip
     parser.add_argument(
-        "--methods", metavar="METHOD", nargs="+", help="what to compare (default: ours in three colour modes, Eevee, "
+        "--methods", metavar="METHOD", nargs="+", help="what to compare (default: ours in both colour modes, Eevee, "
         "and the paper's method where its renderer is installed)",
     )  # fmt: skip
     parser.add_argument(

@@ -11,7 +11,7 @@ from mathutils import Matrix
 from blender_addon.colour import operators as colour
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
-from oneframe.colour.reference_view import colours_of, reference_view
+from oneframe.colour.reference_view import baked_colour_of, reference_view
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
 
@@ -29,7 +29,7 @@ def blocks() -> Counter:
 
 def source_and_colour(case_path, mode):
     source = reference_view(load_case(read_case(case_path)))
-    return source, colours_of(source, mode)[0][0]
+    return source, baked_colour_of(source, mode)[0]
 
 
 def vertex_colours(surface) -> np.ndarray:

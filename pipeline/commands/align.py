@@ -1,14 +1,14 @@
 """The command ``oneframe align``."""
 
-import argparse
 import datetime
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
+from ..process.command import option, positional, switch
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -30,41 +30,30 @@ decides between poses that fit equally well. Exit code 2: the pairs do not deter
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface, and a rough pose or none")
-    method = parser.add_argument_group("method")
-    method.add_argument(
-        "--landmarks",
-        "--pairs",
-        metavar="FILE",
-        type=Path,
-        help="landmarks as CSV or JSON (default: those of the case)",
-    )
-    method.add_argument(
-        "--click-sigma-px", metavar="X", type=float, default=2.0,
-        help="standard deviation of the click noise along each image axis, in px (default %(default)g)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "frame, camera, surface, and a rough pose or none")
+    landmarks: Path | None = option("FILE", "landmarks as CSV or JSON (default: those of the case)")
+    click_sigma_px: float = option(
+        "X", "standard deviation of the click noise along each image axis, in px (default %(default)g)", 2.0
     )  # fmt: skip
-    method.add_argument(
-        "--refine", action="store_true",
-        help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
+    refine: bool = switch(
+        "refine the pose against the image, from the pose of the landmarks or, without any, of the case"
     )  # fmt: skip
-    method.add_argument(
-        "--take-refused", action="store_true",
-        help="take the pose that the refinement has found even if it refuses it; look at --picture",
+    take_refused: bool = switch("take the pose that the refinement has found even if it refuses it; look at --picture")
+    restore: int | None = option(
+        "N", "list the poses that the case file had before, or take number N back; the present one is kept in its "
+        "turn", const=0
     )  # fmt: skip
-    method.add_argument(
-        "--restore", metavar="N", type=int, nargs="?", const=0,
-        help="list the poses that the case file had before, or take number N back; the present one is kept in its turn",
-    )  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, help="write the case with the new pose and the landmarks")
-    output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
-    output.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
-    output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
+    out: Path | None = option("FILE", "write the case with the new pose and the landmarks")
+    overwrite: bool = switch("let --out replace a case of another frame or surface")
+    json: Path | None = option("FILE", "write pose, residuals and covariance")
+    picture: Path | None = option("FILE", "write the frame with overlay and residuals (PNG)")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Align the case, print the report and write the requested files."""
     if arguments.restore is not None:
         _restore(arguments)
@@ -89,7 +78,7 @@ def run(arguments: argparse.Namespace) -> None:
     _write(arguments, aligned, output)
 
 
-def _checked_case(arguments: argparse.Namespace) -> "Case":
+def _checked_case(arguments: Arguments) -> "Case":
     """The case, once it is sure that the outputs replace nothing that they should not."""
     from ..case.case_file import read_case
     from ..case.case_update import check_replaced
@@ -105,7 +94,7 @@ def _checked_case(arguments: argparse.Namespace) -> "Case":
     return case
 
 
-def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO) -> None:
+def _write(arguments: Arguments, aligned: "AlignedCase", output: TextIO) -> None:
     """Write the requested files."""
     from ..case.case_writer import write_case
     from ..files.outputs import made_folder, write_output, writing
@@ -126,7 +115,7 @@ def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO
         output.write(f"aligned case: {arguments.out}\n")
 
 
-def _restore(arguments: argparse.Namespace) -> None:
+def _restore(arguments: Arguments) -> None:
     """List the earlier poses of the case file, or take one back."""
     from ..case.case_file import read_case
     from ..case.case_history import earlier_poses

@@ -4,27 +4,21 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..dataset.option_arguments import add_option_arguments
 from ..errors import InputError, naming
-from ..process.arguments import (
-    add_cluster_arguments,
-    at_least,
-    check_cluster_arguments,
-    resumable,
-)
+from ..process.arguments import resumable
+from ..process.command import option, positional, switch
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
-from ..progress import LINE_SECONDS
+from ..progress import LINE_SECONDS, Progress
 
 if TYPE_CHECKING:
     # --help must not wait for numpy
     from ..blender.dataset.job import Job
-    from ..dataset.run.elsewhere import Elsewhere
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
 """This command as a script, which a checkout and the extension have."""
@@ -44,41 +38,40 @@ file may hold all options that affect the content, in a table [dataset] (count =
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument(
-        "case", metavar="CASE.toml|QUEUE", type=Path, help="frame, camera, surface and pose; or a folder of such cases"
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes beside the options of a dataset run."""
+
+    case: Path = positional("CASE.toml|QUEUE", "frame, camera, surface and pose; or a folder of such cases")
+    out: Path = option("DIR", "folder of the dataset; an unfinished one is resumed", MISSING)
+    workers: int = option("N", "number of processes (default: one per core)", 0, least=0)
+    shard: str = option("I/N", "render only shard I of N, counted from 0", "0/1")
+    verify: bool = switch(
+        "compare the hashes of all finished files, not only that they are there with their sizes; what has changed is "
+        "rendered again"
     )
-    parser.add_argument(
-        "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
+    cluster: str | None = option(
+        "ADDRESS", "render on the workers of a Dask cluster: the address of its scheduler, such as tls://host:8786"
     )
-    add_option_arguments(parser)
-    machines = parser.add_argument_group("processes and machines")
-    machines.add_argument(
-        "--workers", metavar="N", type=at_least(0), default=0, help="number of processes (default: one per core)"
+    insecure: bool = switch(
+        "with --cluster: take a scheduler on another machine without TLS, though everybody in its network can run "
+        "programs as you"
     )
-    machines.add_argument("--shard", metavar="I/N", default="0/1", help="render only shard I of N, counted from 0")
-    machines.add_argument(
-        "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
-        "with their sizes; what has changed is rendered again"
+    blender_on_workers: str | None = option(
+        "PROGRAM", "with --cluster: the Blender program that renders on the workers' machines (default: the bpy module "
+        "in the workers' Python)"
     )  # fmt: skip
-    add_cluster_arguments(machines)
-    machines.add_argument(
-        "--blender-on-workers", metavar="PROGRAM", help="with --cluster: the Blender program that renders on "
-        "the workers' machines (default: the bpy module in the workers' Python)"
-    )  # fmt: skip
-    machines.add_argument(
-        "--gather", action="store_true", help="with --cluster: workers that do not share DIR render into temporary "
-        "folders, and each finished view is fetched from there"
-    )  # fmt: skip
-    machines.add_argument("--send-case", action="store_true", help="with --cluster: send the case to each worker, once")
     # after the arguments of a queue, for a worker at one of its cases
-    machines.add_argument("--queued-case", dest="case", type=Path, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-    machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
-    machines.add_argument("--threads", type=int, default=0, help=argparse.SUPPRESS)
+    queued_case: Path | None = option("", argparse.SUPPRESS)
+    worker: bool = switch(argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
-    machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
-    machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+    progress_seconds: float = option("", argparse.SUPPRESS, LINE_SECONDS)
+    end_with_input: bool = switch(argparse.SUPPRESS)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a dataset run, which are declared with it."""
+    add_option_arguments(parser)
 
 
 def own_command() -> list[str]:
@@ -89,12 +82,18 @@ def own_command() -> list[str]:
 @resumable()
 def run(arguments: argparse.Namespace) -> None:
     """Render the dataset, or those of a queue, or act as one of its worker processes."""
-    check_cluster_arguments(arguments, "blender_on_workers", "gather", "send_case")
-    if arguments.cluster is not None and arguments.shard != "0/1":
-        raise InputError(
-            f"command line: --cluster: expected without --shard, found --shard {arguments.shard}; the cluster's "
-            "workers share the views by themselves: leave --shard out"
-        )
+    if arguments.queued_case is not None:
+        arguments.case = arguments.queued_case
+    for name in ("insecure", "blender_on_workers"):
+        if getattr(arguments, name) and arguments.cluster is None:
+            flag = "--" + name.replace("_", "-")
+            raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
+    for name, default in (("shard", "0/1"), ("workers", 0)):
+        if arguments.cluster is not None and getattr(arguments, name) != default:
+            raise InputError(
+                f"command line: --cluster: expected without --{name}, found --{name} {getattr(arguments, name)}; the "
+                f"cluster's workers share the views by themselves: leave --{name} out"
+            )
     # the matrices are small: numpy's BLAS threads would only busy-wait on the cores that render
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     render_this = _render_queue if arguments.case.is_dir() else _render_case
@@ -112,22 +111,23 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     case = job.case
     check_folder(arguments.out, _read_by(job))
     if arguments.worker:
-        work(job, workers=arguments.workers, stream=output, threads=arguments.threads)
+        work(job, workers=arguments.workers, stream=output)
         return
     if arguments.end_with_input:
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
-    with _elsewhere(arguments, output) as elsewhere:
-        render(
-            job,
-            workers=arguments.workers,
-            worker_command=[*own_command(), *arguments.argv, "--worker"],
-            stream=output,
-            verify=arguments.verify,
-            progress_seconds=arguments.progress_seconds,
-            elsewhere=elsewhere,
-        )
+    if arguments.cluster is not None:
+        _render_on_cluster(job, arguments, output)
+    # what is left: tables and video, if others have rendered
+    render(
+        job,
+        workers=arguments.workers,
+        worker_command=[*own_command(), *arguments.argv, "--worker"],
+        stream=output,
+        verify=arguments.verify,
+        progress_seconds=arguments.progress_seconds,
+    )
     if job.options.stereo_mm and job.options.eye == LEFT:
         _render_case(_of_right_eye(arguments), output)
 
@@ -210,15 +210,22 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     output.write(f"{out / 'bop'}: the scenes of {len(datasets)} cases, listed in {out / SCENES}\n")
 
 
-@contextmanager
-def _elsewhere(arguments: argparse.Namespace, output: TextIO) -> "Iterator[Elsewhere | None]":
-    """The workers of a cluster, if one is asked for."""
-    if arguments.cluster is None:
-        yield None
-        return
-    from ..cluster.render_on_workers import RenderPool
+def _render_on_cluster(job: "Job", arguments: argparse.Namespace, output: TextIO) -> None:
+    """Have the shards of a job rendered by the workers of a cluster."""
+    from ..blender.dataset.job import open_job
     from ..cluster.scheduler import open_scheduler
+    from ..cluster.shards import render_shards
+    from ..dataset.option_arguments import absolute_options, option_arguments
+    from ..dataset.run.same_run import check_description
+    from ..dataset.run.work_folder import run_token
 
-    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as client:
+    opened = open_job(job)
+    check_description(job.out, opened.description, opened.given_poses)
+    options = option_arguments(absolute_options(job.options))
+    command = [os.path.abspath(job.case.path), f"--out={os.path.abspath(job.out)}", *options]
+    if arguments.verify:
+        command.append("--verify")
+    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as client, run_token(job.out) as token:
         output.write(f"workers of the scheduler {arguments.cluster}\n")
-        yield RenderPool(client, arguments.send_case, arguments.gather, arguments.blender_on_workers)
+        with Progress(opened.count, "views", stream=output, line_seconds=arguments.progress_seconds) as progress:
+            render_shards(client, command, token, opened.count, progress, blender=arguments.blender_on_workers)

@@ -54,7 +54,7 @@ def put(scene: bpy.types.Scene, loaded: LoadedCase, found: Colouring) -> tuple[s
     record = {
         "frame": str(loaded.case.image),
         "further": [str(each.image) for each in loaded.case.frames],
-        "cam_from_model": loaded.frame.cam_from_model.tolist(),
+        "pose": from_scene.pose_in_file(scene).tolist(),
         "of_view": of_view,
         "of_surface": of_surface,
         "messages": messages,

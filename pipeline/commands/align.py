@@ -21,7 +21,7 @@ EPILOG = """examples:
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
   %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
-  %(prog)s case.toml --restore                  (which poses the file had before; --restore 1: take the last one back)
+  %(prog)s case.toml --restore                  (the poses of its history; --restore 1: take the last one back)
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
 frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
@@ -44,8 +44,8 @@ class Arguments:
     )  # fmt: skip
     take_refused: bool = switch("take the pose that the refinement has found even if it refuses it; look at --picture")
     restore: int | None = option(
-        "N", "list the poses that the case file had before, or take number N back; the present one is kept in its "
-        "turn", const=0
+        "N", "list the poses of the case's history, or make the case what it was at number N; what it is goes there",
+        const=0,
     )  # fmt: skip
     out: Path | None = option("FILE", "write the case with the new pose and the landmarks")
     overwrite: bool = switch("let --out replace a case of another frame or surface")
@@ -80,8 +80,8 @@ def run(arguments: Arguments) -> None:
 
 def _checked_case(arguments: Arguments) -> "Case":
     """The case, once it is sure that the outputs replace nothing that they should not."""
+    from ..case.case_changes import check_replaced
     from ..case.case_file import read_case
-    from ..case.case_update import check_replaced
     from ..case.case_writer import case_output
     from ..files.outputs import check_outputs
 
@@ -116,26 +116,21 @@ def _write(arguments: Arguments, aligned: "AlignedCase", output: TextIO) -> None
 
 
 def _restore(arguments: Arguments) -> None:
-    """List the earlier poses of the case file, or take one back."""
-    from ..case.case_file import read_case
-    from ..case.case_history import earlier_poses
-    from ..case.case_update import update_case
-    from ..files.outputs import writing
+    """List what the case file was before, or take it back."""
+    from ..case.case_history import earlier_cases
+    from ..case.case_writer import write_case
 
     chosen = ("landmarks", "refine", "take_refused", "out", "json", "picture")
     if others := [name for name in chosen if getattr(arguments, name)]:
         raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
     path, number, output = arguments.case, arguments.restore, own_output()
-    case, poses = read_case(path, posed=False), earlier_poses(path)
+    earlier = earlier_cases(path)
     if not number:
-        output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(poses, start=1)))
-        output.write("" if poses else f"{path}: no pose has been replaced in it\n")
+        output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(earlier, start=1)))
+        output.write("" if earlier else f"{path}: it has no history\n")
         return
-    if not 1 <= number <= len(poses):
-        found = f"an earlier pose from 1 to {len(poses)}" if poses else "a case with earlier poses"
-        raise InputError(f"{path}: --restore: expected {found}, found {number if poses else 'none'}")
-    restored = poses[number - 1].put_back(case)
-    with writing(path):
-        update_case(path, restored)
-    is_same = (restored.camera, restored.distortion) == (case.camera, case.distortion)
-    output.write(f"{path}: the pose {'' if is_same else 'and its K '}as before: {poses[number - 1].text}\n")
+    if not 1 <= number <= len(earlier):
+        found = f"an earlier pose from 1 to {len(earlier)}" if earlier else "a case with a history"
+        raise InputError(f"{path}: --restore: expected {found}, found {number if earlier else 'none'}")
+    write_case(path, earlier[number - 1].case)
+    output.write(f"{path}: as it was: {earlier[number - 1].text}\n")

@@ -43,11 +43,11 @@ def run(arguments: Arguments) -> None:
     """Find the lamp, write it into the case and report what it explains."""
     if arguments.video and not arguments.frames:
         raise InputError("command line: --video: expected FRAMES with it, the folder that oneframe register wrote")
+    from ..case.case_changes import check_replaced
     from ..case.case_file import read_case
-    from ..case.case_update import check_replaced, update_case
     from ..case.case_writer import case_output, write_case
     from ..case.loaded_case import load_case
-    from ..files.outputs import check_outputs, made_folder, writing
+    from ..files.outputs import check_outputs, made_folder
     from ..light.find_lamp import find_lamp
     from ..registration.accepted_frames import accepted_frames, small_frames
 
@@ -68,9 +68,5 @@ def run(arguments: Arguments) -> None:
         more = "" if accepted is not None or found.frames > 1 else "; register further frames, and give their folder"
         raise InputError(f"{case.path.name}: {found.objection}{more}")
     lit = replace(case, light=found.recorded(f"OneFrame {__version__}, light", datetime.date.today().isoformat()))
-    with writing(made_folder(target or case.path)):
-        if target:
-            write_case(target, lit)
-        else:
-            update_case(case.path, lit)
+    write_case(made_folder(target or case.path), lit)
     output.write(f"{found.figures}\nthe case with its lamp: {target or case.path}\n")

@@ -61,9 +61,9 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Register the frames, write the files and report what was found."""
+    from ..case.case_changes import other_inputs
     from ..case.case_file import read_case
     from ..case.case_folder import remove_unnamed
-    from ..case.case_update import other_inputs
     from ..case.case_writer import write_case
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs, check_own_folder, write_output, writing

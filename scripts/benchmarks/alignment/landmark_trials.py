@@ -90,32 +90,6 @@ def box_trial(
     pose = rigid(nearest_rotation(rng.normal(size=(3, 3))), np.array([0, 0, DISTANCE_MM]))
     points = (rng.random((count, 3)) - 0.5) * BOX_MM
     mesh_points = (rng.random((MESH_POINTS, 3)) - 0.5) * BOX_MM
-    return _click(rng, points, pose, mesh_points, camera, sigma_px)
-
-
-def surface_trial(
-    rng: np.random.Generator,
-    count: int,
-    sigma_px: float,
-    *,
-    camera: PinholeCamera,
-    cam_from_model: np.ndarray,
-    visible_points: np.ndarray,
-) -> LandmarkTrial:
-    """Draw correspondences from the ``(M, 3)`` visible points of a surface, at the frame's pose."""
-    chosen = visible_points[rng.choice(len(visible_points), count, replace=False)]
-    mesh_points = visible_points[rng.choice(len(visible_points), min(MESH_POINTS, len(visible_points)), replace=False)]
-    return _click(rng, chosen, cam_from_model, mesh_points, camera, sigma_px)
-
-
-def _click(
-    rng: np.random.Generator,
-    points: np.ndarray,
-    pose: np.ndarray,
-    mesh_points: np.ndarray,
-    camera: PinholeCamera,
-    sigma_px: float,
-) -> LandmarkTrial:
     true = camera.project(transform_points(pose, points))
     return LandmarkTrial(points, true + rng.normal(scale=sigma_px, size=true.shape), pose, mesh_points)
 

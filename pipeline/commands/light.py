@@ -55,7 +55,7 @@ def run(arguments: Arguments) -> None:
     from ..images.png import encode_png
     from ..light.find_lamp import find_lamp
     from ..light.lamp_picture import lamp_picture
-    from ..registration.accepted_frames import accepted_frames, small_frames
+    from ..registration.pose_list import accepted_frames, small_frames
 
     case, output, target = read_case(arguments.case), own_output(), arguments.out
     outputs = [path for path in (arguments.picture, target and case_output(target)) if path]

@@ -208,7 +208,7 @@ def wheels_for(name: str) -> list[Path]:
     Errors are those of :func:`wheels`.
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
-    stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av=", "tomlkit"))]
+    stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av="))]
     # all that scikit-image's marching cubes need
     stable.append("lazy-loader>=0.4")
     of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML", "scikit-image"))]

@@ -91,7 +91,7 @@ bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.csv
 
-# errors of the surface from CT beside scikit-image's, in demo/bench
+# errors of the surface from CT, in demo/bench
 bench-surface: setup
 	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 

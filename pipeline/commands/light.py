@@ -49,7 +49,7 @@ def run(arguments: Arguments) -> None:
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs, made_folder
     from ..light.find_lamp import find_lamp
-    from ..registration.accepted_frames import accepted_frames, small_frames
+    from ..registration.pose_list import accepted_frames, small_frames
 
     case, output, target = read_case(arguments.case), own_output(), arguments.out
     outputs = [case_output(target)] if target else []

@@ -93,7 +93,7 @@ bench-alignment: setup
 	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.csv
 	$(RUN) scripts/benchmark.py refinement demo/case/case.toml --out demo/bench/refinement.csv --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
-# errors of the surface from CT beside scikit-image's, in demo/bench
+# errors of the surface from CT, in demo/bench
 bench-surface: setup
 	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 

@@ -7,7 +7,6 @@ their best candidate. The solver always assumes a click noise of 2 px. Writes a 
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -16,7 +15,8 @@ import numpy as np
 
 from oneframe.evaluation.conditions import current_conditions
 
-from .alignment.landmark_trials import PoseErrors, box_trial, run_trials
+from .alignment.landmark_trials import ACCEPTED, ALL, LandmarkRow, PoseErrors, box_trial, run_trials
+from .charts.pose_charts import landmark_chart
 from .figures import read_rows, write_rows
 
 QUICK = {"trials": 20, "noise_px": [2.0]}
@@ -24,37 +24,6 @@ ASSUMED_SIGMA_PX = 2.0
 """Click noise that the solver assumes, whatever the true one is."""
 COUNTS = (4, 6, 8, 10)
 """Numbers of correspondences."""
-ALL, ACCEPTED = "OneFrame", "OneFrame, accepted"
-"""All trials, of which refused ones count with their best candidate; the accepted ones."""
-
-
-@dataclass(frozen=True)
-class LandmarkRow:
-    """Accuracy of a solver with some correspondences: a row of the table.
-
-    Attributes
-    ----------
-    points
-        Where they lie.
-    pairs, sigma_px, solver, trials
-        Number of correspondences, true click noise, name of the solver, number of trials.
-    rotation_deg, rotation_deg_95, surface_px, surface_px_95
-        Median and 95 % quantile of the rotation error and of the mean displacement of the surface in the image.
-    refused, coverage
-        Number of refused trials; fraction of the accepted ones whose 95 % region held the true pose, NaN for peers.
-    """
-
-    points: str
-    pairs: int
-    sigma_px: float
-    solver: str
-    trials: int
-    rotation_deg: float
-    rotation_deg_95: float
-    surface_px: float
-    surface_px_95: float
-    refused: int
-    coverage: float
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,8 +53,6 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
 
 def draw(out: Path) -> list[Path]:
     """Draw the accuracy."""
-    from .charts.pose_charts import landmark_chart
-
     return [landmark_chart(read_rows(out, LandmarkRow)[0], out)]
 
 

@@ -16,6 +16,8 @@ MICROSCOPE = PinholeCamera(1920, 1080, 12_800.0, 12_800.0, 960.0, 540.0)
 DISTANCE_MM = 300.0
 BOX_MM = (30.0, 20.0, 12.0)
 MESH_POINTS = 500
+ALL, ACCEPTED = "OneFrame", "OneFrame, accepted"
+"""All trials, of which refused ones count with their best candidate; the accepted ones."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,35 @@ class PoseErrors:
         """Fraction of the accepted trials whose 95 % region contained the true pose; NaN without accepted trials."""
         known = [covered for covered in self.covered if covered is not None]
         return float(np.mean(known)) if known else np.nan
+
+
+@dataclass(frozen=True)
+class LandmarkRow:
+    """Accuracy of a solver with some correspondences: a row of the table.
+
+    Attributes
+    ----------
+    points
+        Where they lie.
+    pairs, sigma_px, solver, trials
+        Number of correspondences, true click noise, name of the solver, number of trials.
+    rotation_deg, rotation_deg_95, surface_px, surface_px_95
+        Median and 95 % quantile of the rotation error and of the mean displacement of the surface in the image.
+    refused, coverage
+        Number of refused trials; fraction of the accepted ones whose 95 % region held the true pose, NaN for peers.
+    """
+
+    points: str
+    pairs: int
+    sigma_px: float
+    solver: str
+    trials: int
+    rotation_deg: float
+    rotation_deg_95: float
+    surface_px: float
+    surface_px_95: float
+    refused: int
+    coverage: float
 
 
 def box_trial(

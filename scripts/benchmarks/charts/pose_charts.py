@@ -9,7 +9,7 @@ import numpy as np
 
 from oneframe.charts.page import OURS, PEER, WARNING
 
-from ..landmarks import ALL, LandmarkRow
+from ..alignment.landmark_trials import ALL, LandmarkRow
 from ..learning.pose_trials import PoseTrial, median_errors
 from ..learning.training_scenes import NEUTRAL, PHOTOGRAPHS
 from .panels import SERIES, Axis, Layer, Panel, categories, distinct, draw_chart, handle, line, rule

@@ -10,10 +10,10 @@ import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import prop
-from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, is_found
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_update import other_inputs, update_case
 from ..pipeline.case.case_writer import case_output, write_case
+from ..pipeline.case.pose_record import OTHER_FRAME
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.events import redraw
@@ -98,7 +98,7 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         kept = keep_beside(scene, path.parent, collect=self.collect, replace=is_own)
         case = _with_kept_record(recorded_case(scene, path))
         if self.checked:
-            case = replace(case, alignment=case.alignment | {"checked": datetime.date.today().isoformat()})
+            case = replace(case, alignment=replace(case.alignment, checked=datetime.date.today().isoformat()))
         (write_case if other else update_case)(path, case)
         autosave.forget(scene)
         remember_file(scene, read_case(path))
@@ -122,9 +122,9 @@ def replaced_pose(scene: bpy.types.Scene, path: Path) -> str:
     except InputError:
         return ""  # there is no file, or saving says what is wrong with the pose
     is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh)
-    if is_same or not is_found(saved.alignment) or case.alignment.get("method") in FOUND:
+    if is_same or not saved.alignment.is_settled or case.alignment.is_from_image:
         return ""
-    how = "checked" if "checked" in saved.alignment else "found in the image or other frames"
+    how = "checked" if saved.alignment.checked else "found in the image or other frames"
     name = f"{path.parent.name}/{path.name}"
     return (
         f"The pose in {name} was {how}, the one in view was not. Replace it? The case's history keeps what is replaced."
@@ -162,5 +162,5 @@ def _with_kept_record(case: Case) -> Case:
         saved = read_case(case.path)
     except InputError:
         return case
-    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh) and case.alignment.get("method") != OTHER_FRAME
+    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh) and case.alignment.method != OTHER_FRAME
     return replace(case, alignment=saved.alignment) if is_same else case

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.blender.bridge.data_blocks import absolute_path, set_exact
-from ..pipeline.case.alignment_record import OTHER_FRAME, is_a_start
+from ..pipeline.case.pose_record import OTHER_FRAME, UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.images.image_reader import read_image
 from . import events, from_scene, pose_evidence
@@ -70,7 +70,7 @@ def keep_pose(scene: bpy.types.Scene) -> None:
         There is no pose.
     """
     record, pose = pose_evidence.remembered(scene), from_scene.cam_from_model(scene)
-    if record is not None and record.get("method") == OTHER_FRAME:
+    if record is not None and record.method == OTHER_FRAME:
         pose_evidence.remember(scene, record, pose)
     scene.oneframe.aligned_path = ""
     with events.muted():
@@ -96,9 +96,9 @@ def _is_aligned(scene: bpy.types.Scene) -> bool:
     """Whether somebody has aligned the present frame: there are image points, or a pose that is no guess."""
     try:
         pose_is_guess = has_initial_pose(scene)
-        record = pose_evidence.remembered(scene) or {}
+        record = pose_evidence.remembered(scene) or UNKNOWN
     except InputError:
         # nothing is set up, or the sidebar says what is wrong with the pose
         return False
-    pose_is_guess |= is_a_start(record)
+    pose_is_guess |= record.is_start
     return not pose_is_guess or any(entry.has_pixel for entry in scene.oneframe.landmarks)

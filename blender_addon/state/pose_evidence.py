@@ -1,6 +1,6 @@
 """What the present pose rests on, as far as it was found by something other than the landmarks: kept with its pose.
 
-The record is a table ``[alignment]`` (:mod:`oneframe.case.alignment_record`). It is stored in the surface together with
+The record (:class:`.PoseRecord`) is stored in the surface together with
 the pose that it is about, and holds while the surface has exactly that pose: it survives undo and .blend files, and no
 movement of the surface can leave it stale.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
-from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, scaled_record
+from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
 from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene
 
@@ -26,7 +26,7 @@ LEFT_POSE = "oneframe_left_pose"
 
 def remember(
     scene: bpy.types.Scene,
-    record: dict[str, object],
+    record: PoseRecord,
     cam_from_model: np.ndarray,
     uncertainty: PoseUncertainty | None = None,
 ) -> None:
@@ -40,13 +40,8 @@ def rescale(surface: bpy.types.Object, factor: float) -> None:
     if stored is None or pose is None:
         return
     pose[:3, 3] *= factor
-    record, uncertainty = scaled_record(stored["record"], factor), _uncertainty(stored)
-    if uncertainty is not None:
-        uncertainty = uncertainty.scaled(factor)
-        if "weakest" in record:
-            # its words are rounded: from the numbers, not from the words before
-            record["weakest"] = uncertainty.weakest
-    _store(surface, record, pose, uncertainty)
+    uncertainty = _uncertainty(stored)
+    _store(surface, _record(stored).scaled(factor), pose, None if uncertainty is None else uncertainty.scaled(factor))
 
 
 def reframe(surface: bpy.types.Object, old_from_new: np.ndarray) -> None:
@@ -61,10 +56,10 @@ def reframe(surface: bpy.types.Object, old_from_new: np.ndarray) -> None:
     if uncertainty is not None:
         pivot = transform_points(inverse_rigid(old_from_new), uncertainty.pivot_model[None])[0]
         uncertainty = replace(uncertainty, pivot_model=pivot)
-    _store(surface, stored["record"], pose @ old_from_new, uncertainty)
+    _store(surface, _record(stored), pose @ old_from_new, uncertainty)
 
 
-def remembered(scene: bpy.types.Scene) -> dict[str, object] | None:
+def remembered(scene: bpy.types.Scene) -> PoseRecord | None:
     """The record of the present pose, ``None`` if there is none.
 
     Raises
@@ -74,9 +69,9 @@ def remembered(scene: bpy.types.Scene) -> dict[str, object] | None:
     """
     if _is_left(scene):
         name = bpy.path.basename(scene.oneframe.aligned_path)
-        return {"method": OTHER_FRAME, "doubt": f"found in another frame ({name})"}
+        return PoseRecord(OTHER_FRAME, doubt=f"found in another frame ({name})")
     stored = _stored(scene)
-    return None if stored is None else stored["record"]
+    return None if stored is None else _record(stored)
 
 
 def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
@@ -100,7 +95,7 @@ def is_refined(scene: bpy.types.Scene) -> bool:
         There is no pose.
     """
     record = remembered(scene)
-    return record is not None and record.get("method") in FOUND
+    return record is not None and record.is_from_image
 
 
 def _is_left(scene: bpy.types.Scene) -> bool:
@@ -125,13 +120,17 @@ def _read(surface: bpy.types.Object) -> tuple[dict[str, Any] | None, np.ndarray 
 
 def _store(
     surface: bpy.types.Object,
-    record: dict[str, object],
+    record: PoseRecord,
     cam_from_model: np.ndarray,
     uncertainty: PoseUncertainty | None,
 ) -> None:
     numbers = None if uncertainty is None else uncertainty_table(uncertainty)
-    surface[EVIDENCE] = json.dumps({"record": record, "uncertainty": numbers})
+    surface[EVIDENCE] = json.dumps({"record": record.table(), "uncertainty": numbers})
     set_exact(surface, POSE, cam_from_model)
+
+
+def _record(stored: dict[str, Any]) -> PoseRecord:
+    return PoseRecord.of_table(stored["record"], "the surface's record")
 
 
 def _uncertainty(stored: dict[str, Any]) -> PoseUncertainty | None:

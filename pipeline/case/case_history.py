@@ -21,8 +21,8 @@ from ..files.keys import check_keys
 from ..files.tables import parsed_json
 from ..poses.pose_file import POSE_KEY
 from ..transforms import checked_rigid
-from .alignment_record import checked_alignment_record, is_a_start, is_found
 from .case_file import Case, checked_camera
+from .pose_record import PoseRecord
 
 MOST = 5
 SUFFIX = ".history.json"
@@ -43,7 +43,7 @@ class EarlierPose:
     cam_from_mesh
         4x4, mm.
     alignment
-        Its record, see :mod:`oneframe.case.alignment_record`, without the name of a frame.
+        Its record, without the name of a frame.
     """
 
     replaced: str
@@ -51,16 +51,16 @@ class EarlierPose:
     camera: PinholeCamera
     distortion: Distortion | None
     cam_from_mesh: np.ndarray
-    alignment: Mapping[str, object]
+    alignment: PoseRecord
 
     @property
     def text(self) -> str:
         """How it was found, how sure it is, and when it was replaced."""
         record = self.alignment
-        words = [str(record.get("method", "of unknown origin"))]
-        words += [f"checked {record['checked']}"] if "checked" in record else []
-        words += [f"off by about {record['error_px']:.2g} px"] if "error_px" in record else []
-        words += [f"in doubt: {record[key]}" for key in ("doubt", "refused") if key in record]
+        words = [record.method or "of unknown origin"]
+        words += [f"checked {record.checked}"] if record.checked else []
+        words += [] if record.error_px is None else [f"off by about {record.error_px:.2g} px"]
+        words += [f"in doubt: {doubt}" for doubt in (record.doubt, record.refused) if doubt]
         return f"{', '.join(words)}; replaced {self.replaced.replace('T', ' ')}"
 
     def put_back(self, case: Case) -> Case:
@@ -79,7 +79,7 @@ class EarlierPose:
             )
         return replace(
             case, camera=self.camera, distortion=self.distortion, cam_from_mesh=self.cam_from_mesh, posed=True,
-            alignment=dict(self.alignment),
+            alignment=self.alignment,
         )  # fmt: skip
 
 
@@ -118,10 +118,10 @@ def with_replaced(path: Path, before: Case, after: Case) -> dict[Path, bytes]:
         The history is damaged.
     """
     is_same = after.posed and np.array_equal(before.cam_from_mesh, after.cam_from_mesh)
-    if not before.posed or is_a_start(before.alignment) or is_same:
+    if not before.posed or before.alignment.is_start or is_same:
         return {}
     now = datetime.datetime.now().isoformat(timespec="seconds")
-    record = {key: value for key, value in before.alignment.items() if key != "start_frame"}
+    record = replace(before.alignment, start_frame="")
     pose = before.cam_from_mesh
     replaced = EarlierPose(now, before.mm_per_unit, before.camera, before.distortion, pose, record)
     poses = [replaced]
@@ -129,7 +129,7 @@ def with_replaced(path: Path, before: Case, after: Case) -> dict[Path, bytes]:
         if not (np.array_equal(each.cam_from_mesh, pose) and each.alignment == record):
             poses.append(each)
     oldest = poses[MOST - 1 :]
-    poses[MOST - 1 :] = [each for each in oldest if is_found(each.alignment)][:1] or oldest[:1]
+    poses[MOST - 1 :] = [each for each in oldest if each.alignment.is_settled][:1] or oldest[:1]
     return {history_path(path): ("[\n" + ",\n".join(map(_text, poses)) + "\n]\n").encode()}
 
 
@@ -138,7 +138,7 @@ def _text(pose: EarlierPose) -> str:
     if pose.distortion is not None:
         camera["distortion"] = astuple(pose.distortion)
     table = {"replaced": pose.replaced, "mm_per_unit": pose.mm_per_unit, "camera": camera}
-    return json.dumps({**table, POSE_KEY: pose.cam_from_mesh.tolist(), "alignment": pose.alignment})
+    return json.dumps({**table, POSE_KEY: pose.cam_from_mesh.tolist(), "alignment": pose.alignment.table()})
 
 
 def _checked(entry: Any, where: str) -> EarlierPose:
@@ -151,5 +151,5 @@ def _checked(entry: Any, where: str) -> EarlierPose:
         float(entry["mm_per_unit"]),
         *checked_camera(entry["camera"], f"{where}: camera"),
         checked_rigid(entry[POSE_KEY], f"{where}: {POSE_KEY}")[0],
-        checked_alignment_record(entry["alignment"], f"{where}: alignment"),
+        PoseRecord.of_table(entry["alignment"], f"{where}: alignment"),
     )

@@ -16,7 +16,6 @@ from ..files.content import write_files_atomically
 from ..files.numbers import MM_PER_UNIT, length_text
 from ..files.outputs import check_outputs, writing
 from ..poses.pose_file import POSE_KEY
-from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text, read_case
 from .case_history import history_path, with_replaced
 from .frame import UnreadFrame
@@ -116,9 +115,8 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         axes = "# OpenCV axes (x right, y down, z forward), frame of the mesh file"
         blocks.append(["[pose]", axes, f"{POSE_KEY} = {rows}"])
     blocks += [_frame_lines(frame, case, folder) for frame in case.frames]
-    if case.alignment:
-        alignment_record = checked_alignment_record(case.alignment, f"{path.name}: [alignment]")
-        blocks.append(["[alignment]", *_pairs(alignment_record)])
+    if record := case.alignment.table():
+        blocks.append(["[alignment]", *_pairs(record)])
     if case.light is not None:
         blocks.append(["[light]", *_pairs({**case.light.law, **case.light.origin})])
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..case.alignment_record import FURTHER_FRAMES
 from ..case.loaded_case import LoadedCase
+from ..case.pose_record import FURTHER_FRAMES, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.numbers import format_two_digits
 from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
@@ -89,7 +89,6 @@ def correct_source(
         raise InputError(f"{name}: {error}; the pose is not corrected") from None
     loaded, fit, points = found.loaded, found.fit, found.points_model
     camera, pose, pivot = loaded.case.camera, fit.cam_from_model, registrar.pivot_model
-    start = (first.case.alignment or {}).get("method")
     uncertainty = PoseUncertainty.about_points(pivot, SPREAD**2 * fit.covariance, points, pose)
     if uncertainty.largest_rotation_deg > LARGEST_DEG:
         raise InputError(
@@ -99,10 +98,17 @@ def correct_source(
     moved_px = _moved_px(points, first, loaded)
     moved_deg = rotation_angle_deg(pose[:3, :3] @ first.frame.cam_from_model[:3, :3].T)
     error_px = uncertainty.spread_px(camera, pose)
-    record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
-    record |= {"start_method": start} if start else {}
-    record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
-    record |= uncertainty.entry(loaded.surface.mesh_from_model)
+    record = PoseRecord(
+        method=FURTHER_FRAMES,
+        tool=tool,
+        date=date,
+        start_method=first.case.alignment.method,
+        error_px=error_px,
+        moved_px=moved_px,
+        moved_deg=moved_deg,
+        **uncertainty.deviations(),
+        **uncertainty.entry(loaded.surface.mesh_from_model),
+    )
     text = (
         f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
         f"{len(fit.frames)} further frames; if the surface is right, it is off by about "
@@ -145,7 +151,7 @@ def _settled(registrar: CaseRegistrar, frames: Sequence[FurtherFrame], progress:
         correction = SourceCorrection(registrar.mesh, registrar.camera, pivot)
         fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
         was = registrar.loaded
-        loaded = was.posed(fit.cam_from_model @ inverse_rigid(was.surface.mesh_from_model), {})
+        loaded = was.posed(fit.cam_from_model @ inverse_rigid(was.surface.mesh_from_model), UNKNOWN)
         poses = dict(zip(fits, fit.frames, strict=True))
         points = np.concatenate([each.points_model for each in fits.values()])
         moved_px = _moved_px(points, was, loaded) * registrar.camera.width / loaded.case.camera.width

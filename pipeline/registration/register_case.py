@@ -120,7 +120,7 @@ def register_case(
     known = RegistrationEvidence(
         tuple(evidence),
         registrar.source,
-        loaded.case.alignment or {},
+        loaded.case.alignment,
         is_film=is_film,
         change=change,
         colour=choice,

@@ -1,12 +1,11 @@
 """Registered frames as they are told: in a film and on a page, and in the record of a case."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..case.alignment_record import REGISTERED
+from ..case.pose_record import REGISTERED, UNKNOWN, PoseRecord
 from ..colour.source_view import SourceView
 from .colour_sources import ColourChoice
 from .register import RegisteredFrame
@@ -100,7 +99,7 @@ class RegistrationEvidence:
 
     frames: tuple[FrameEvidence, ...]
     source: SourceView
-    alignment: Mapping[str, object]
+    alignment: PoseRecord
     is_film: bool
     change: FilmChange | None = None
     colour: ColourChoice | None = None
@@ -158,12 +157,12 @@ def registration_record(
     found: RegisteredFrame,
     camera: PinholeCamera,
     mesh_from_model: np.ndarray,
-    source: Mapping[str, object],
+    source: PoseRecord,
     source_name: str,
     tool: str,
     date: str,
-) -> dict[str, object]:
-    """See :mod:`oneframe.case.alignment_record`; nothing if the frame is refused.
+) -> PoseRecord:
+    """The record of the frame's pose; an empty one if the frame is refused.
 
     Parameters
     ----------
@@ -179,18 +178,18 @@ def registration_record(
         Program and version; day in ISO 8601.
     """
     if found.cam_from_model is None or found.uncertainty is None:
-        return {}
+        return UNKNOWN
     # nobody knows how far it is off where the aligned frame's pose says nothing
-    is_known = "standard_deviation_mm" in source
-    return {
-        "method": REGISTERED,
-        "tool": tool,
-        "date": date,
-        **({} if found.verdict.state == ACCEPTED else {"doubt": found.verdict.reason}),
-        "probability": found.verdict.probability,
-        "start_frame": source_name,
-        **({"start_method": source["method"]} if "method" in source else {}),
-        **({"error_px": found.uncertainty.spread_px(camera, found.cam_from_model)} if is_known else {}),
-        **found.uncertainty.record(),
+    is_known = source.standard_deviation_mm is not None
+    return PoseRecord(
+        method=REGISTERED,
+        tool=tool,
+        date=date,
+        doubt="" if found.verdict.state == ACCEPTED else found.verdict.reason,
+        probability=found.verdict.probability,
+        start_frame=source_name,
+        start_method=source.method,
+        error_px=found.uncertainty.spread_px(camera, found.cam_from_model) if is_known else None,
+        **found.uncertainty.deviations(),
         **found.uncertainty.entry(mesh_from_model),
-    }
+    )

@@ -9,6 +9,7 @@ from blender_addon.setup.save_case import replaced_pose
 from blender_addon.state import from_scene, pose_evidence
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import earlier_poses, history_path
+from oneframe.case.pose_record import PoseRecord
 from tests.addon.test_case_queue import move, pose, queue  # noqa: F401
 
 
@@ -36,7 +37,7 @@ def test_undo_of_a_step_brings_the_frames_files_back(session):
     moved = path.read_bytes()
     assert moved != checked
     (earlier,) = earlier_poses(path)
-    assert "checked" in earlier.alignment
+    assert earlier.alignment.checked
     bpy.ops.ed.undo()
     assert (path.read_bytes(), history_path(path).exists()) == (checked, False)
     bpy.ops.ed.redo()
@@ -54,7 +55,7 @@ def test_undo_of_a_step_brings_the_frames_files_back(session):
     bpy.ops.ed.undo()
     bpy.ops.ed.undo()
     bpy.ops.ed.undo()
-    assert "checked" not in read_case(path).alignment
+    assert not read_case(path).alignment.checked
     # what another program wrote meanwhile stays
     path.write_text(path.read_text() + "# mine\n")
     bpy.ops.ed.redo()
@@ -66,7 +67,7 @@ def test_hands_replace_a_checked_pose_after_a_question_only(session):
     assert replaced_pose(scene, path) == ""
     move([1.0, 0.0, 0.0])
     assert "was checked" in replaced_pose(scene, path)
-    pose_evidence.remember(scene, {"method": "refined"}, pose())
+    pose_evidence.remember(scene, PoseRecord("refined"), pose())
     assert replaced_pose(scene, path) == ""
 
 

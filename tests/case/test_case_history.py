@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oneframe.case.alignment_record import INITIAL_GUESS, OTHER_FRAME
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import MOST, earlier_poses, history_path
 from oneframe.case.case_update import update_case
 from oneframe.case.case_writer import write_case
+from oneframe.case.pose_record import INITIAL_GUESS, OTHER_FRAME, PoseRecord
 from oneframe.errors import InputError
 from oneframe.transforms import rigid
 
-REFINED = {"method": "refined", "checked": "2030-01-01", "start_frame": "patient.png", "error_px": 0.4}
-RECORDS = (REFINED, {"method": "manual"}, {"method": "landmarks", "pairs": 6}, {}, {"method": INITIAL_GUESS})
+REFINED = PoseRecord("refined", checked="2030-01-01", start_frame="patient.png", error_px=0.4)
+RECORDS = (REFINED, PoseRecord("manual"), PoseRecord("landmarks", pairs=6), PoseRecord(), PoseRecord(INITIAL_GUESS))
 
 
 def posed(case, number, record):
-    return replace(case, cam_from_mesh=rigid(np.eye(3), [number, 0.1, 300 + number / 7]), alignment=dict(record))
+    return replace(case, cam_from_mesh=rigid(np.eye(3), [number, 0.1, 300 + number / 7]), alignment=record)
 
 
 @pytest.mark.parametrize("save", [update_case, write_case])
@@ -34,8 +34,8 @@ def test_poses_that_are_replaced_are_kept_the_latest_first(write_tiny_case, tmp_
         case = posed(before, number, record)
         save(path, case)
         assert np.array_equal(read_case(path).cam_from_mesh, case.cam_from_mesh)
-        known = {key: value for key, value in before.alignment.items() if key != "start_frame"}
-        if not np.array_equal(before.cam_from_mesh, case.cam_from_mesh) and known.get("method") != INITIAL_GUESS:
+        known = replace(before.alignment, start_frame="")
+        if not np.array_equal(before.cam_from_mesh, case.cam_from_mesh) and known.method != INITIAL_GUESS:
             entry = before.cam_from_mesh.tolist(), known
             model = [entry, *(each for each in model if each != entry)]
     found = [(each.cam_from_mesh.tolist(), each.alignment) for each in earlier_poses(path)]
@@ -49,7 +49,7 @@ def test_poses_that_are_replaced_are_kept_the_latest_first(write_tiny_case, tmp_
 def test_a_pose_that_was_found_outlives_five_that_were_not(write_tiny_case, tmp_path):
     path = write_tiny_case(tmp_path)
     for number in range(9):
-        update_case(path, posed(read_case(path), number, REFINED if number == 1 else {"method": "manual"}))
+        update_case(path, posed(read_case(path), number, REFINED if number == 1 else PoseRecord("manual")))
     assert [each.cam_from_mesh[0, 3] for each in earlier_poses(path)] == [7, 6, 5, 4, 1]
 
 
@@ -60,14 +60,14 @@ def test_the_command_lists_the_earlier_poses_and_takes_one_back(write_tiny_case,
     refined = posed(first, 3, REFINED)
     refined = replace(refined, camera=replace(first.camera, fx=first.camera.fx * 1.1))
     update_case(path, refined)
-    update_case(path, posed(first, 5, {"method": "manual"}))
+    update_case(path, posed(first, 5, PoseRecord("manual")))
     before = path.read_bytes()
     said = run_oneframe("align", path, "--restore").stdout
     assert "1: refined, checked 2030-01-01, off by about 0.4 px; replaced 20" in said
     assert path.read_bytes() == before
     assert "the pose and its K as before: refined" in run_oneframe("align", path, "--restore", "1").stdout
     restored = read_case(path)
-    assert (restored.camera, restored.alignment["checked"]) == (refined.camera, "2030-01-01")
+    assert (restored.camera, restored.alignment.checked) == (refined.camera, "2030-01-01")
     assert np.array_equal(restored.cam_from_mesh, refined.cam_from_mesh)
     assert "# mine" in path.read_text()
     # what stood there is kept in its turn
@@ -82,17 +82,17 @@ def test_another_case_in_the_file_has_no_history_of_the_one_before(write_tiny_ca
     path = write_tiny_case(tmp_path)
     update_case(path, posed(read_case(path), 3, REFINED))
     (tmp_path / "other.png").write_bytes((tmp_path / "frame.png").read_bytes())
-    write_case(path, posed(replace(read_case(path), image=tmp_path / "other.png"), 4, {}))
+    write_case(path, posed(replace(read_case(path), image=tmp_path / "other.png"), 4, PoseRecord()))
     assert earlier_poses(path) == ()
 
 
 def test_a_pose_of_another_frame_and_a_damaged_history_are_no_poses(write_tiny_case, tmp_path):
     path = write_tiny_case(tmp_path)
-    update_case(path, posed(read_case(path), 3, {"method": OTHER_FRAME}))
-    update_case(path, posed(read_case(path), 4, {}))
+    update_case(path, posed(read_case(path), 3, PoseRecord(OTHER_FRAME)))
+    update_case(path, posed(read_case(path), 4, PoseRecord()))
     assert len(earlier_poses(path)) == 1
     history_path(path).write_text('[{"cam_from_mesh": 1}]')
     before = path.read_bytes()
     with pytest.raises(InputError, match=r"case.history.json: number 1: expected an earlier pose"):
-        update_case(path, posed(read_case(path), 5, {}))
+        update_case(path, posed(read_case(path), 5, PoseRecord()))
     assert path.read_bytes() == before

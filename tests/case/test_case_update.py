@@ -85,7 +85,7 @@ def test_only_what_has_changed_is_rewritten(data, tmp_path_factory):
 
 def keys(case):
     """What a case file of a case has."""
-    tables = {name: getattr(case, name) for name in ("alignment", "dataset")}
+    tables = {"alignment": case.alignment.table(), "dataset": case.dataset}
     names = {(name, key) for name, table in tables.items() for key in table}
     names |= {name for name in ("distortion", "object_name", "video") if getattr(case, name) is not None}
     names |= {("light", key) for key in ({} if case.light is None else {"lamp_cam_mm": 0, **case.light.origin})}

@@ -13,9 +13,9 @@ from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
+from oneframe.case.pose_record import FURTHER_FRAMES
 from oneframe.colour.source_view import SourceView
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
@@ -439,8 +439,8 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
         assert known.translation_mm[2] < 1.0
         assert known.translation_mm[:2].max() < 0.1
     assert rotation_angle_deg(case.cam_from_mesh[:3, :3] @ SOURCE[:3, :3].T) < 0.2
-    assert case.alignment["method"] == FURTHER_FRAMES
-    assert case.alignment["moved_deg"] == pytest.approx(np.linalg.norm([1.5, -1.0, 1.0]), abs=0.2)
+    assert case.alignment.method == FURTHER_FRAMES
+    assert case.alignment.moved_deg == pytest.approx(np.linalg.norm([1.5, -1.0, 1.0]), abs=0.2)
     assert len(case.frames) == 2
     assert all(each.image.exists() for each in case.frames)
     # a folder with the case of another frame is left as it is

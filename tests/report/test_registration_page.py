@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.pose_record import PoseRecord
 from oneframe.colour.source_view import SourceView
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.report import FrameEvidence, RegistrationEvidence
@@ -35,7 +36,7 @@ def page(tmp_path_factory):
     source = SourceView(grey, everywhere, CAMERA, pose, inverse_depth=inverse)
     off_mm = np.linspace(-1, 1, 300).reshape(15, 20)
     check = SurfaceCheck(off_mm, np.abs(off_mm) > 0.9, 14)
-    evidence = RegistrationEvidence(tuple(frames), source, {"error_px": 1.5}, is_film=True, surface=check)
+    evidence = RegistrationEvidence(tuple(frames), source, PoseRecord(error_px=1.5), is_film=True, surface=check)
     path = tmp_path_factory.mktemp("page") / "registration.html"
     path.write_bytes(registration_page(evidence, name="one & two"))
     return path

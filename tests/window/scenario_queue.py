@@ -64,8 +64,8 @@ def over_a_checked_pose(user, path):
     yield from user.picture("3_question")
     yield from user.key("R")
     yield from user.until(lambda: at() == here + 1, "the next frame after Replace")
-    assert read_case(path).alignment["method"] == "pins"
-    assert "checked" in earlier_poses(path)[0].alignment
+    assert read_case(path).alignment.method == "pins"
+    assert earlier_poses(path)[0].alignment.checked
     yield from user.undo(lambda: at() == here, "the frame before, by undo")
     assert path.read_bytes() == text
     assert np.allclose(pose(), moved, atol=1e-9)

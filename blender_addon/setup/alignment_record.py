@@ -12,7 +12,6 @@ from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.case_file import Case
 from ..pipeline.case.pose_record import INITIAL_GUESS, OTHER_FRAME, UNKNOWN, PoseRecord
 from ..state import from_scene, pose_evidence
-from ..state.initial_pose import has_initial_pose
 from .operators import doubt_of_size
 
 
@@ -30,11 +29,10 @@ def pose_record(scene: bpy.types.Scene) -> PoseRecord:
         is_unsigned = not record.tool and (record.method == "pins" or record.doubt)
         return replace(record, tool=tool, date=date) if is_unsigned else record
     solved = solve.solution(scene)
-    if solved.alignment is None or solve.departure(scene, solved) is not None:
-        if has_initial_pose(scene):
-            return PoseRecord(INITIAL_GUESS)
-        return PoseRecord("manual", tool, date)
-    return solved.alignment.record(tool, date)
+    if solved.alignment is not None and solve.departure(scene, solved) is None:
+        return solved.alignment.record(tool, date)
+    # unknown: given by the case, and not moved since
+    return PoseRecord("manual", tool, date) if record is None else record
 
 
 def is_start(scene: bpy.types.Scene) -> bool:
@@ -65,6 +63,7 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: PoseRecord) -> None:
     """Store how a refinement has found its pose; ``start`` is the record of the initial one."""
+    start = PoseRecord("manual") if start == UNKNOWN else start
     record = refinement.record(start, *tool_and_date())
     uncertainty = refinement.uncertainty if refinement.verified else None
     pose_evidence.remember(scene, record, refinement.found, uncertainty)

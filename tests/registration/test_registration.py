@@ -428,8 +428,9 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
     found = registered(tmp_path, "frames", tmp_path / "out", *options)
     assert [entry["state"] for entry in found] == [ACCEPTED] * len(poses)
     case = read_case(tmp_path / "out" / "case.toml")
-    for entry, pose in zip([case.alignment, *found], [SOURCE, *poses], strict=True):
-        estimate = case.cam_from_mesh if entry is case.alignment else np.array(entry["cam_from_mesh"])
+    own = case.alignment.table()
+    for entry, pose in zip([own, *found], [SOURCE, *poses], strict=True):
+        estimate = case.cam_from_mesh if entry is own else np.array(entry["cam_from_mesh"])
         known = PoseUncertainty.of_entry(entry, estimate, np.eye(4))
         assert np.abs(twist_between(estimate, pose, known.pivot_model)[:3]).max() < 0.2
         assert known.translation_mm[2] < 1.0

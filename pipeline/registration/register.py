@@ -10,7 +10,7 @@ from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
-from ..colour.reference_view import colouring_view_of
+from ..colour.reference_view import reference_view
 from ..errors import InputError
 from ..files.numbers import format_two_digits
 from ..transforms import camera_centre, inverse_rigid
@@ -86,7 +86,7 @@ class Registrar:
             The frame does not show the surface.
         """
         self.loaded, self.reader, self._guess = loaded, FrameReader(loaded.case), guess
-        view = colouring_view_of(replace(loaded, frames=(small_frame(loaded.frame),)))
+        view = reference_view(replace(loaded, frames=(small_frame(loaded.frame),)))
         self.mesh, self.source, self.pivot_model = view.mesh, view.view, view.pivot_model
         self.camera, self.cam_from_model = self.source.camera, self.source.cam_from_model
         self.views = KnownViews(self.mesh, self.source)

@@ -30,9 +30,7 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
         "chart.csv", ["--without-sample", "--case", "{case}", "{photographs}"], ["chart.png"]
     ),
     "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
-    "refinement": ("refinement.csv", ["{case}", "--wrong", "0"], ["refinement.png"]),
     "surface": ("surface.json", [], []),
-    "reader": ("reader.json", ["{dataset}"], []),
     "evaluation": (
         # writes the sample's case as without --light, and more
         "", ["--light", "--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],

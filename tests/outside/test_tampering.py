@@ -93,11 +93,9 @@ def is_found(root: Path, case: Path | None = None) -> bool:
 # --- a dataset that nobody changed
 
 UNTOUCHED = {
-    "cycles": replace(OPTIONS, colour="texture", sampler="trajectory", samples=4, points=True, video=False),
+    "cycles": replace(OPTIONS, colour="vertex", sampler="trajectory", samples=4, points=True, video=False),
     "eevee": replace(OPTIONS, engine="eevee", count=2, video=False),
-    "raster": replace(
-        OPTIONS, engine="raster", colour="texture", unseen="fill", samples=4, normals=True, points=True, video=False
-    ),
+    "raster": replace(OPTIONS, engine="raster", unseen="fill", samples=4, normals=True, points=True, video=False),
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from oneframe.case.frame import PosedFrame, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.colour.reference_view import colouring_view_of
+from oneframe.colour.reference_view import reference_view
 from oneframe.registration.flow_refinement import refined_by_flow
 from oneframe.registration.further_frames import small_frame
 from oneframe.registration.known_views import KnownViews, grey_codes
@@ -83,7 +83,7 @@ def photographs_of(loaded: LoadedCase, listed: Path) -> list[PosedFrame]:
 
 def known_views(loaded: LoadedCase) -> KnownViews:
     """What the case's frame shows, for the refinement."""
-    view = colouring_view_of(replace(loaded, frames=(small_frame(loaded.frame),)))
+    view = reference_view(replace(loaded, frames=(small_frame(loaded.frame),)))
     return KnownViews(view.mesh, view.view)
 
 

@@ -92,7 +92,7 @@ class PoseNetwork:
     """A network in memory."""
 
     def __init__(self, data: bytes, name: str, codes: np.ndarray) -> None:
-        """Read an ONNX file's content; ``name`` is for messages, ``codes`` ``(N, 3)`` uint8 those of the case's frame."""
+        """Read an ONNX file's content; ``name`` is for messages, ``codes`` ``(N, 3)`` uint8 are the case's frame's."""
         self.record = NetworkRecord.of_file(data, name)
         self._range = np.quantile(codes, (DARKEST, BRIGHTEST), axis=0)
         found: object

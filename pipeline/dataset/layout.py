@@ -36,8 +36,8 @@ MODEL_FILES = tuple(
 )
 TARGETS = "test_targets_bop19.json"
 """The views that BOP tests with."""
-CASES, SCENES = "cases", "scenes.csv"
-"""Of a queue: the folder of its datasets, and, beside the one that joins all of them, whose the scenes in it are."""
+CASES = "cases"
+"""Of a queue: the folder of its datasets."""
 TABLES = (
     "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", TARGETS, "dataset_info.md",
     "overlay.png", "contact_sheet.png",

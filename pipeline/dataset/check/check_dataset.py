@@ -5,7 +5,7 @@ from the code that wrote them; tables are made again from the records. The check
 keeps little of each, so its memory does not grow with the masks. Needs cv2, and PyAV for a video.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -28,7 +28,6 @@ from .findings import Findings
 from .images import check_images, check_pose
 from .inputs import check_inputs
 from .model import check_model
-from .rerendered import Rerendering, check_rerendered
 from .tables import check_tables
 from .video import check_video
 
@@ -51,15 +50,12 @@ class CheckReport:
         Number of files whose hash was compared.
     compared
         Agreement of depth image and surface, for each view whose pixels were checked and fit.
-    rerendered
-        Number of views that were rendered again; 0 also if something else was wrong before.
     """
 
     count: int
     findings: Findings
     hashed: int
     compared: tuple[DepthAgreement, ...]
-    rerendered: int = 0
 
     def summary(self) -> str:
         """The result as one line."""
@@ -78,8 +74,6 @@ class CheckReport:
                 f"; the reprojected surface agrees with the depth images at {agreeing:.2%} of {pixels} px, "
                 f"median |dz| = {dz:.2g} mm, largest shift of a view {shift:.2g} px"
             )
-        if self.rerendered:
-            checked += f"; {self.rerendered} views rendered again from the case are the same"
         return f"dataset of {self.count} views: complete and consistent ({checked})"
 
 
@@ -90,7 +84,6 @@ def check_dataset(
     hashes: bool = True,
     case: Case | None = None,
     poses: Path | None = None,
-    rerendering: Rerendering | None = None,
     stream: TextIO | None = None,
 ) -> CheckReport:
     """Check a dataset.
@@ -107,8 +100,6 @@ def check_dataset(
         The case that the dataset was rendered from, to compare its files.
     poses
         The file of the views' poses, if they were listed and the case does not name it.
-    rerendering
-        Renders views again, if nothing else is wrong.
     stream
         Stream for the progress.
 
@@ -138,12 +129,7 @@ def check_dataset(
     report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
     if case is not None:
         check_inputs(description, case, poses, findings)
-    if rerendering is None or findings:
-        return report
-    chosen = sorted(_evenly_spaced(description.count, rerendering.views))
-    with rerendering.open(description) as renderer:
-        check_rerendered(root, description, renderer, chosen, findings, stream)
-    return replace(report, rerendered=len(chosen))
+    return report
 
 
 class _Check:

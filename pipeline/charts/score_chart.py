@@ -31,7 +31,7 @@ def score_chart(frames: Sequence[FrameScore], chosen: Sequence[FrameScore], data
             linestyle="--", label="exposure: 1 is typical, 0.5 one stop off",
         )  # fmt: skip
         middle.set(ylim=(0, 1.08), yticks=(0, 0.5, 1))
-        covered = {"instruments, hands, blood": ("obstructed", WARNING), "glare": ("glare", OURS)}
+        covered = {"metal and gloves": ("obstructed", WARNING), "glare": ("glare", OURS)}
         for label, (name, series) in covered.items():
             values = [100 * getattr(each, name) for each in frames]
             bottom.plot(time_s, values, color=series, linewidth=1, label=label)

@@ -1,4 +1,1 @@
-"""Many machines: the views of a run as futures of a Dask cluster, which runs them again if a worker dies.
-
-A scheduler gives workers. On each, the run has a plugin that keeps what orders need, such as a render process.
-"""
+"""Many machines: the shards of a run as tasks of a Dask cluster, which does them again if a worker dies."""

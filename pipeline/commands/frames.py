@@ -13,8 +13,8 @@ EPILOG = """examples:
   %(prog)s surgery.mp4 --out frames --count 10 --from 95 --to 140
   %(prog)s long.mp4 --out frames --every 5
 
-Every frame is scored by its sharpness, exposure, glare and motion, and by how much of the view is covered by something
-that other frames of the same scene do not show there. The best frames are written twice: as decoded, and with alpha 0
+Every frame is scored by its sharpness, exposure, glare and motion, and by how much of the view metal and gloves cover,
+by their colour. The best frames are written twice: as decoded, and with alpha 0
 where they show no tissue (instruments, glare, the black around a microscope's circle). Both can be the frame of a
 case; look at contact_sheet.png first. scores.csv has a line for each frame; scores.png, which needs matplotlib, plots
 them over time.

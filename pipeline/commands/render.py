@@ -3,8 +3,6 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -18,12 +16,11 @@ from ..process.arguments import (
 )
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
-from ..progress import LINE_SECONDS
+from ..progress import LINE_SECONDS, Progress
 
 if TYPE_CHECKING:
     # --help must not wait for numpy
     from ..blender.dataset.job import Job
-    from ..dataset.run.elsewhere import Elsewhere
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
 """This command as a script, which a checkout and the extension have."""
@@ -66,15 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--blender-on-workers", metavar="PROGRAM", help="with --cluster: the Blender program that renders on "
         "the workers' machines (default: the bpy module in the workers' Python)"
     )  # fmt: skip
-    machines.add_argument(
-        "--gather", action="store_true", help="with --cluster: workers that do not share DIR render into temporary "
-        "folders, and each finished view is fetched from there"
-    )  # fmt: skip
-    machines.add_argument("--send-case", action="store_true", help="with --cluster: send the case to each worker, once")
     # after the arguments of a queue, for a worker at one of its cases
     machines.add_argument("--queued-case", dest="case", type=Path, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
-    machines.add_argument("--threads", type=int, default=0, help=argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
     machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
     machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
@@ -88,7 +79,7 @@ def own_command() -> list[str]:
 @resumable()
 def run(arguments: argparse.Namespace) -> None:
     """Render the dataset, or those of a queue, or act as one of its worker processes."""
-    check_cluster_arguments(arguments, "blender_on_workers", "gather", "send_case")
+    check_cluster_arguments(arguments, "blender_on_workers")
     if arguments.cluster is not None and arguments.shard != "0/1":
         raise InputError(
             f"command line: --cluster: expected without --shard, found --shard {arguments.shard}; the cluster's "
@@ -111,22 +102,23 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     case = job.case
     check_folder(arguments.out, _read_by(job))
     if arguments.worker:
-        work(job, workers=arguments.workers, stream=output, threads=arguments.threads)
+        work(job, workers=arguments.workers, stream=output)
         return
     if arguments.end_with_input:
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
-    with _elsewhere(arguments, output) as elsewhere:
-        render(
-            job,
-            workers=arguments.workers,
-            worker_command=[*own_command(), *arguments.argv, "--worker"],
-            stream=output,
-            verify=arguments.verify,
-            progress_seconds=arguments.progress_seconds,
-            elsewhere=elsewhere,
-        )
+    if arguments.cluster is not None:
+        _render_on_cluster(job, arguments, output)
+    # what is left: tables and video, if others have rendered
+    render(
+        job,
+        workers=arguments.workers,
+        worker_command=[*own_command(), *arguments.argv, "--worker"],
+        stream=output,
+        verify=arguments.verify,
+        progress_seconds=arguments.progress_seconds,
+    )
     if job.options.stereo_mm and job.options.eye == LEFT:
         _render_case(_of_right_eye(arguments), output)
 
@@ -199,15 +191,22 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
             _render_case(each, output)
 
 
-@contextmanager
-def _elsewhere(arguments: argparse.Namespace, output: TextIO) -> "Iterator[Elsewhere | None]":
-    """The workers of a cluster, if one is asked for."""
-    if arguments.cluster is None:
-        yield None
-        return
-    from ..cluster.render_on_workers import RenderPool
+def _render_on_cluster(job: "Job", arguments: argparse.Namespace, output: TextIO) -> None:
+    """Have the shards of a job rendered by the workers of a cluster."""
+    from ..blender.dataset.job import open_job
     from ..cluster.scheduler import open_scheduler
+    from ..cluster.shards import render_shards
+    from ..dataset.option_arguments import absolute_options, option_arguments
+    from ..dataset.run.same_run import check_description
+    from ..dataset.run.work_folder import run_token
 
-    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as client:
+    opened = open_job(job)
+    check_description(job.out, opened.description, opened.given_poses)
+    options = option_arguments(absolute_options(job.options))
+    command = [os.path.abspath(job.case.path), f"--out={os.path.abspath(job.out)}", *options]
+    if arguments.verify:
+        command.append("--verify")
+    with open_scheduler(arguments.cluster, insecure=arguments.insecure) as client, run_token(job.out) as token:
         output.write(f"workers of the scheduler {arguments.cluster}\n")
-        yield RenderPool(client, arguments.send_case, arguments.gather, arguments.blender_on_workers)
+        with Progress(opened.count, "views", stream=output, line_seconds=arguments.progress_seconds) as progress:
+            render_shards(client, command, token, opened.count, progress, blender=arguments.blender_on_workers)

@@ -1,7 +1,9 @@
 """The options of a dataset run on the command line, and the run's options from there and from a case file."""
 
 import argparse
+import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +69,12 @@ def option_arguments(options: DatasetOptions) -> list[str]:
         elif value is not None:
             arguments.append(f"{option.flag}={value}")
     return arguments
+
+
+def absolute_options(options: DatasetOptions) -> DatasetOptions:
+    """The same with absolute paths, for a process that runs elsewhere."""
+    named = {name: getattr(options, name) for name in PATHS}
+    return replace(options, **{name: os.path.abspath(path) for name, path in named.items() if path})
 
 
 def _number(text: str) -> int | float:

@@ -20,14 +20,14 @@ from .frame_scores import COMBED, FilmScores, FrameScore
 TABLE, SHEET = "scores.csv", "contact_sheet.png"
 COLUMNS = (
     "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
-    "comb_ratio", "scene",
+    "comb_ratio",
 )  # fmt: skip
 _NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores(-dark)?\.(csv|svg|png)"
 TILE_WIDTH = 640
 MASKED_COLOUR = np.array([1.0, 0.0, 1.0], np.float32)
 
-DOUBTFUL = 0.3
-"""Score of the best frame below which a film shows nothing well: noise, or one view after the other."""
+DOUBTFUL = 0.5
+"""Score of the best frame below which a film shows nothing well: noise, or a camera that never rests."""
 
 INTERLACED_SHARE = 0.05
 """Share of the frames with combs from which on a film is called interlaced."""
@@ -89,7 +89,7 @@ def write_frames(
     tiles: list[np.ndarray] = []
     for rank, (score, (image_file, masked_file)) in enumerate(zip(chosen, files, strict=True), start=1):
         picture = _picture(video, score)
-        mask = tissue_mask(picture, scores.compared[scores.frames.index(score)], scores.inside, scores.circle)
+        mask = tissue_mask(picture, scores.inside, scores.circle)
         write_new(image_file, encode_png(picture))
         write_new(masked_file, _encoded_masked(picture, mask))
         written.append(ChosenFrame(score, image_file, masked_file, float(mask.mean())))
@@ -123,8 +123,7 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     check_outputs([written], {"video": video})
     picture = _picture(video, score)
     if masked:
-        compared = scores.compared[scores.frames.index(score)]
-        mask = tissue_mask(picture, compared, scores.inside, scores.circle)
+        mask = tissue_mask(picture, scores.inside, scores.circle)
         write_new(written, _encoded_masked(picture, mask))
     else:
         write_new(written, encode_png(picture))
@@ -225,7 +224,7 @@ def _rows(frames: Sequence[FrameScore], chosen: Sequence[int]) -> list[tuple[obj
         (
             each.index, f"{each.time_s:.4f}", ranks.get(each.index, ""), f"{each.total:.4f}", f"{each.sharpness:.4f}",
             f"{each.exposure:.3f}", f"{each.glare:.4f}", f"{each.obstructed:.4f}", f"{each.motion_px:.2f}",
-            f"{each.comb:.3f}", each.scene,
+            f"{each.comb:.3f}",
         )
         for each in frames
     ]  # fmt: skip
@@ -237,7 +236,7 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
     width, height = info.size_wh
     lines = [
         f"{video.name}: {width}x{height} px, {_counted(len(frames), 'frame')} from {frames[0].time_s:.2f} s to "
-        f"{frames[-1].time_s:.2f} s, {_counted(len({each.scene for each in frames}), 'scene')}"
+        f"{frames[-1].time_s:.2f} s"
     ]
     if scores.circle is not None:
         circle = scores.circle
@@ -268,11 +267,6 @@ def film_notes(scores: FilmScores) -> list[str]:
         lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
     if info.pale:
         lines.append(f"note: {info.pale}")
-    if not all(each.clear_view.still for each in scores.compared):
-        lines.append(
-            "note: the camera goes around the tissue: of what covers it, only metal and gloves are told, by their "
-            "colour; look whether blood or a hand covers a frame before you use it"
-        )
     combed = float(np.mean([each.comb > COMBED for each in frames]))
     if combed > INTERLACED_SHARE:
         lines.append(
@@ -282,7 +276,7 @@ def film_notes(scores: FilmScores) -> list[str]:
     best = max(each.total for each in frames)
     if best < DOUBTFUL:
         lines.append(
-            f"note: the best frame scores {best:.2f} of 1: no view is shown sharply and for longer; look at it "
+            f"note: the best frame scores {best:.2f} of 1: no frame is sharp, still and uncovered at once; look at it "
             "before you use it"
         )
     return lines

@@ -1,21 +1,21 @@
 """A first mask of a chosen frame: what is not tissue. Needs ``cv2``.
 
-Instruments, hands and glare are found against the clear view of the scene, at its small size. Their outlines are then
-drawn along the colours of the frame (GrabCut, Rother et al. 2004), within a narrow band. Overexposed pixels and what
-the optics hide are added at full size.
+Metal and gloves are told by their colour, in a small view. Their outlines are then drawn along the colours of the frame
+(GrabCut, Rother et al. 2004), within a narrow band. Overexposed pixels and what the optics hide are added at full size.
 """
 
 import cv2
 import numpy as np
 
 from .film_reader import SMALL_WIDTH
-from .frame_measures import normalised_lab, view_of
-from .obstruction import ObstructionFinder
-from .passage import ComparedFrame, registered
+from .frame_measures import foreign, view_of
 from .view_circle import Circle, view_circle
 
 OVEREXPOSED = 250
 """Code value that all three channels reach where the sensor's range ends."""
+
+LARGEST_COLD_SHARE = 0.3
+"""Of a frame that is cold beyond this share, colour tells nothing."""
 
 _BAND_PX = 5
 """Half the width of the band in which an outline is searched, px of the view."""
@@ -23,46 +23,33 @@ _BAND_PX = 5
 _SEED = 7
 
 
-def tissue_mask(
-    image: np.ndarray, compared: ComparedFrame, inside: np.ndarray | None = None, circle: Circle | None = None
-) -> np.ndarray:
+def single_mask(image: np.ndarray) -> np.ndarray:
+    """As :func:`tissue_mask`, of a frame without its film: the circle of the view is looked for in the frame itself."""
+    view = view_of(image)
+    circle = view_circle(view.mean(axis=2))
+    across, down = image.shape[1] / view.shape[1], image.shape[0] / view.shape[0]
+    return tissue_mask(image, None, circle and circle.scaled(across, down))
+
+
+def tissue_mask(image: np.ndarray, inside: np.ndarray | None, circle: Circle | None) -> np.ndarray:
     """``(H, W)`` bool: where a frame shows tissue.
 
     Parameters
     ----------
     image
         ``(H, W, 3)`` uint8 RGB, at full size.
-    compared, inside
-        What the frame was compared with, and what the optics let through, as in :class:`.FilmScores`.
+    inside
+        What the optics let through, as in :class:`.FilmScores`.
     circle
         Circle of the view, px of the full frame.
     """
-    view = view_of(image)
-    found = compared.clear_view.finder().find(*registered(view, compared.placement, inside), compared.gain)
-    foreign = (found.mask | found.glare).astype(np.float32)
-    foreign = cv2.warpAffine(
-        foreign, compared.placement.key_from_view, view.shape[1::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    )
-    return _not_hidden(image, foreign, inside, circle)
-
-
-def single_mask(image: np.ndarray) -> np.ndarray:
-    """As :func:`tissue_mask`, of a frame without its film: metal and gloves by their colour, glare, the view's circle.
-
-    ``(H, W)`` bool, of ``(H, W, 3)`` uint8 RGB.
-    """
-    view = view_of(image)
-    everywhere = np.ones(view.shape[:2], bool)
-    # compared with itself nothing differs: what is colder than the frame's own tissue remains
-    cold = ObstructionFinder(normalised_lab(view, 1.0), everywhere).find(view, everywhere, 1.0).mask
-    circle = view_circle(view.mean(axis=2))
-    across, down = image.shape[1] / view.shape[1], image.shape[0] / view.shape[0]
-    return _not_hidden(image, cold.astype(np.float32), None, circle and circle.scaled(across, down))
-
-
-def _not_hidden(image: np.ndarray, foreign: np.ndarray, inside: np.ndarray | None, circle: Circle | None) -> np.ndarray:
     height, width = image.shape[:2]
-    covered = cv2.resize(_outlined(image, foreign).astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    cold, glare = foreign(view_of(image))
+    # with the highlights on it, and its border, where its colour mixes with the tissue's
+    near = cv2.dilate(cold.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    metal = cv2.dilate((cold | near & glare).astype(np.float32), np.ones((3, 3), np.uint8))
+    outlined = _outlined(image, metal * np.float32(cold.mean() < LARGEST_COLD_SHARE))
+    covered = cv2.resize(outlined.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
     margin = 2 * max(1, round(width / 600)) + 1
     bright = (image.min(axis=2) >= OVEREXPOSED).astype(np.uint8)
     hidden = cv2.dilate(((covered > 0.4) | (bright > 0)).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0

@@ -1,4 +1,4 @@
-"""What one frame shows by itself: its details, its brightness, its small view, its noise. Needs ``cv2``.
+"""What one frame shows by itself: details, brightness, glare, what covers it by its colour, noise. Needs ``cv2``.
 
 All measures are relative to the brightness of the frame, so that a camera's gain changes none of them.
 """
@@ -8,20 +8,32 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-GRID_WH = (8, 6)
-"""Cells in which sharpness is compared, across and down."""
+GRID_WH = (16, 12)
+"""Cells in which details are measured, across and down, so that those at the border of the view can be left out."""
 
-DETAIL_WH = (48, 36)
-"""Smaller cells in which details are measured, so that those at the border of the view can be left out."""
+_MOTION_GRID_WH = (8, 6)
 
 VIEW_WIDTH = 160
 """Width in px of the small view in which foreign objects are looked for."""
 
 BRIGHT_PERCENTILE, BRIGHT_LUMA = 98.0, 225.0
-"""The brightest part of a typical view, without highlights, is brought to this code value."""
+"""The brightest part of a frame, without highlights, is brought to this code value."""
 
 BURNT_OUT = 250.0
 """Code value that the brightest part reaches in an overexposed frame."""
+
+GLARE_LIGHTNESS, GLARE_CHROMA = 88.0, 16.0
+"""Glare is lighter than this in CIELAB, and less coloured."""
+
+COLD, COLD_LIGHTNESS = 0.35, 25.0
+"""Metal and gloves have less than this share of the tissue's red and yellow (a* + b* relative to L*); tissue itself
+only where it is darker, or in highlights."""
+
+_WARM_TISSUE = 0.06
+"""Tissue that is itself colder, or a film without colour: colour alone tells nothing."""
+
+_COVERED_CELL = 0.1
+"""Share of a cell from which on its details are those of what covers it."""
 
 _MOTION_LUMA = 110.0
 
@@ -44,30 +56,56 @@ class FrameMeasures:
     Attributes
     ----------
     details
-        ``(36, 48)`` float32, energy of the gradient in cells, relative to the brightness there.
+        ``(12, 16)`` float16, contrast of edges in cells, relative to the brightness there; 0 where metal or gloves are.
     luma, bright
         Median code value of what is lit, and code value of :data:`BRIGHT_PERCENTILE`.
-    view
-        ``(h, w, 3)`` uint8 RGB, :data:`VIEW_WIDTH` wide.
+    covered, glare
+        Shares of the picture, 0..1.
+    motion
+        Movement since the frame before, px of the view.
     """
 
     details: np.ndarray
     luma: float
     bright: float
-    view: np.ndarray
+    covered: float
+    glare: float
+    motion: float
 
 
-def measured(image: np.ndarray) -> FrameMeasures:
-    """Measure an ``(H, W, 3)`` uint8 RGB image."""
+def measured(image: np.ndarray, previous: np.ndarray | None = None) -> FrameMeasures:
+    """Measure an ``(H, W, 3)`` uint8 RGB image; ``previous`` is the view of the frame before, if there is one."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     view = view_of(image)
     luma, bright = _levels(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY))
+    cold, glare = foreign(view)
     smooth = cv2.GaussianBlur(grey, (3, 3), 0)
     across, down = (cv2.Sobel(smooth, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
     energy = np.minimum(across * across + down * down, (_STRONGEST_EDGE * luma) ** 2)
-    brightness = cv2.resize(grey.astype(np.float32), DETAIL_WH, interpolation=cv2.INTER_AREA)
-    details = cv2.resize(energy, DETAIL_WH, interpolation=cv2.INTER_AREA) / (brightness**2 + (0.2 * luma) ** 2)
-    return FrameMeasures(details, luma, bright, view)
+    energy, brightness, covered = (
+        cv2.resize(values.astype(np.float32), GRID_WH, interpolation=cv2.INTER_AREA) for values in (energy, grey, cold)
+    )
+    details = np.sqrt(energy / (brightness**2 + (0.2 * luma) ** 2))
+    details[covered > _COVERED_CELL] = 0
+    motion = 0.0 if previous is None else motion_px(view, previous)
+    return FrameMeasures(details.astype(np.float16), luma, bright, float(cold.mean()), float(glare.mean()), motion)
+
+
+def foreign(view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where a uint8 RGB view shows metal or gloves, and where glare, by their colour: ``(h, w)`` bool each."""
+    bright = _levels(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY))[1]
+    lab = cv2.cvtColor(cv2.convertScaleAbs(view, alpha=BRIGHT_LUMA / bright), cv2.COLOR_RGB2LAB).astype(np.float32)
+    lightness, red, yellow = lab[..., 0] * (100 / 255), lab[..., 1] - 128, lab[..., 2] - 128
+    glare = (lightness > GLARE_LIGHTNESS) & (np.hypot(red, yellow) < GLARE_CHROMA)
+    warmth = (red + yellow) / np.maximum(lightness, 1)
+    is_shown = (lightness > COLD_LIGHTNESS) & (lightness < GLARE_LIGHTNESS)
+    typical = float(np.median(warmth[is_shown])) if is_shown.any() else 0.0
+    if typical < _WARM_TISSUE:
+        return np.zeros(glare.shape, np.bool_), glare
+    cold = (warmth < COLD * typical) & (lightness > COLD_LIGHTNESS)
+    # a thin instrument is whole with its own highlights only
+    opened = cv2.morphologyEx((cold | glare).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+    return opened & cold & ~glare, glare
 
 
 def _levels(grey: np.ndarray) -> tuple[float, float]:
@@ -92,32 +130,15 @@ def view_of(image: np.ndarray) -> np.ndarray:
     return cv2.resize(image, (VIEW_WIDTH, max(1, round(height * VIEW_WIDTH / width))), interpolation=cv2.INTER_AREA)
 
 
-def normalised_lab(view: np.ndarray, gain: float) -> np.ndarray:
-    """``(h, w, 3)`` float32 CIELAB of a uint8 RGB view whose code values are multiplied by ``gain``."""
-    lab = cv2.cvtColor(cv2.convertScaleAbs(view, alpha=gain), cv2.COLOR_RGB2LAB).astype(np.float32)
-    lab[..., 0] *= 100 / 255
-    lab[..., 1:] -= 128
-    return lab
-
-
-def local_contrast(view: np.ndarray) -> np.ndarray:
-    """``(h, w)`` uint8: brightness relative to its surroundings, whatever gain and vignetting are."""
-    grey = cv2.cvtColor(view, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    difference = grey - cv2.GaussianBlur(grey, (0, 0), 6)
-    spread = cv2.GaussianBlur(np.abs(difference), (0, 0), 12)
-    floor = 0.015 * max(float(grey.mean()), 1.0)
-    return np.clip(128 + 45 * difference / (spread + floor), 0, 255).astype(np.uint8)
-
-
 def motion_px(view: np.ndarray, previous: np.ndarray) -> float:
     """How far the picture moved between two views, in px of the view: the normal flow, median over cells."""
     greys = (cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (view, previous))
     one, other = (grey.astype(np.float32) * (_MOTION_LUMA / _levels(grey)[0]) for grey in greys)
-    change = cv2.resize(np.abs(one - other), GRID_WH, interpolation=cv2.INTER_AREA)
+    change = cv2.resize(np.abs(one - other), _MOTION_GRID_WH, interpolation=cv2.INTER_AREA)
     slope = cv2.magnitude(
         cv2.Sobel(other, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(other, cv2.CV_32F, 0, 1, scale=1 / 8)
     )
-    return float(np.median(change / (cv2.resize(slope, GRID_WH, interpolation=cv2.INTER_AREA) + 1.0)))
+    return float(np.median(change / (cv2.resize(slope, _MOTION_GRID_WH, interpolation=cv2.INTER_AREA) + 1.0)))
 
 
 def noise_of(codes: np.ndarray, shown: np.ndarray) -> float:

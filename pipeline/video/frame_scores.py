@@ -9,8 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from .film_reader import Film, FilmFrame, FilmInfo, Thumbnails
-from .frame_measures import BURNT_OUT, VIEW_WIDTH, FrameMeasures, measured, motion_px, view_of
-from .passage import MOST_FRAMES, ComparedFrame, PassageComparison
+from .frame_measures import BURNT_OUT, GRID_WH, VIEW_WIDTH, FrameMeasures, measured, view_of
 from .view_circle import Circle, lit_part, view_circle
 
 COMBED = 1.1
@@ -23,11 +22,17 @@ EXPOSURE_STOPS = 0.45
 BRIGHTEST_SHARE = 0.15
 """So many of the frames that are not burnt out, the brightest, are well exposed."""
 
-MOTION_VIEW_PX = 0.6
+SHARPEST, SHARPNESS_POWER = 95, 4
+"""Percentile of the details that counts as sharp, and power of the sharpness in the score."""
+
+MOTION_VIEW_PX, LARGEST_NOISE_PX = 0.6, 0.6
+"""Movement that halves the score, px of the view, beyond that of the film's stillest frames, which is noise up to the
+second."""
+
 COMBED_FACTOR = 0.3
 
-SCENE_SECONDS, SCENE_FRAMES = 1.0, 8
-"""A scene that is shown for less time counts less: it may be a hand before the lens."""
+USUAL = 10
+"""Percentile of the film's frames: what so many show of glare and of cold colours is the tissue's own."""
 
 APART_SECONDS, NEAREST_SECONDS = 1.0, 0.12
 """Chosen frames lie this far apart; less, rather than take a worse one, but never less than the second."""
@@ -48,17 +53,15 @@ class FrameScore:
     index, time_s
         Number of the frame from 0 in display order, and the container's time.
     sharpness
-        0..1, relative to the sharpest frames of the same scene.
+        0..1, relative to the film's sharpest frames, of what is not covered.
     exposure
-        Brightness of the tissue in stops relative to the scene's well exposed frames.
+        Brightness in stops relative to the film's well exposed frames.
     glare, obstructed
-        Shares of the view, 0..1: light that other frames do not show; instruments, hands, blood.
+        Shares of the view, 0..1, beyond what most frames show: highlights; metal and gloves, by their colour.
     motion_px
         Movement since the frame before, px of the full frame.
     comb
         Ratio of the differences between neighbouring rows and rows of a field; above :data:`COMBED` it is interlaced.
-    scene
-        Frames of one scene show the same view.
     total
         0..1; larger is better.
     """
@@ -71,7 +74,6 @@ class FrameScore:
     obstructed: float
     motion_px: float
     comb: float
-    scene: int
     total: float
 
 
@@ -85,8 +87,6 @@ class FilmScores:
         Of the film.
     frames
         In display order; only those that could be decoded.
-    compared
-        What each frame was compared with, for its mask.
     inside
         ``(h, w)`` bool in pixels of the small view: what the optics let through; ``None`` for everything.
     circle
@@ -97,7 +97,6 @@ class FilmScores:
 
     info: FilmInfo
     frames: tuple[FrameScore, ...]
-    compared: tuple[ComparedFrame, ...]
     inside: np.ndarray | None
     circle: Circle | None
     broken: bool
@@ -143,142 +142,108 @@ def score_frames(
         broken = film.broken or count < film.info.frames or film.info.missing_s > 0
         if not frames:
             raise InputError(f"{film.path.name}: expected a video, cannot decode any frame of it; copy it again")
-        return FilmScores(film.info, frames, scorer.compared, scorer.inside, scorer.circle(), broken)
+        return FilmScores(film.info, frames, scorer.inside(), scorer.circle(), broken)
 
 
 class FilmScorer:
     """Scores frames as they come; memory does not grow with their pictures."""
 
     def __init__(self, info: FilmInfo, progress: Callable[[float], None] | None = None) -> None:
-        self._info, self._progress, self._steps = info, progress, 0
-        self._seen: list[tuple[int, float, float, float, float]] = []
-        self._compared: list[ComparedFrame] = []
-        self._pending: list[FrameMeasures] = []
-        self._comparison: PassageComparison | None = None
+        self._info, self._progress = info, progress
+        self._frames: list[tuple[int, float, float]] = []
+        self._measures: list[FrameMeasures] = []
         self._previous: np.ndarray | None = None
-        self._brightness: np.ndarray | None = None
+        self._brightness = np.zeros(info.small_wh[::-1])
 
     def add(self, frame: FilmFrame) -> None:
         """Take the next frame."""
-        grey = cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY)
-        if self._brightness is None:
-            self._brightness = np.zeros(grey.shape, np.float64)
-        cv2.accumulate(grey, self._brightness)
-        found = measured(frame.image)
-        motion = 0.0 if self._previous is None else motion_px(found.view, self._previous)
-        self._previous = found.view
-        self._seen.append((frame.index, frame.time_s, frame.comb, motion, found.bright))
-        self._pending.append(found)
-        self._step()
-        if len(self._pending) >= MOST_FRAMES:
-            self._compare()
+        cv2.accumulate(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), self._brightness)
+        self._measures.append(measured(frame.image, self._previous))
+        self._previous = view_of(frame.image)
+        self._frames.append((frame.index, frame.time_s, frame.comb))
+        if self._progress:
+            self._progress(min(len(self._frames) / max(self._info.frames, 1), 1.0))
 
     def finished(self) -> tuple[FrameScore, ...]:
         """The scores of all frames."""
-        self._compare()
-        if not self._seen:
+        if not self._frames:
             return ()
+        inside, cells = self.inside(), np.ones(GRID_WH[::-1], np.bool_)
+        if inside is not None:
+            # without the edge of the view, which is sharp in every frame
+            inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
+            share = cv2.resize(inner, GRID_WH, interpolation=cv2.INTER_AREA)
+            cells = share >= min(0.99, float(share.max()))
         scale = self._info.size_wh[0] / min(VIEW_WIDTH, self._info.small_wh[0])
-        return combined(self._seen, self._compared, scale)
+        shown = 1.0 if inside is None else float(inside.mean())
+        return _combined(self._frames, self._measures, cells, shown, scale)
 
-    @property
-    def compared(self) -> tuple[ComparedFrame, ...]:
-        """What the frames were compared with."""
-        return tuple(self._compared)
-
-    @property
     def inside(self) -> np.ndarray | None:
         """``(h, w)`` bool, in pixels of the view: what the optics let through, if there is a border."""
-        return None if self._comparison is None else self._comparison.inside
+        part = lit_part(self._brightness / max(len(self._frames), 1))
+        return None if part is None else view_of(part.astype(np.uint8) * 255) > 250
 
     def circle(self) -> Circle | None:
         """The circle of the view, px of the full frame."""
-        if self._brightness is None:
-            return None
-        circle = view_circle(self._brightness / max(len(self._seen), 1))
-        if circle is None:
-            return None
+        circle = view_circle(self._brightness / max(len(self._frames), 1))
         across, down = (full / small for full, small in zip(self._info.size_wh, self._info.small_wh, strict=True))
-        return circle.scaled(across, down)
-
-    def _step(self) -> None:
-        """Each frame takes three: it is measured, placed and compared."""
-        self._steps += 1
-        if self._progress:
-            self._progress(min(self._steps / (3 * max(self._info.frames, 1)), 1.0))
-
-    def _compare(self) -> None:
-        if not self._pending:
-            return
-        if self._comparison is None:
-            self._comparison = PassageComparison(self._lit())
-        self._compared += self._comparison.compare(self._pending, self._step)
-        self._pending = []
-
-    def _lit(self) -> np.ndarray | None:
-        """Where the optics let light through, in pixels of the view."""
-        if self._brightness is None:
-            return None
-        part = lit_part(self._brightness / max(len(self._seen), 1))
-        if part is None:
-            return None
-        return view_of(part.astype(np.uint8) * 255) > 250
+        return circle and circle.scaled(across, down)
 
 
-def combined(
-    seen: Sequence[tuple[int, float, float, float, float]], compared: Sequence[ComparedFrame], scale: float
+def _combined(
+    frames: Sequence[tuple[int, float, float]],
+    measures: Sequence[FrameMeasures],
+    cells: np.ndarray,
+    shown: float,
+    scale: float,
 ) -> tuple[FrameScore, ...]:
     """Totals of the frames of a film.
 
     Parameters
     ----------
-    seen
-        Index, time in s, comb ratio, motion in px of the view, and brightest code value of each frame.
-    compared
-        Each frame's comparison with its scene.
+    frames
+        Index, time in s and comb ratio of each.
+    measures
+        Of each.
+    cells
+        ``(12, 16)`` bool: those inside the view.
+    shown
+        Share of the picture that is inside the view.
     scale
         Pixels of the full frame in a pixel of the view.
     """
-    index, time_s, comb, motion, bright = (np.array(column) for column in zip(*seen, strict=True))
-    scene = np.array([each.scene for each in compared])
-    gain = np.array([each.gain for each in compared])
-    level = np.array([each.level for each in compared])
-    sharpness, obstructed, glare = (
-        np.array([getattr(each, name) for each in compared]) for name in ("sharpness", "obstructed", "glare")
+    details = np.array([each.details[cells].mean(dtype=np.float64) for each in measures])
+    luma, bright, covered, glare, motion = (
+        np.array([getattr(each, name) for each in measures])
+        for name in ("luma", "bright", "covered", "glare", "motion")
     )
-    exposure, weight = np.zeros(len(seen)), np.zeros(len(seen))
-    step_s = float(np.median(np.diff(time_s))) if len(seen) > 1 else 0.0
-    enough = min(max(SCENE_FRAMES, SCENE_SECONDS / max(step_s, 1e-3)), 0.1 * len(seen))
-    for number in np.unique(scene):
-        own = scene == number
-        exposure[own] = np.log2(_typical_gain(gain[own], bright[own]) / gain[own])
-        weight[own] = min(1.0, own.sum() / max(enough, 1.0))
-    moved = np.maximum(motion - np.percentile(motion, 10), 0)
-    substantial = weight > 0.5
-    best_level = float(level[substantial].max()) if substantial.any() else float(level.max())
+    # nothing comes before the first
+    motion[:1] = motion[1:2] if len(motion) > 1 else 0
+    whole = bright < BURNT_OUT
+    typical_luma = np.percentile(luma[whole] if whole.mean() > BRIGHTEST_SHARE else luma, 100 * (1 - BRIGHTEST_SHARE))
+    exposure = np.log2(luma / typical_luma)
+    # dark frames have details of noise
+    is_exposed = np.abs(exposure) < 1
+    sharpest = np.percentile(details[is_exposed] if is_exposed.any() else details, SHARPEST)
+    sharpness = np.minimum(details / max(float(sharpest), 1e-9), 1)
+    obstructed, glare = (np.maximum(each - np.percentile(each, USUAL), 0) / shown for each in (covered, glare))
+    moved = np.maximum(motion - min(float(np.percentile(motion, USUAL)), LARGEST_NOISE_PX), 0)
+    comb = np.array([each[2] for each in frames])
     total = (
-        sharpness**2
-        * np.minimum(level / best_level, 1) ** 0.5
+        sharpness**SHARPNESS_POWER
         * np.exp(-obstructed / OBSTRUCTION_SHARE)
         * np.exp(-glare / GLARE_SHARE)
         * np.exp(-((exposure / EXPOSURE_STOPS) ** 2))
         / (1 + (moved / MOTION_VIEW_PX) ** 2)
         * np.where(comb > COMBED, COMBED_FACTOR, 1.0)
-        * weight
     )
     return tuple(
         FrameScore(
-            int(index[k]), float(time_s[k]), float(sharpness[k]), float(exposure[k]), float(glare[k]),
-            float(obstructed[k]), float(motion[k] * scale), float(comb[k]), int(scene[k]), float(total[k]),
+            index, time_s, float(sharpness[k]), float(exposure[k]), float(glare[k]), float(obstructed[k]),
+            float(motion[k] * scale), float(comb_ratio), float(total[k]),
         )
-        for k in range(len(seen))
+        for k, (index, time_s, comb_ratio) in enumerate(frames)
     )  # fmt: skip
-
-
-def _typical_gain(gain: np.ndarray, bright: np.ndarray) -> float:
-    """The gain of well exposed frames: the brightest, as long as their highlights alone are burnt out."""
-    whole = bright < BURNT_OUT
-    return float(np.percentile(gain[whole] if whole.mean() > BRIGHTEST_SHARE else gain, 100 * BRIGHTEST_SHARE))
 
 
 def best_frames(scores: Sequence[FrameScore], count: int, *, apart_s: float = APART_SECONDS) -> tuple[FrameScore, ...]:

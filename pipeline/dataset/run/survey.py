@@ -156,22 +156,6 @@ class _Expected:
         return record, _wrong_size(record, [paths.relative(kind) for kind in self.kinds], sizes) or "", ""
 
 
-def is_finished(root: Path, index: int, identity: str, kinds: Sequence[str]) -> bool:
-    """Whether one view of a run is on disk, as :func:`survey_views` decides it; cheap if it has no record."""
-    paths = ViewPaths(root, index)
-    if not paths.file("frame").exists():
-        return False
-    try:
-        record = read_record(paths, with_mask=False)
-    except RunError:
-        return False
-    sizes = {}
-    for kind in kinds:
-        with suppress(FileNotFoundError):
-            sizes[paths.relative(kind)] = paths.file(kind).stat().st_size
-    return record.identity == identity and _wrong_size(record, [*map(paths.relative, kinds)], sizes) is None
-
-
 def unrecorded_views(root: Path, count: int) -> list[int]:
     """Those of the first ``count`` views that have no record; nothing is read but the names of files."""
     missing: list[int] = []

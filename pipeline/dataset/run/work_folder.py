@@ -5,8 +5,9 @@ Locks and notes of an unfinished run are in ``.work``, which is removed when it 
 
 import os
 import re
-from collections.abc import Callable, Iterable
-from contextlib import ExitStack, suppress
+import secrets
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -21,9 +22,19 @@ LOCK_FILES = r"lock(-[0-9]+-of-[0-9]+)?|run-[0-9a-f]{16}"
 _ATTEMPTS = 10
 
 
-def run_token(path: Path, run: str) -> Path:
-    """The file in a folder by which other machines know that they see the folder of a run, 16 hex digits."""
-    return path / WORK / f"run-{run}"
+@contextmanager
+def run_token(path: Path) -> Iterator[Path]:
+    """A file in a folder, absolute, by which other machines know that they see it."""
+    token = path.absolute() / WORK / f"run-{secrets.token_hex(8)}"
+    create_folder(token.parent)
+    token.touch()
+    try:
+        yield token
+    finally:
+        token.unlink(missing_ok=True)
+        for folder in (token.parent, path):
+            with suppress(OSError):  # somebody has written into it
+                folder.rmdir()
 
 
 class WorkFolder:

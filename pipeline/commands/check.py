@@ -55,13 +55,13 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError(f"command line: --{flag}: expected also the case that was rendered; give it with --case")
     from ..case.case_file import read_case
     from ..dataset.check.check_dataset import check_dataset
-    from ..dataset.layout import eyes_of
+    from ..dataset.layout import datasets_in
 
     case = None if arguments.case is None else read_case(arguments.case)
     if case is not None and arguments.occluder_meshes is not None:
         case = replace(case, dataset={**case.dataset, "occluder_meshes": str(arguments.occluder_meshes.resolve())})
     wrong, output = 0, sys.stdout
-    for folder in eyes_of(arguments.dataset):
+    for folder in datasets_in(arguments.dataset):
         if folder != arguments.dataset:
             output.write(f"{folder}:\n")
         report = check_dataset(

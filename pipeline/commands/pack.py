@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
     # the arrays are small: numpy's BLAS threads would only take memory
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from ..dataset.layout import eyes_of
+    from ..dataset.layout import datasets_in
 
     output = own_output()
     if arguments.verify:
@@ -80,8 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         threads, wrong = arguments.workers or available_cores(), 0
         whole = arguments.dataset or arguments.out
-        for eye in eyes_of(whole):
-            out, dataset = arguments.out / eye.relative_to(whole), arguments.dataset and eye
+        for each in datasets_in(whole):
+            out, dataset = arguments.out / each.relative_to(whole), arguments.dataset and each
             report = verify_pack(out, dataset, threads=threads, stream=output)
             output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
             wrong += len(report.findings)
@@ -96,10 +96,10 @@ def run(arguments: argparse.Namespace) -> int:
         split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    for eye in eyes_of(arguments.dataset):
-        out = arguments.out / eye.relative_to(arguments.dataset)
+    for each in datasets_in(arguments.dataset):
+        out = arguments.out / each.relative_to(arguments.dataset)
         manifest = pack_dataset(
-            eye,
+            each,
             out,
             PackOptions(arguments.views_per_shard, arguments.jpeg, about),
             views=views,

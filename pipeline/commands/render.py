@@ -95,7 +95,6 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     from ..blender.dataset.run import run as render
     from ..blender.dataset.run import work
     from ..case.alignment_record import INITIAL_GUESS
-    from ..dataset.options import LEFT
     from ..files.outputs import check_folder
 
     job = _job(arguments)
@@ -119,17 +118,6 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
         verify=arguments.verify,
         progress_seconds=arguments.progress_seconds,
     )
-    if job.options.stereo_mm and job.options.eye == LEFT:
-        _render_case(_of_right_eye(arguments), output)
-
-
-def _of_right_eye(arguments: argparse.Namespace) -> argparse.Namespace:
-    """The arguments that render the right eye of each view, a dataset within that of the left ones."""
-    from ..dataset.options import RIGHT
-
-    here = {"out": arguments.out / RIGHT, "eye": RIGHT, "video": False}
-    argv = [*arguments.argv, f"--eye={RIGHT}", "--no-video", f"--out={here['out']}"]
-    return argparse.Namespace(**vars(arguments) | here | {"argv": argv})
 
 
 def _job(arguments: argparse.Namespace) -> "Job":

@@ -9,8 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..dataset.checksums import FileSum, damaged_file, sum_from_json
-from ..dataset.layout import MANIFEST, MODEL_FOLDERS
-from ..dataset.options import RIGHT
+from ..dataset.layout import FURTHER, MANIFEST, MODEL_FOLDERS
 from ..dataset.run.work_folder import WorkFolder
 from ..errors import InputError, RunError
 from ..files.content import names_in, partial_name, read_file, write_bytes_atomically
@@ -119,7 +118,7 @@ class PackFolder(WorkFolder):
 def is_own_name(name: str) -> bool:
     """Whether a pack has a file or a folder of this name in its folder."""
     name = partial_name(name) or name
-    return name in (MANIFEST, WORK, RIGHT, *MODEL_FOLDERS, *TABLES) or is_shard(name)
+    return name in (MANIFEST, WORK, FURTHER, *MODEL_FOLDERS, *TABLES) or is_shard(name)
 
 
 def _difference(known: Plan, plan: Plan) -> str:

@@ -13,7 +13,7 @@ import cv2
 from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
 from ..dataset.dataset_file import read_description
-from ..dataset.layout import MANIFEST, RECORD, eyes_of
+from ..dataset.layout import MANIFEST, RECORD, datasets_in
 from ..errors import InputError, RunError
 from ..progress import Progress
 from .layout import TABLES, WORK, is_note, shard_name
@@ -133,7 +133,7 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
             findings.add(DAMAGED, problem)
     known_names = {MANIFEST, *manifest.files, *map(shard_name, range(len(manifest.shards)))}
     # the right eye is a pack of its own
-    eyes = set(eyes_of(folder)[1:])
+    eyes = set(datasets_in(folder)[1:])
     for path in sorted(path for path in folder.rglob("*") if eyes.isdisjoint(path.parents)):
         name = path.relative_to(folder).as_posix()
         if name not in known_names and not path.is_dir() and not is_note(name):

@@ -9,12 +9,11 @@ import numpy as np
 
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded, depth_mm
-from ..dataset.identity import eyes_apart
-from ..dataset.layout import MODEL_FILES, eyes_of
+from ..dataset.layout import FURTHER, MODEL_FILES, datasets_in
 from ..dataset.model_file import read_model
 from ..dataset.normals import normal_codes, unit_vectors
-from ..dataset.options import RIGHT
 from ..dataset.run.resume_record import Box
+from ..dataset.stereo import eyes_apart
 from ..dataset.truths import TRUTHS, points_model
 from ..errors import InputError
 from ..surface.mesh import TriangleMesh
@@ -78,9 +77,9 @@ class ViewFiles:
         InputError
             There are none, or they do not belong to these views.
         """
-        folder = eyes_of(self.root)[-1]
+        folder = datasets_in(self.root)[-1]
         if folder == self.root:
-            raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
+            raise InputError(f"{self.root}: expected the folder {FURTHER} in it, found none; render with --stereo-mm")
         files = self.opened(folder)
         if apart := eyes_apart(self.description.content, files.description.content):
             raise InputError(f"{folder}: expected the right eyes of these views: {apart}")

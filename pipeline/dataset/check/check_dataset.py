@@ -17,10 +17,11 @@ from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
-from ..identity import eyes_apart, poses_hash
-from ..layout import CASES, RECORD, SPLIT, WORK, ViewPaths, advice_without_record, check_no_pack
+from ..identity import poses_hash
+from ..layout import CASES, FURTHER, RECORD, SPLIT, WORK, ViewPaths, advice_without_record, check_no_pack
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
+from ..stereo import eyes_apart, has_further, right_from_left
 from .comparison import require_equal, require_pose, require_rotation
 from .contents import check_names, check_sums
 from .depth import DepthAgreement
@@ -226,17 +227,21 @@ class _Check:
             self._findings.add(FOREIGN, f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed")
 
     def _check_eyes(self) -> None:
-        """Compare a dataset of right eyes with that of the left ones, in whose folder it is."""
-        left, right_from_left = self._root.parent, self._description.right_from_left
-        if right_from_left is None or not (left / RECORD).is_file():
+        """Compare the right eyes, which are a dataset of their own in the folder, with these left ones."""
+        if not has_further(self._description.content):
             return
-        with self._findings.collecting("right eyes that differ from the left ones"):
-            if apart := eyes_apart(read_description(left / RECORD).content, self._description.content):
-                raise InputError(f"{RECORD}: the left eyes are of another dataset: {apart}")
+        options, root = self._description.content["options"], self._root / FURTHER
+        right_eye = right_from_left(options["stereo_mm"], options["converge_mm"])
+        with self._findings.collecting("right eyes that are missing or of other views"):
+            right = read_description(root / RECORD)
+            if apart := eyes_apart(self._description.content, right.content):
+                raise InputError(f"{FURTHER}/{RECORD}: expected the right eyes of these views: {apart}")
+            if right.count != self._description.count:
+                raise InputError(f"{FURTHER}/{RECORD}: {right.count} right eyes of {self._description.count} views")
             for index, pose in self._poses.items():
-                paths = ViewPaths(left, index)
-                expected = right_from_left @ read_record(paths, with_mask=False).cam_from_model
-                require_pose(pose, expected, paths.relative("frame"), "the right eye of the left view")
+                paths = ViewPaths(root, index)
+                found = read_record(paths, with_mask=False).cam_from_model
+                require_pose(found, right_eye @ pose, f"{FURTHER}/{paths.relative('frame')}", "the left eye, beside it")
 
 
 def _evenly_spaced(count: int, views: int) -> set[int] | range:

@@ -38,6 +38,9 @@ ORTHONORMAL_TO_ROUNDING = 1e-14
 NOTED_DEVIATION = 1e-6
 """Largest entry of |R Rt - 1| that is corrected without a message: numbers of seven digits."""
 
+SAME_POSE = 1e-9
+"""Difference of numbers, absolute and relative, up to which two poses are the same."""
+
 CAM_FROM_OPENGL_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
 """The one axis flip: Blender's cameras and NeRF files have OpenGL axes, y up and looking along -z. Its own inverse."""
 
@@ -65,6 +68,11 @@ def rigid(rotation: np.ndarray | None = None, translation: np.ndarray | None = N
     if translation is not None:
         b_from_a[:3, 3] = translation
     return b_from_a
+
+
+def is_same_pose(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two poses ``(4, 4)`` are equal but for the rounding of other units, another frame or a text."""
+    return np.allclose(one, other, rtol=SAME_POSE, atol=SAME_POSE)
 
 
 def transform_points(b_from_a: np.ndarray, points_a: np.ndarray) -> np.ndarray:

@@ -174,7 +174,7 @@ def staged(tmp_path_factory) -> Path:
 
 
 def test_the_extension_does_what_its_permissions_say(staged):
-    """As extensions.blender.org demands: no network and no installation at run time; the clipboard with permission."""
+    """As extensions.blender.org demands: no network and no installation at run time; no clipboard."""
     used: dict[str, set[str]] = {}
     for path in staged.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -185,9 +185,9 @@ def test_the_extension_does_what_its_permissions_say(staged):
                 names.add("clipboard")
             for name in names:
                 used.setdefault(name, set()).add(path.relative_to(staged).as_posix())
-    assert used == {"clipboard": {"move/operators.py"}}
+    assert used == {}
     manifest = tomllib.loads((staged / "blender_manifest.toml").read_text())
-    assert set(manifest["permissions"]) == {"files", "clipboard"}
+    assert set(manifest["permissions"]) == {"files"}
 
 
 def test_the_add_on_imports_its_own_modules_relatively(staged):

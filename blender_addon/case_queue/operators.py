@@ -11,11 +11,10 @@ from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError, naming
-from ..setup import autosave
+from ..setup import history
 from ..setup.alignment_record import is_start
-from ..setup.case_in_scene import load_into_scene, unsaved_parts
-from ..setup.save_case import REPLACE, replaced_pose
-from ..setup.undone_saves import undoable
+from ..setup.case_in_scene import unsaved_parts
+from ..setup.save_case import REPLACE, checked_pose
 from ..state import camera_view, from_scene, pose_evidence
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, OperatorResult, Reporting, call
@@ -90,10 +89,7 @@ class ONEFRAME_OT_queue_check(_InQueue):
         if is_start(scene):
             raise InputError("expected a pose that was aligned in this frame, found only a start; align it first")
         path = queued.queue_of(scene)[queued.position(scene)].path
-        with undoable(scene, path):
-            call("save_case", filepath=str(path), checked=True)
-        record, uncertainty = read_case(path).alignment, pose_evidence.remembered_uncertainty(scene)
-        pose_evidence.remember(scene, record, from_scene.cam_from_model(scene), uncertainty)
+        call("save_case", filepath=str(path), checked=True)
         if queued.position(scene) + 1 == len(queued.queue_of(scene)):
             return ("checked; this is the last frame of the queue",)
         call("queue_step")
@@ -104,13 +100,12 @@ def save_present(scene: bpy.types.Scene) -> None:
     """Save the scene's case to its file, unless only a start of its pose is new."""
     parts = unsaved_parts(scene)
     if parts and not (parts == ("pose",) and is_start(scene)):
-        with undoable(scene, from_scene.absolute_path(scene.oneframe.case_path)):
-            call("save_case", filepath=scene.oneframe.case_path)
+        call("save_case", filepath=scene.oneframe.case_path)
 
 
 def _question(scene: bpy.types.Scene) -> str:
     path = queued.present(scene)
-    return "" if path is None or bpy.app.background else replaced_pose(scene, path)
+    return "" if path is None or bpy.app.background else checked_pose(scene, path)
 
 
 def go_to(context: bpy.types.Context, path: Path) -> None:
@@ -122,8 +117,7 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     case = read_case(path, posed=False)
     spaces = [area.spaces.active for area in camera_view.views(context)]
     through = [space for space in spaces if space.region_3d.view_perspective == "CAMERA"]
-    load_into_scene(context, case)
-    autosave.offer(context, autosave.path_of(context.scene))
+    history.load(context, path)
     for space in through:  # the camera is a new one: Blender has left it
         space.region_3d.view_perspective = "CAMERA"
         camera_view.aim(scene, space)

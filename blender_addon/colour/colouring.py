@@ -55,7 +55,7 @@ def put(scene: bpy.types.Scene, loaded: LoadedCase, found: Colouring) -> tuple[s
     record = {
         "frame": str(loaded.case.image),
         "further": [str(each.image) for each in loaded.case.frames],
-        "cam_from_model": loaded.frame.cam_from_model.tolist(),
+        "pose": from_scene.pose_in_file(scene).tolist(),
         "of_view": found.coverage.of_view,
         "of_surface": found.coverage.of_surface,
         "mean_error": found.coverage.mean_error,

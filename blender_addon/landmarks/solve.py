@@ -25,7 +25,7 @@ from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
 from ..state import events, from_scene, pose_evidence, workbench
-from ..state.landmarks import landmarks_model
+from ..state.landmarks import landmarks_model, points_model
 from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
@@ -145,12 +145,12 @@ def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
     """Index -> ``(2,)`` clicked minus projected pixel at the current pose, of all landmarks that have both points."""
     camera, pose = from_scene.camera(scene), from_scene.cam_from_model(scene)
-    found = {}
-    for index, entry in enumerate(scene.oneframe.landmarks):
-        if entry.has_point and entry.has_pixel:
-            seen = camera.project(transform_points(pose, np.array(entry.point[:], float)[None]))[0]
-            found[index] = np.array(entry.pixel[:], float) - seen
-    return found
+    shown = camera.project(transform_points(pose, points_model(scene)))
+    return {
+        index: np.array(entry.pixel[:], float) - seen
+        for index, (entry, seen) in enumerate(zip(scene.oneframe.landmarks, shown, strict=True))
+        if entry.has_point and entry.has_pixel
+    }
 
 
 def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:

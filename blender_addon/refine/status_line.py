@@ -27,9 +27,9 @@ from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
-from ..setup.case_in_scene import lately_saved, unsaved_parts
+from ..setup.case_in_scene import unsaved_parts
 from ..setup.open_case import task_lines
-from ..state import another_frame, from_scene, pose, pose_evidence, workbench
+from ..state import another_frame, from_scene, pose, workbench
 from ..state.events import areas
 from ..state.landmarks import landmarks_model
 from ..ui.keymap import binding
@@ -72,7 +72,7 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
     name = bpy.path.basename(settings.case_path or settings.frame_path) or "New case"
     if entries := queue_of(scene):
         name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
-    parts = unsaved_parts(scene, lately_saved)
+    parts = unsaved_parts(scene)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
     if (other := another_frame.seen(scene)) is not None:
         back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
@@ -109,11 +109,10 @@ def _rms_px(scene: bpy.types.Scene, record: Mapping[str, object]) -> float:
 def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, str]:
     """How a pose with this record was found, in words, and the icon for it."""
     method = str(record.get("method", ""))
-    title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
+    title, icon = KINDS.get(method, (method or "Given by the case, origin unknown", "QUESTION"))
     if "refused" in record:
         title, icon = "Taken although refused", "ERROR"
-    is_given = pose_evidence.remembered(scene) == {} and method == "manual"
-    return "Given by the case, origin unknown" if is_given else title, icon
+    return title, icon
 
 
 def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:

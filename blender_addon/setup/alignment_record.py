@@ -13,7 +13,6 @@ from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, is_a_start
 from ..pipeline.case.case_file import Case
 from ..state import from_scene, pose_evidence
-from ..state.initial_pose import has_initial_pose
 from .operators import doubt_of_size
 
 
@@ -23,7 +22,7 @@ def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
 
 
 def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
-    """The table ``[alignment]`` of the case file."""
+    """The table ``[alignment]`` of the case file; empty for a pose of unknown origin."""
     tool, date = tool_and_date()
     record = pose_evidence.remembered(scene)
     if record:
@@ -31,11 +30,10 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
         unsigned = record.get("method") == "pins" or "doubt" in record
         return {"tool": tool, "date": date, **record} if unsigned else record
     solved = solve.solution(scene)
-    if solved.alignment is None or solve.departure(scene, solved) is not None:
-        if has_initial_pose(scene):
-            return {"method": INITIAL_GUESS}
-        return {"method": "manual", "tool": tool, "date": date}
-    return alignment_record(solved.alignment, tool, date)
+    if solved.alignment is not None and solve.departure(scene, solved) is None:
+        return alignment_record(solved.alignment, tool, date)
+    # {}: given by the case, and not moved since
+    return {"method": "manual", "tool": tool, "date": date} if record is None else record
 
 
 def is_start(scene: bpy.types.Scene) -> bool:
@@ -67,7 +65,7 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:
     """Store how a refinement has found its pose; ``start`` is the record of the initial one."""
-    record = refinement_record(refinement, start, *tool_and_date())
+    record = refinement_record(refinement, start or {"method": "manual"}, *tool_and_date())
     uncertainty = refinement.uncertainty if refinement.verified else None
     pose_evidence.remember(scene, record, refinement.found, uncertainty)
 

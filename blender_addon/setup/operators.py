@@ -84,7 +84,7 @@ class ONEFRAME_OT_clear_pose(_OfAnotherFrame):
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
-        set_initial_pose(scene, from_scene.surface_of(scene))
+        set_initial_pose(scene)
         replace_landmarks(scene, ())
         scene.oneframe.aligned_path = ""
 

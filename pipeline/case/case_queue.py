@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..files.outputs import writing
 from ..images.image_check import check_image_file, image_size
 from .alignment_record import FOUND, INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
-from .case_update import update_case
+from .case_writer import write_case
 
 NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
 """No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks, the image or other
@@ -90,11 +89,8 @@ def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Pat
     keep_files([kept_case(case) for case in fresh], {"frame": like.image, "surface": like.mesh})
     for case in cases:
         if case.posed and state_of(present := read_case(case.path, posed=False)) == NEW:
-            with writing(case.path):
-                update_case(
-                    case.path,
-                    replace(present, cam_from_mesh=case.cam_from_mesh, posed=True, alignment=case.alignment),
-                )
+            posed = replace(present, cam_from_mesh=case.cam_from_mesh, posed=True, alignment=case.alignment)
+            write_case(case.path, posed)
     return [case.path for case in cases]
 
 

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import write_files_atomically
+from ..files.content import write_bytes_atomically
 from ..files.numbers import MM_PER_UNIT, length_text
 from ..files.outputs import check_outputs, writing
 from ..poses.pose_file import POSE_KEY
+from ..transforms import is_same_pose
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text, read_case
-from .case_history import history_path, with_replaced
+from .case_history import add_to_history
 from .frame import UnreadFrame
 from .landmarks import Landmark
 
@@ -28,7 +29,7 @@ UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
     """Write a case as TOML, whole or not at all.
 
-    A pose that is replaced goes into the file's history; that of another frame or surface ends.
+    A pose that is replaced goes into the file's history.
 
     Numbers are read back to the last bit, colours of structures as 8-bit codes. File names are relative to the folder
     of ``path``, not of ``case.path``, unless a file is on another drive.
@@ -56,12 +57,10 @@ def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
     data = encoded(path, text)
     case_from_text(text, path)
     before = _present(path)
-    is_other = before is not None and _files(before) != _files(case)
-    history = {} if before is None or is_other else with_replaced(path, before, case)
     with writing(path):
-        write_files_atomically({**history, path: data})
-    if is_other:
-        history_path(path).unlink(missing_ok=True)
+        if before is not None and _is_replaced(before, case):
+            add_to_history(path, before, case_text(path, before))
+        write_bytes_atomically(path, data)
 
 
 def _present(path: Path) -> Case | None:
@@ -71,8 +70,10 @@ def _present(path: Path) -> Case | None:
         return None
 
 
-def _files(case: Case) -> tuple[str, str]:
-    return os.path.realpath(case.image), os.path.realpath(case.mesh)
+def _is_replaced(before: Case, after: Case) -> bool:
+    """Whether a case loses its pose by another one, or what is known of it."""
+    is_kept = after.posed and is_same_pose(before.cam_from_mesh, after.cam_from_mesh)
+    return not is_kept or dict(before.alignment) != dict(after.alignment) or before.image != after.image
 
 
 def encoded(path: Path, text: str) -> bytes:

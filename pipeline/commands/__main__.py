@@ -8,7 +8,8 @@ from typing import Any
 from .. import __version__
 from ..errors import InputError
 from ..files.keys import nearest_name
-from ..process.arguments import ArgumentParser, run_command
+from ..process.arguments import ArgumentParser
+from ..process.command import run_command
 from ..process.command_line import run_script
 
 COMMANDS = (

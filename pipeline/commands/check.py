@@ -1,12 +1,11 @@
 """The command ``oneframe check``."""
 
-import argparse
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
-from ..process.arguments import at_least
+from ..process.command import option, positional, switch
 
 EXIT_WRONG = 1
 
@@ -24,30 +23,21 @@ again: it renders these views and writes all tables again.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    from ..dataset.check.check_dataset import DEFAULT_VIEWS
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
 
-    parser.add_argument("dataset", metavar="DIR", type=Path, help="folder of the dataset")
-    effort = parser.add_argument_group("effort")
-    effort.add_argument(
-        "--views", metavar="N", type=at_least(0), default=DEFAULT_VIEWS,
-        help="compare the pixels of N evenly spaced views, 0 for all (default %(default)s)",
+    dataset: Path = positional("DIR", "folder of the dataset")
+    views: int = option(
+        "N", "compare the pixels of N evenly spaced views, 0 for all (default %(default)s)", 200, least=0
     )  # fmt: skip
-    effort.add_argument("--fast", action="store_true", help="skip the hashes of the files")
-    origin = parser.add_argument_group("against the case")
-    origin.add_argument(
-        "--case", metavar="CASE.toml", type=Path, help="compare the inputs with those of the case that was rendered"
-    )
-    origin.add_argument(
-        "--poses", metavar="FILE", type=Path, help="the listed poses of the views, if the case does not name them"
-    )
-    origin.add_argument(
-        "--occluder-meshes", metavar="DIR", type=Path, help="your own instruments, if the case does not name them"
-    )
+    fast: bool = switch("skip the hashes of the files")
+    case: Path | None = option("CASE.toml", "compare the inputs with those of the case that was rendered")
+    poses: Path | None = option("FILE", "the listed poses of the views, if the case does not name them")
+    occluder_meshes: Path | None = option("DIR", "your own instruments, if the case does not name them")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Arguments) -> int:
     """Check the dataset and report the findings."""
     for name in ("poses", "occluder_meshes"):
         if getattr(arguments, name) is not None and arguments.case is None:

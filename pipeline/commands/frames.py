@@ -1,10 +1,10 @@
 """The command ``oneframe frames``."""
 
-import argparse
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 
 from ..errors import InputError, RunError
-from ..process.arguments import at_least
+from ..process.command import option, positional
 from ..process.own_process import own_output
 
 ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."
@@ -21,32 +21,19 @@ them over time.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("video", metavar="VIDEO", type=Path, help="a video: MP4, MOV, MKV, WebM, AVI, ...")
-    selection = parser.add_argument_group("selection")
-    selection.add_argument(
-        "--count",
-        metavar="N",
-        type=at_least(1),
-        default=5,
-        help="number of frames to write at most (default %(default)s)",
-    )
-    film = parser.add_argument_group("film")
-    film.add_argument(
-        "--every", metavar="N", type=at_least(1), default=1, help="score only every N-th frame (default %(default)s)"
-    )
-    film.add_argument(
-        "--from", metavar="S", type=at_least(0, float), default=0.0, dest="from_s", help="start at this time in s"
-    )
-    film.add_argument(
-        "--to", metavar="S", type=at_least(0, float), dest="to_s", help="end at this time in s (default: the end)"
-    )
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    video: Path = positional("VIDEO", "a video: MP4, MOV, MKV, WebM, AVI, ...")
+    count: int = option("N", "number of frames to write at most (default %(default)s)", 5, least=1)
+    every: int = option("N", "score only every N-th frame (default %(default)s)", 1, least=1)
+    from_s: float = option("S", "start at this time in s", 0.0, least=0, flag="--from")
+    to_s: float | None = option("S", "end at this time in s (default: the end)", least=0, flag="--to")
+    out: Path = option("DIR", "folder to write", MISSING)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Score the film, write the best frames and report them."""
     if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
         raise InputError(

@@ -1,13 +1,12 @@
 """The command ``oneframe light``."""
 
-import argparse
 import datetime
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .. import __version__
 from ..errors import InputError
-from ..images.transfer import TRANSFERS
+from ..process.command import choice, option, positional, switch
 from ..process.own_process import own_output
 
 ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."
@@ -24,36 +23,34 @@ frames do not tell; nothing is written.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="the aligned case")
-    parser.add_argument(
-        "frames", metavar="FRAMES", type=Path, nargs="?",
-        help="the folder that oneframe register wrote (default: the frames of the case alone)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "the aligned case")
+    frames: Path | None = positional(
+        "FRAMES", "the folder that oneframe register wrote (default: the frames of the case alone)", None
     )  # fmt: skip
-    parser.add_argument("--video", metavar="FILE", type=Path, help="the video, if FRAMES are of one")
-    parser.add_argument(
-        "--transfer", choices=TRANSFERS,
-        help="what the frames' code values are (default: as the case has it, else srgb)",
+    video: Path | None = option("FILE", "the video, if FRAMES are of one")
+    transfer: str | None = choice(
+        "what the frames' code values are (default: as the case has it, else srgb)", choices=("srgb", "bt709", "linear")
     )  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, help="write the case here, not over CASE.toml")
-    output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
-    output.add_argument(
-        "--picture", metavar="FILE", type=Path,
-        help="write the frame, its shading by the lamp, and the frame without it, side by side (PNG)",
+    out: Path | None = option("FILE", "write the case here, not over CASE.toml")
+    overwrite: bool = switch("let --out replace a case of another frame or surface")
+    picture: Path | None = option(
+        "FILE", "write the frame, its shading by the lamp, and the frame without it, side by side (PNG)"
     )  # fmt: skip
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Find the lamp, write it into the case and report what it explains."""
     if arguments.video and not arguments.frames:
         raise InputError("command line: --video: expected FRAMES with it, the folder that oneframe register wrote")
+    from ..case.case_changes import check_replaced
     from ..case.case_file import read_case
-    from ..case.case_update import check_replaced, update_case
     from ..case.case_writer import case_output, write_case
     from ..case.loaded_case import load_case
-    from ..files.outputs import check_outputs, made_folder, write_output, writing
+    from ..files.outputs import check_outputs, made_folder, write_output
     from ..images.pixel_values import to_uint8
     from ..images.png import encode_png
     from ..light.find_lamp import find_lamp
@@ -82,9 +79,5 @@ def run(arguments: argparse.Namespace) -> None:
             arguments.picture, encode_png(to_uint8(lamp_picture(loaded.surface.mesh, loaded.frame, found.light)))
         )
         output.write(f"frame, shading, frame without it: {arguments.picture}\n")
-    with writing(made_folder(target or case.path)):
-        if target:
-            write_case(target, lit)
-        else:
-            update_case(case.path, lit)
+    write_case(made_folder(target or case.path), lit)
     output.write(f"{found.figures}\nthe case with its lamp: {target or case.path}\n")

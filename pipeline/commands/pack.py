@@ -1,11 +1,12 @@
 """The command ``oneframe pack``."""
 
-import argparse
 import os
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 
 from ..errors import InputError
-from ..process.arguments import at_least, resumable
+from ..process.arguments import resumable
+from ..process.command import choice, option, positional, switch
 from ..process.own_process import own_output
 
 EXIT_WRONG = 1
@@ -26,63 +27,48 @@ and files that it names and pack again.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("dataset", metavar="DIR", type=Path, nargs="?", help="folder of the complete dataset")
-    parser.add_argument(
-        "--out", metavar="PACKED", type=Path, required=True, help="folder of the pack; an unfinished one is resumed"
-    )
-    content = parser.add_argument_group("content")
-    content.add_argument(
-        "--views-per-shard", metavar="N", type=int, default=1000,
-        help="views in each tar file (default %(default)s, as in BOP's own packs)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    dataset: Path | None = positional("DIR", "folder of the complete dataset", None)
+    out: Path = option("PACKED", "folder of the pack; an unfinished one is resumed", MISSING)
+    views_per_shard: int = option("N", "views in each tar file (default %(default)s, as in BOP's own packs)", 1000)
+    jpeg: int | None = option("QUALITY", "store RGB as JPEG of this quality, 1 to 100")
+    split: str | None = choice(
+        "pack only the views of this part (80, 10 and 10 %%); no view of a part is like one of another, by the "
+        "distance of their poses", choices=("train", "val", "test")
     )  # fmt: skip
-    content.add_argument(
-        "--jpeg", metavar="QUALITY", type=int,
-        help="store RGB as JPEG of this quality, 1 to 100",
+    split_gap_px: float | None = option(
+        "X", "least distance of views in different parts: RMS displacement of the surface's box in the image "
+        "(default: 1 %% of the image's longer side)"
     )  # fmt: skip
-    content.add_argument(
-        "--split", choices=("train", "val", "test"), help="pack only the views of this part (80, 10 and 10 %%); no "
-        "view of a part is like one of another, by the distance of their poses"
-    )  # fmt: skip
-    content.add_argument(
-        "--split-gap-px", metavar="X", type=float, help="least distance of views in different parts: RMS displacement "
-        "of the surface's box in the image (default: 1 %% of the image's longer side)"
-    )  # fmt: skip
-    work = parser.add_argument_group("work")
-    work.add_argument(
-        "--workers",
-        metavar="N",
-        type=at_least(0),
-        default=0,
-        help="number of threads (default: one per core)",
-    )
-    work.add_argument(
-        "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
-    )
+    workers: int = option("N", "number of threads (default: one per core)", 0, least=0)
+    verify: bool = switch("pack nothing: compare the pack with its hashes and with DIR")
 
 
 @resumable()
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Arguments) -> int:
     """Pack the dataset, or verify the pack."""
     if arguments.split_gap_px is not None and arguments.split is None:
         raise InputError("command line: --split-gap-px: expected with --split only; add it, or leave out both")
-    if arguments.dataset is None and not arguments.verify:
+    dataset = arguments.dataset
+    if dataset is None and not arguments.verify:
         raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
     # the arrays are small: numpy's BLAS threads would only take memory
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from ..dataset.layout import datasets_in
 
     output = own_output()
-    if arguments.verify:
+    if dataset is None or arguments.verify:
         from ..files.machine import available_cores
         from ..packing.verify import verify_pack
 
         threads, wrong = arguments.workers or available_cores(), 0
-        whole = arguments.dataset or arguments.out
+        whole = dataset or arguments.out
         for each in datasets_in(whole):
-            out, dataset = arguments.out / each.relative_to(whole), arguments.dataset and each
-            report = verify_pack(out, dataset, threads=threads, stream=output)
+            out = arguments.out / each.relative_to(whole)
+            report = verify_pack(out, dataset and each, threads=threads, stream=output)
             output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
             wrong += len(report.findings)
         return EXIT_WRONG if wrong else 0
@@ -93,11 +79,11 @@ def run(arguments: argparse.Namespace) -> int:
         from ..packing.split import split_of_dataset
         from ..packing.whole_dataset import open_whole_dataset
 
-        split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
+        split = split_of_dataset(open_whole_dataset(dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
         views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    for each in datasets_in(arguments.dataset):
-        out = arguments.out / each.relative_to(arguments.dataset)
+    for each in datasets_in(dataset):
+        out = arguments.out / each.relative_to(dataset)
         manifest = pack_dataset(
             each,
             out,

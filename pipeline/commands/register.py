@@ -1,15 +1,14 @@
 """The command ``oneframe register``."""
 
-import argparse
 import datetime
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
-from ..process.arguments import at_least
+from ..process.command import option, positional, switch
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -44,28 +43,27 @@ frame, then features are tried, and the most probable pose counts. No PyTorch is
 MOST_REASONS = 10
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="the aligned case")
-    parser.add_argument("frames", metavar="FRAMES", type=Path, help="a folder of images, or a video")
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
-    parser.add_argument("--correct-source", action="store_true", help="first correct the case's own pose by the frames")
-    parser.add_argument(
-        "--colour-frames", metavar="N", type=at_least(1), default=0,
-        help="also write the case with up to N of the frames to colour its surface with",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "the aligned case")
+    frames: Path = positional("FRAMES", "a folder of images, or a video")
+    out: Path = option("DIR", "folder to write", MISSING)
+    correct_source: bool = switch("first correct the case's own pose by the frames")
+    colour_frames: int = option(
+        "N", "also write the case with up to N of the frames to colour its surface with", 0, least=1
     )  # fmt: skip
-    parser.add_argument("--denoise", action="store_true", help="remove noise from these frames, as oneframe case does")
-    parser.add_argument(
-        "--network", metavar="FILE.onnx", type=Path, help="find first poses by a network of oneframe train"
-    )
-    parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
+    denoise: bool = switch("remove noise from these frames, as oneframe case does")
+    network: Path | None = option("FILE.onnx", "find first poses by a network of oneframe train")
+    every: int = option("N", "register every N-th frame only", 1, least=1)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Register the frames, write the files and report what was found."""
+    from ..case.case_changes import other_inputs
     from ..case.case_file import read_case
     from ..case.case_folder import remove_unnamed
-    from ..case.case_update import other_inputs
     from ..case.case_writer import write_case
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs, check_own_folder, write_output, writing
@@ -129,7 +127,7 @@ def run(arguments: argparse.Namespace) -> None:
     output.writelines(f"{line}\n" for line in _report(found.evidence, out))
 
 
-def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
+def _corrected(arguments: Arguments, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
     """The case with a pose corrected by the frames, and a comment for its file."""
     from ..progress import ShareProgress
     from ..registration.correct_source import correct_source
@@ -152,9 +150,7 @@ def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: Text
     return corrected.loaded, f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
 
 
-def _write_film(
-    arguments: argparse.Namespace, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO
-) -> None:
+def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO) -> None:
     from ..blender.render.lettering import text_mask
     from ..blender.render.video import stream_video
     from ..files.outputs import writing

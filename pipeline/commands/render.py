@@ -3,17 +3,14 @@
 import argparse
 import os
 import sys
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..dataset.option_arguments import add_option_arguments
 from ..errors import InputError, naming
-from ..process.arguments import (
-    add_cluster_arguments,
-    at_least,
-    check_cluster_arguments,
-    resumable,
-)
+from ..process.arguments import resumable
+from ..process.command import option, positional, switch
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
 from ..progress import LINE_SECONDS, Progress
@@ -40,35 +37,40 @@ file may hold all options that affect the content, in a table [dataset] (count =
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument(
-        "case", metavar="CASE.toml|QUEUE", type=Path, help="frame, camera, surface and pose; or a folder of such cases"
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes beside the options of a dataset run."""
+
+    case: Path = positional("CASE.toml|QUEUE", "frame, camera, surface and pose; or a folder of such cases")
+    out: Path = option("DIR", "folder of the dataset; an unfinished one is resumed", MISSING)
+    workers: int = option("N", "number of processes (default: one per core)", 0, least=0)
+    shard: str = option("I/N", "render only shard I of N, counted from 0", "0/1")
+    verify: bool = switch(
+        "compare the hashes of all finished files, not only that they are there with their sizes; what has changed is "
+        "rendered again"
     )
-    parser.add_argument(
-        "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
+    cluster: str | None = option(
+        "ADDRESS", "render on the workers of a Dask cluster: the address of its scheduler, such as tls://host:8786"
     )
-    add_option_arguments(parser)
-    machines = parser.add_argument_group("processes and machines")
-    machines.add_argument(
-        "--workers", metavar="N", type=at_least(0), default=0, help="number of processes (default: one per core)"
+    insecure: bool = switch(
+        "with --cluster: take a scheduler on another machine without TLS, though everybody in its network can run "
+        "programs as you"
     )
-    machines.add_argument("--shard", metavar="I/N", default="0/1", help="render only shard I of N, counted from 0")
-    machines.add_argument(
-        "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
-        "with their sizes; what has changed is rendered again"
-    )  # fmt: skip
-    add_cluster_arguments(machines)
-    machines.add_argument(
-        "--blender-on-workers", metavar="PROGRAM", help="with --cluster: the Blender program that renders on "
-        "the workers' machines (default: the bpy module in the workers' Python)"
+    blender_on_workers: str | None = option(
+        "PROGRAM", "with --cluster: the Blender program that renders on the workers' machines (default: the bpy module "
+        "in the workers' Python)"
     )  # fmt: skip
     # after the arguments of a queue, for a worker at one of its cases
-    machines.add_argument("--queued-case", dest="case", type=Path, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-    machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    queued_case: Path | None = option("", argparse.SUPPRESS)
+    worker: bool = switch(argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
-    machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
-    machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+    progress_seconds: float = option("", argparse.SUPPRESS, LINE_SECONDS)
+    end_with_input: bool = switch(argparse.SUPPRESS)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a dataset run, which are declared with it."""
+    add_option_arguments(parser)
 
 
 def own_command() -> list[str]:
@@ -79,12 +81,18 @@ def own_command() -> list[str]:
 @resumable()
 def run(arguments: argparse.Namespace) -> None:
     """Render the dataset, or those of a queue, or act as one of its worker processes."""
-    check_cluster_arguments(arguments, "blender_on_workers")
-    if arguments.cluster is not None and arguments.shard != "0/1":
-        raise InputError(
-            f"command line: --cluster: expected without --shard, found --shard {arguments.shard}; the cluster's "
-            "workers share the views by themselves: leave --shard out"
-        )
+    if arguments.queued_case is not None:
+        arguments.case = arguments.queued_case
+    for name in ("insecure", "blender_on_workers"):
+        if getattr(arguments, name) and arguments.cluster is None:
+            flag = "--" + name.replace("_", "-")
+            raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
+    for name, default in (("shard", "0/1"), ("workers", 0)):
+        if arguments.cluster is not None and getattr(arguments, name) != default:
+            raise InputError(
+                f"command line: --cluster: expected without --{name}, found --{name} {getattr(arguments, name)}; the "
+                f"cluster's workers share the views by themselves: leave --{name} out"
+            )
     # the matrices are small: numpy's BLAS threads would only busy-wait on the cores that render
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     render_this = _render_queue if arguments.case.is_dir() else _render_case

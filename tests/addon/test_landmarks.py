@@ -7,7 +7,7 @@ import pytest
 from blender_addon.landmarks import solve
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
-from blender_addon.state.landmarks import landmarks_mesh, landmarks_model
+from blender_addon.state.landmarks import landmarks_mesh, landmarks_model, points_model
 from blender_addon.ui import frame_view
 from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from oneframe.alignment.reprojection import apply_twist
@@ -90,7 +90,7 @@ def test_points_in_either_order_pair_and_the_surface_moves_to_the_solution(scene
     add(points, pixels + rng.normal(0, SIGMA_PX, pixels.shape))
     entries = scene.oneframe.landmarks
     assert len(entries) == len(points)
-    assert np.allclose([entry.point for entry in entries], points, atol=1e-5)
+    assert np.allclose(points_model(scene), points, atol=1e-5)
     expected = solved_directly(scene)
     assert np.abs(pose_of(scene) - expected.cam_from_model).max() <= 1e-9
     assert expected.uncertainty.contains(true, pose_of(scene), 0.9999)

@@ -17,7 +17,7 @@ from oneframe.case.case_queue import (
     queued_cases,
     state_of,
 )
-from oneframe.case.case_update import update_case
+from oneframe.case.case_writer import write_case
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 
@@ -44,7 +44,7 @@ def test_a_frame_is_added_once_and_never_over_anothers_work(like, tmp_path):
     assert case.image.samefile(like.image.with_name("b.png"))
     assert case.mesh.samefile(like.mesh)
     assert not case.posed
-    update_case(first, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True))
+    write_case(first, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True))
     worked = first.read_bytes()
     add_frames(queue, like, given)
     assert first.read_bytes() == worked
@@ -97,7 +97,7 @@ def test_the_state_is_what_the_case_says(like, tmp_path, record, state):
     (path,) = add_frames(tmp_path / "queue", like, frames(like, "a.png"))
     case = read_case(path, posed=False)
     assert state_of(case) == NEW
-    update_case(path, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True, alignment=record))
+    write_case(path, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True, alignment=record))
     assert state_of(read_case(path)) == state
 
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import Case, Structure, read_case
-from oneframe.case.case_update import differing_fields, update_case
 from oneframe.case.case_writer import relative_name, write_case
 from oneframe.case.frame import UnreadFrame
 from oneframe.case.landmarks import Landmark
@@ -136,7 +136,21 @@ def cases(draw, folder: Path = Path("/case")) -> Case:
 
 def assert_equal(one: Case, other: Case) -> None:
     assert differing_fields(one, other) == ()
-    assert (one.path, one.messages, one.structures) == (other.path, other.messages, other.structures)
+    for name in (
+        "path",
+        "messages",
+        "structures",
+        "camera",
+        "distortion",
+        "landmarks",
+        "dataset",
+        "alignment",
+        "light",
+    ):
+        assert getattr(one, name) == getattr(other, name), name
+    for ours, theirs in zip(one.every_frame, other.every_frame, strict=True):
+        assert (ours.camera, ours.distortion) == (theirs.camera, theirs.distortion)
+        assert np.array_equal(ours.cam_from_mesh, theirs.cam_from_mesh)
 
 
 @given(data=st.data())
@@ -183,13 +197,13 @@ def test_the_name_of_the_surface_is_kept(tmp_path):
     write_case(path, plain)
     assert "name" not in path.read_text()
     named = replace(plain, object_name='left "bone" 3')
-    update_case(path, named)
+    write_case(path, named)
     again = read_case(path)
     assert again.object_name == named.object_name
     assert object_name(again) == 'left "bone" 3'
     write_case(path, again)
     assert read_case(path).object_name == again.object_name
-    update_case(path, plain)
+    write_case(path, plain)
     assert "name" not in path.read_text()
 
 

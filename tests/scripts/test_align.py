@@ -117,12 +117,12 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
     metres.write_text(case_path.read_text().replace('"mm"', '"m"'))
     record, out = tmp_path / "pose.json", tmp_path / "out.toml"
     # the mesh file is in millimetres: taken as metres, its landmarks lie far beside it
-    refused = align(metres, "--pairs", pairs, FINE)
+    refused = align(metres, "--landmarks", pairs, FINE)
     assert refused.returncode == 2
     assert "expected points on surface.ply, all lie beside it" in refused.stderr
     ply = read_mesh(case_path.with_name("surface.ply"))[0].scaled(1e-3)
     write_ply(case_path.with_name("surface.ply"), ply)
-    ended = align(metres, "--pairs", pairs, FINE, "--json", record, "--out", out)
+    ended = align(metres, "--landmarks", pairs, FINE, "--json", record, "--out", out)
     assert ended.returncode == 0, ended.stderr
     pose = np.array(json.loads(record.read_text())["cam_from_mesh"])
     assert pose == pytest.approx(true_case(case_path).cam_from_mesh, abs=1e-5)
@@ -140,7 +140,7 @@ def test_a_refused_pose_is_taken_by_choice_and_marked_as_such(case_path, tmp_pat
     assert not out.exists()
     # with landmarks there is a pose all the same
     write_landmarks(tmp_path / "pairs.csv", clicked_landmarks(case_path))
-    pairs = ("--pairs", tmp_path / "pairs.csv", FINE)
+    pairs = ("--landmarks", tmp_path / "pairs.csv", FINE)
     ended = align(true, *pairs, "--refine", "--out", out)
     assert ended.returncode == 0, ended.stderr
     assert "note: " in ended.stdout

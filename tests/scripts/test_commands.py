@@ -12,7 +12,7 @@ import pytest
 
 from oneframe.commands.__main__ import COMMANDS, EPILOG, command_module, dispatch
 from oneframe.errors import InputError
-from oneframe.process.arguments import command_parser
+from oneframe.process.command import command_parser
 from oneframe.process.command_line import blender_command
 
 ROOT = Path(__file__).resolve().parents[2]

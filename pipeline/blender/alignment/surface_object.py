@@ -121,8 +121,11 @@ def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
 
 
 def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model: np.ndarray) -> None:
-    """Replace the mesh of the surface object by another one (model frame)."""
-    old = surface.data
+    """Replace the mesh of the surface object by another one (model frame); its children stay where they are.
+
+    The pose is to be set again: the new mesh has a model frame of its own.
+    """
+    old, shift = surface.data, mesh_from_model_of(surface)[:3, 3] - mesh_from_model[:3, 3]
     fresh = new_mesh_object(SURFACE, mesh)
     surface.data = fresh.data
     bpy.data.objects.remove(fresh)
@@ -130,16 +133,26 @@ def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model:
         surface.data.materials.append(material)
     if old.users == 0:
         bpy.data.meshes.remove(old)
+    for child in surface.children:
+        child.location = Vector(child.location) + Vector(shift)
     set_exact(surface, OFFSET, mesh_from_model)
 
 
-def scale_mesh(mesh_object: bpy.types.Object, factor: float) -> None:
-    """Multiply the coordinates of an object's mesh; its attributes, such as colours, stay."""
-    data = mesh_object.data
-    vertices = np.empty(3 * len(data.vertices), np.float32)
-    data.vertices.foreach_get("co", vertices)
-    data.vertices.foreach_set("co", (vertices * factor).astype(np.float32))
-    data.update()
+def scale(camera_object: bpy.types.Object | None, surface: bpy.types.Object, factor: float) -> None:
+    """Scale surface and children about the camera's centre: the picture stays, and so do attributes such as colours."""
+    pose, mesh_from_model = pose_of(camera_object, surface).copy(), mesh_from_model_of(surface)
+    for scaled in (surface, *surface.children):
+        if scaled.type == "MESH":
+            vertices = np.empty(3 * len(scaled.data.vertices), np.float32)
+            scaled.data.vertices.foreach_get("co", vertices)
+            scaled.data.vertices.foreach_set("co", (vertices * factor).astype(np.float32))
+            scaled.data.update()
+    for child in surface.children:
+        child.location = factor * Vector(child.location)
+    for b_from_model in (pose, mesh_from_model):
+        b_from_model[:3, 3] *= factor
+    set_exact(surface, OFFSET, mesh_from_model)
+    set_pose(camera_object, surface, pose)
 
 
 def radius_of(surface: bpy.types.Object) -> float:

@@ -119,16 +119,6 @@ def colour_record(surface: bpy.types.Object) -> dict | None:
     return record if isinstance(record, dict) else None
 
 
-def rescale_colour(surface: bpy.types.Object, factor: float) -> None:
-    """Let the record of an object's colours follow a change of units: its pose scales, its figures stay."""
-    record = colour_record(surface)
-    if record is None or "cam_from_model" not in record:
-        return
-    pose = np.array(record["cam_from_model"])
-    pose[:3, 3] *= factor
-    surface[RECORD] = json.dumps({**record, "cam_from_model": pose.tolist()})
-
-
 def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
     """Show unseen surface in :data:`UNSEEN` (``mark``) or in neutral grey; does nothing to plain objects."""
     record = colour_record(surface)

@@ -86,14 +86,12 @@ chart: setup
 	$(RUN) scripts/benchmark.py chart --out demo/bench/speed_accuracy.csv $(CHART_FLAGS)
 	$(RUN) scripts/benchmark.py chart --light --out demo/bench/light_accuracy.csv
 
-# accuracy of landmarks and of the refinement, in demo/bench
+# accuracy of poses from landmarks, in demo/bench
 bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
-	@test -f demo/case/case.toml || $(RUN) scripts/oneframe.py sample --out demo/case
 	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.csv
-	$(RUN) scripts/benchmark.py refinement demo/case/case.toml --out demo/bench/refinement.csv --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
-# errors of the surface from CT beside scikit-image's, in demo/bench
+# errors of the surface from CT, in demo/bench
 bench-surface: setup
 	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 
 from ..class_registration import drawing
-from ..pipeline.registration.report import COLOURS
+from ..pipeline.registration.verdict import COLOURS
 from ..video import session
 from ..video.strip_drawing import draw_triangles
 from ..video.strip_layout import StripLayout

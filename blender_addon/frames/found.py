@@ -25,11 +25,8 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_atomically
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
-from ..pipeline.registration.colour_sources import Candidate, Candidates
-from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
-from ..pipeline.registration.register import RegisteredFrame
-from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames, marked
-from ..pipeline.registration.report import registration_record
+from ..pipeline.registration.pose_list import encoded_list, pose_entry, registered_of, registration_record
+from ..pipeline.registration.register import RegisteredFrame, Registrar, RegistrationRun, marked
 from ..pipeline.registration.surface_check import SurfaceCheck
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
@@ -65,22 +62,19 @@ class FoundFrames:
         Where they are kept; ``None`` before the case has a file, or where none can be written.
     frames
         Number in the film -> what was found, without the fit.
-    candidates
-        Frames of this session that may colour the surface, see :meth:`colouring`.
     change
         What the film no longer shows as the case's frame does.
     check
-        What the frames of this session tell of the surface.
+        What the frames of the latest run tell of the surface.
     """
 
     source: Source
     file: Path | None
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
-    candidates: Candidates = field(default_factory=Candidates)
     change: FilmChange | None = None
     check: SurfaceCheck | None = None
 
-    def register(self, registrar: CaseRegistrar, film: FilmSession, progress: Callable[[float], None]) -> None:
+    def register(self, registrar: Registrar, film: FilmSession, progress: Callable[[float], None]) -> None:
         """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
 
         Raises
@@ -91,12 +85,10 @@ class FoundFrames:
             The file cannot be written.
         """
         numbers = {score.index for score in film.scores.frames}
-        left = numbers - self.frames.keys()
-        if not left:
-            left, self.candidates = numbers, Candidates()
-        run, written_s = RegistrationRun(registrar, self.candidates, is_film=True), time.monotonic()
+        left = numbers - self.frames.keys() or numbers
+        run, written_s = RegistrationRun(registrar, is_film=True), time.monotonic()
         try:
-            with registrar.frames(film.path) as opened:
+            with registrar.reader.opened(film.path) as opened:
                 for frame in opened.frames:
                     if frame.number not in left:
                         continue
@@ -112,11 +104,7 @@ class FoundFrames:
         finally:
             self.frames |= marked(self.frames | run.judged(), self.change)
             self.write()
-        self.check = registrar.checked_surface(self.colouring())
-
-    def colouring(self) -> list[Candidate]:
-        """The frames that are accepted, and show the surface as the case's frame does."""
-        return colouring_frames(self.candidates, self.frames)
+        self.check = run.check_surface(self.frames)
 
     def write(self) -> None:
         """Keep them in their file.
@@ -222,7 +210,7 @@ def _found(place: _Place, mesh_from_model: np.ndarray, source: Callable[[], Sour
         frames, own = {}, source()
         try:
             entries = parsed_json(read_content(place.file, "a list of poses", most=LARGEST_FILE), place.file.name)
-            frames = found_of(entries, mesh_from_model, own.mm_per_unit)
+            frames = registered_of(entries, mesh_from_model, own.mm_per_unit)
         except (InputError, KeyError, TypeError, ValueError):
             # not of this version, or damaged: registered anew
             pass

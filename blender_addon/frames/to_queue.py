@@ -16,7 +16,7 @@ from ..pipeline.case.case_queue import NewFrame
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
 from ..pipeline.poses.view_spread import spread_views
-from ..pipeline.registration.colour_sources import evenly
+from ..pipeline.registration.further_frames import evenly
 from ..pipeline.registration.verdict import ACCEPTED
 from ..pipeline.transforms import inverse_rigid
 from ..pipeline.video.frame_folder import write_frames_only
@@ -116,7 +116,7 @@ class ONEFRAME_OT_queue_found(AsksInBackground, _ToQueue, NeedsFound):
         if self.choice == EVERY:
             return numbers[:: self.every]
         if self.choice == EVENLY:
-            return [numbers[index] for index in evenly(len(numbers), self.count)]
+            return evenly(numbers, self.count)
         left = [number for number in numbers if number not in there]
         taken = [from_scene.cam_from_model(scene), *(poses[number] for number in there & poses.keys())]
         return [left[index] for index in spread_views([poses[number] for number in left], self.count, taken)]

@@ -56,7 +56,7 @@ def yaml_table(text: str, where: str) -> object:
     text = re.sub(r"\A\s*%YAML[^\n]*", "", text).expandtabs()
     try:
         # ROS ends what it prints with "---"
-        documents = [part for part in yaml.load_all(text, _Loader) if part is not None]
+        documents = [part for part in yaml.load_all(text, _Loader) if part]
         table = documents[0] if len(documents) == 1 else documents
         _check_values(table, {})
         check_levels(table)

@@ -19,7 +19,7 @@ from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
 from ..light.lens_light import LensLight, checked_lens_light
-from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
+from ..poses.pose_file import POSE_KEY
 from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
@@ -30,7 +30,7 @@ _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ("video", "video_frame")),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
     "surface": (("mesh",), ("name",)),
-    "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
+    "pose": ((POSE_KEY,), ()),
     "structures": (("name", "mesh"), ("color",)),
     "frames": (("image", POSE_KEY), ("camera",)),
 }
@@ -172,8 +172,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     messages: list[str] = []
     if "pose" in table:
         pose = _table(table, "pose", name)
-        key = pose_key(pose, f"{name}: [pose] ")
-        cam_from_mesh, messages = _pose(pose[key], mm_per_unit, f"{name}: [pose] {key}")
+        cam_from_mesh, messages = _pose(pose[POSE_KEY], mm_per_unit, f"{name}: [pose] {POSE_KEY}")
     frames = []
     listed = _tables(table.get("frames", []), "frames", name)
     if len(listed) >= MOST_FRAMES:

@@ -115,7 +115,6 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
         "" if distortion is None else ", with distortion"
     )
-    yield from (f"note: {message}" for message in given.camera.messages)
     yield from (f"warning: {message}" for message in doubts)
 
     mesh, messages = read_mesh(surface.mesh)

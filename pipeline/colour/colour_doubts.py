@@ -15,7 +15,7 @@ view is 15/255 off (measured there too)."""
 
 MAX_REDUCTION = 8.0
 """Pixels of the frame, along a side, in one of a view with one ray: beyond it, views of detail down to the frame's
-pixel are more than 3/255 off the mean over the pixel (``benchmark.py stability``)."""
+pixel are more than 3/255 off the mean over the pixel."""
 
 
 def pose_doubt(alignment: Mapping[str, object]) -> str:

@@ -51,7 +51,7 @@ class Arguments:
         "remove noise from the frame (non-local means), if it has so much that more is won than lost"
     )  # fmt: skip
     camera: Path | None = option(
-        "FILE", "K and distortion: JSON, YAML or XML of OpenCV, ROS, COLMAP, NumPy, Vision6D, another case",
+        "FILE", "K and distortion: JSON, YAML or XML of OpenCV, ROS, Kalibr, COLMAP, another case",
         excludes="camera",
     )  # fmt: skip
     K: tuple[float, float, float, float] | None = option(

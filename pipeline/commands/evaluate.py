@@ -31,7 +31,7 @@ class Arguments:
         flag="--case",
     )  # fmt: skip
     methods: tuple[str, ...] | None = option(
-        "METHOD", "what to compare (default: ours in three colour modes, Eevee, and the paper's method where its "
+        "METHOD", "what to compare (default: ours in both colour modes, Eevee, and the paper's method where its "
         "renderer is installed)"
     )  # fmt: skip
     inception: Path | None = option("FILE.onnx", "InceptionV3 up to its 2048 features, for FID and KID")

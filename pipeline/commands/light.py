@@ -12,7 +12,7 @@ from ..process.own_process import own_output
 ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."
 EPILOG = """examples:
   %(prog)s case.toml registered                           (a folder of images, as oneframe register left it)
-  %(prog)s case.toml registered --video surgery.mp4 --picture lamp.png
+  %(prog)s case.toml registered --video surgery.mp4
   %(prog)s case.toml registered --out lit.toml            (leave case.toml as it is)
   %(prog)s case.toml                                      (from the frames of the case alone)
 
@@ -37,9 +37,6 @@ class Arguments:
     )  # fmt: skip
     out: Path | None = option("FILE", "write the case here, not over CASE.toml")
     overwrite: bool = switch("let --out replace a case of another frame or surface")
-    picture: Path | None = option(
-        "FILE", "write the frame, its shading by the lamp, and the frame without it, side by side (PNG)"
-    )  # fmt: skip
 
 
 def run(arguments: Arguments) -> None:
@@ -50,15 +47,12 @@ def run(arguments: Arguments) -> None:
     from ..case.case_file import read_case
     from ..case.case_writer import case_output, write_case
     from ..case.loaded_case import load_case
-    from ..files.outputs import check_outputs, made_folder, write_output
-    from ..images.pixel_values import to_uint8
-    from ..images.png import encode_png
+    from ..files.outputs import check_outputs, made_folder
     from ..light.find_lamp import find_lamp
-    from ..light.lamp_picture import lamp_picture
-    from ..registration.accepted_frames import accepted_frames, small_frames
+    from ..registration.pose_list import accepted_frames, small_frames
 
     case, output, target = read_case(arguments.case), own_output(), arguments.out
-    outputs = [path for path in (arguments.picture, target and case_output(target)) if path]
+    outputs = [case_output(target)] if target else []
     if target and not arguments.overwrite:
         check_replaced(target, case)
     loaded = load_case(case)
@@ -74,10 +68,5 @@ def run(arguments: Arguments) -> None:
         more = "" if accepted is not None or found.frames > 1 else "; register further frames, and give their folder"
         raise InputError(f"{case.path.name}: {found.objection}{more}")
     lit = replace(case, light=found.recorded(f"OneFrame {__version__}, light", datetime.date.today().isoformat()))
-    if arguments.picture:
-        write_output(
-            arguments.picture, encode_png(to_uint8(lamp_picture(loaded.surface.mesh, loaded.frame, found.light)))
-        )
-        output.write(f"frame, shading, frame without it: {arguments.picture}\n")
     write_case(made_folder(target or case.path), lit)
     output.write(f"{found.figures}\nthe case with its lamp: {target or case.path}\n")

@@ -12,7 +12,7 @@ from ..files.keys import nearest_name
 
 ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
 """Each is a file of :mod:`oneframe.blender.render`."""
-COLOURS = {"projective": "exact at every shaded point", "texture": "baked", "vertex": "the paper's method"}
+COLOURS = {"projective": "exact at every shaded point", "vertex": "the paper's method"}
 UNSEEN = {
     "neutral": "grey",
     "fill": "the observed colours, continued smoothly over the surface; the mask of the observed surface is the same",

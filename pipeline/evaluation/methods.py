@@ -80,7 +80,6 @@ METHODS = {
 DEFAULT = (
     "projective-raster",
     "projective-fill-raster",
-    "texture-raster",
     "vertex-raster",
     "projective-eevee",
     "paper-pyvista",

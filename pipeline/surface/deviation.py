@@ -24,9 +24,6 @@ _ROUNDED = 1 + 1e-12
 """Leaves room for rounding where a box that decides must not be left out."""
 _CELLS = 1 << 20
 """Cells of the Z curve along an axis."""
-_BESIDE = (0, -1, 1, -2, 2, -3)
-"""Triangles beside a point on the curve that are tried first."""
-
 _SPREAD = (
     (32, 0x1F00000000FFFF),
     (16, 0x1F0000FF0000FF),
@@ -95,28 +92,6 @@ class SurfaceTree:
             block = order[at : at + _BLOCK]
             squared[block], face[block] = self._nearest(points[block], within[block])
         return np.sqrt(squared), face
-
-    def beyond(self, points: np.ndarray, limit_mm: np.ndarray) -> np.ndarray:
-        """``(N,)`` bool: whether points ``(N, 3)`` lie farther from the surface than ``limit_mm`` (N,).
-
-        Quick where most do not: the triangles beside a point on the curve tell.
-        """
-        points = np.asarray(points, dtype=np.float64)
-        places = self._curve.places(points)
-        order = np.argsort(places, kind="stable")
-        count = len(self._sorted_places)
-        beyond = np.zeros(len(points), bool)
-        for at in range(0, len(points), _BLOCK):
-            left = order[at : at + _BLOCK]
-            columns, limit = np.ascontiguousarray(points[left].T), limit_mm[left]
-            place = np.searchsorted(self._sorted_places, places[left])
-            still = np.arange(len(left))
-            for offset in _BESIDE:
-                triangle = np.clip(place[still] + offset, 0, count - 1)
-                still = still[self._from_triangles(columns, still, triangle) > limit[still] ** 2]
-            squared, _ = self._nearest(points[left[still]], limit[still])
-            beyond[left[still]] = squared > limit[still] ** 2
-        return beyond
 
     def _nearest(self, points: np.ndarray, within_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.ascontiguousarray(points.T)

@@ -20,8 +20,8 @@ from oneframe.case.frame import load_posed_frame
 from oneframe.case.loaded_case import load_case
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.files.temporary import temporary_folder
+from oneframe.registration.further_frames import small_frame
 from oneframe.registration.pose_list import read_photographs
-from oneframe.registration.register_frames import small_frame
 from oneframe.registration.verdict import ACCEPTED
 from oneframe.sample.temporal_bone import sample_surface
 

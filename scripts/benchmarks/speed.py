@@ -35,7 +35,6 @@ CONFIGURATIONS = (
     Configuration(),
     Configuration("raster"),
     Configuration("raster", samples=4),
-    Configuration(colour="texture"),
     Configuration(colour="vertex"),
     Configuration(samples=8),
 )

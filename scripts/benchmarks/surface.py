@@ -1,4 +1,4 @@
-"""The surface from CT on volumes whose surface is known: error and time beside scikit-image's, in alternating rounds.
+"""The surface from CT on volumes whose surface is known: error and time.
 
 Errors are distances from the analytic surface in voxels: the largest distance between neighbouring ones counts as one.
 """
@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from skimage.measure import marching_cubes
 
 from oneframe.transforms import transform_points
 from oneframe.volume.bone.isosurface import isosurface
@@ -21,8 +20,6 @@ from .figures import write_figures
 QUICK = {"size": 160, "rounds": 1}
 LEVEL_HU = 300.0
 SPACING_MM = (0.5, 0.5, 0.8)
-
-OURS, PEER = "OneFrame", "scikit-image"
 
 Distance = Callable[[np.ndarray], np.ndarray]
 """Signed distance of points ``(N, 3)``, negative inside, mm."""
@@ -65,31 +62,27 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
 
 
 def measure_shapes(size: int, rounds: int, report: Callable[[str], None]) -> list[dict[str, object]]:
-    """Extract every shape from a volume of ``size`` voxels a side, by both programs in turn.
+    """Extract every shape from a volume of ``size`` voxels a side.
 
     Returns
     -------
-    For each shape and program the distances of the vertices from the analytic surface, voxels, and the median time.
+    For each shape the distances of the vertices from the analytic surface, voxels, and the median time.
     """
     found = []
     grid = centred_grid(size, SPACING_MM)
     for shape, distance in SHAPES.items():
-        values = scanned(distance, grid)
-        seconds: dict[str, list[float]] = {OURS: [], PEER: []}
-        vertices: dict[str, np.ndarray] = {}
+        values, seconds = scanned(distance, grid), []
         for _ in range(rounds):
-            for program, extract in ((OURS, _ours), (PEER, _peers)):
-                begin = time.perf_counter()
-                vertices[program] = extract(values, grid)
-                seconds[program].append(time.perf_counter() - begin)
-        for program in seconds:
-            error: np.ndarray = np.abs(distance(vertices[program])) / max(SPACING_MM)
-            figures = {
-                "mean_voxels": float(error.mean()), "p99_voxels": float(np.percentile(error, 99)),
-                "largest_voxels": float(error.max()), "seconds": float(np.median(seconds[program])),
-            }  # fmt: skip
-            found.append({"shape": shape, "program": program, **figures})
-            report(f"{shape}, {program}: " + ", ".join(f"{name} {value:.4f}" for name, value in figures.items()))
+            begin = time.perf_counter()
+            vertices = isosurface(values, LEVEL_HU, grid).mesh.vertices
+            seconds.append(time.perf_counter() - begin)
+        error: np.ndarray = np.abs(distance(vertices)) / max(SPACING_MM)
+        figures = {
+            "mean_voxels": float(error.mean()), "p99_voxels": float(np.percentile(error, 99)),
+            "largest_voxels": float(error.max()), "seconds": float(np.median(seconds)),
+        }  # fmt: skip
+        found.append({"shape": shape, **figures})
+        report(f"{shape}: " + ", ".join(f"{name} {value:.4f}" for name, value in figures.items()))
     return found
 
 
@@ -111,13 +104,3 @@ def scanned(distance: Distance, grid: VoxelGrid) -> np.ndarray:
         hu = LEVEL_HU - distance(points) / max(grid.spacing_mm) * 800
         values[z] = np.clip(hu, -1000, 1600).reshape(height, width)
     return values
-
-
-def _ours(values: np.ndarray, grid: VoxelGrid) -> np.ndarray:
-    return isosurface(values, LEVEL_HU, grid).mesh.vertices
-
-
-def _peers(values: np.ndarray, grid: VoxelGrid) -> np.ndarray:
-    # as ours: no voxel lies on the level
-    vertices, _, _, _ = marching_cubes(values, LEVEL_HU + 0.5)
-    return transform_points(grid.mesh_from_index, vertices[:, ::-1].astype(np.float64))

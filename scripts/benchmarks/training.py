@@ -35,7 +35,7 @@ from oneframe.learning.pose_network import PoseNetwork
 from oneframe.learning.view_crops import ViewCrops
 from oneframe.progress import Progress
 from oneframe.reader import View
-from oneframe.registration.register_frames import small_frame
+from oneframe.registration.further_frames import small_frame
 
 from .alignment.registration_trials import RegistrationTrial, Scene
 from .charts.pose_charts import training_chart

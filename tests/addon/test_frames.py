@@ -15,7 +15,6 @@ from oneframe.case import case_queue
 from oneframe.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, checked_alignment_record
 from oneframe.case.case_file import read_case
 from oneframe.registration.register import Registrar
-from oneframe.registration.register_frames import CaseRegistrar
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
@@ -43,7 +42,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def registered_once():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Registrar, "register", remembered(Registrar.register, registration))
+        patch.setattr(Registrar, "find", remembered(Registrar.find, registration))
         yield
 
 
@@ -208,7 +207,7 @@ def test_found_frames_are_kept_beside_the_case_and_a_stopped_run_goes_on(opened,
             raise Stopped
 
     operator_work = found.begun(scene, film)
-    registrar = CaseRegistrar(from_scene.loaded_case(scene))
+    registrar = Registrar(from_scene.loaded_case(scene))
     with pytest.raises(Stopped):
         operator_work.register(registrar, film, stop)
     before = registered_in(scene)

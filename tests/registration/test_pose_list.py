@@ -17,10 +17,14 @@ from oneframe.case.frame import load_frame, load_posed_frame
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.poses.view_spread import spread_views
-from oneframe.registration.pose_list import encoded_list, found_of, pose_entry, read_photographs
-from oneframe.registration.register import RegisteredFrame
-from oneframe.registration.register_frames import accepted_poses
-from oneframe.registration.report import registration_record
+from oneframe.registration.pose_list import (
+    encoded_list,
+    pose_entry,
+    read_photographs,
+    registered_of,
+    registration_record,
+)
+from oneframe.registration.register import RegisteredFrame, accepted_poses
 from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
 from oneframe.transforms import inverse_rigid, se3_exp
 
@@ -56,7 +60,7 @@ def test_a_list_gives_back_what_was_found(mm_per_unit):
     mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
     frames = {7: found_in(rng), 2: found_in(rng, REFUSED), 30: replace(found_in(rng), changed=True)}
     entries = [pose_entry("", number, found, mesh_from_model, mm_per_unit) for number, found in frames.items()]
-    back = found_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
+    back = registered_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
     assert back.keys() == frames.keys()
     for number, found in frames.items():
         assert_same(found, back[number])

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...colour.reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
+from ...colour.reference_view import baked_colour_of, reference_view, unseen_colours_of
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
@@ -86,7 +86,7 @@ def export_coloured_surface(
     """
     check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()
-    reference = colouring_view_of(loaded)
+    reference = reference_view(loaded)
     filled = unseen_colours_of(reference, unseen)
     surface_colour, messages = baked_colour_of(reference, colour, unseen=filled)
     given = reference.mesh.moved(loaded.surface.mesh_from_model[:3, 3])

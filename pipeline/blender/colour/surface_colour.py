@@ -24,14 +24,14 @@ from ..bridge.data_blocks import set_corner_uv, set_vertex_colors
 from ..bridge.image import new_packed_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
-from ..render.material import COLOUR_ATTRIBUTE, UV_MAP
+from ..render.material import COLOUR_ATTRIBUTE
 
 OBSERVED_ATTRIBUTE = "frame_observed"
 """Boolean attribute of the vertices: whether the frame saw them."""
 MATERIAL, TEXTURE, MARKED_TEXTURE = "OneFrame colour", "OneFrame texture", "OneFrame texture (unseen marked)"
 RECORD, PLAIN_MATERIAL = "oneframe_colour", "oneframe_plain_material"
 """Custom properties of the object: the record of its colours (JSON), and its material before."""
-COLOUR_NODE = "frame"
+COLOUR_NODE, UV_MAP = "frame", "frame_uv"
 
 
 def put_colour(

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import bpy
+import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.lens_shading import LensShading
-from ...colour.reference_view import ReferenceView, view_of_renders
+from ...colour.reference_view import ReferenceView, reference_view
 from ...colour.shading import ColouredSurface
 from ...errors import InputError
 from ...evaluation.methods import Renderers
@@ -70,22 +71,14 @@ def opened_engine(
 
 
 def reference_view_of(loaded: LoadedCase, engine: str = "cycles", light: LensShading | None = None) -> ReferenceView:
-    """Render each frame's own pose to find the surface that it saw, by the :attr:`.Engine.reference` of an engine.
+    """The reference view by the :attr:`.Engine.reference` of an engine, as of :func:`.reference_view`."""
+    name = engine_named(engine).reference or engine
 
-    A light at the lens is taken out of the frames.
+    def look(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
+        with opened_engine(name, surface, camera) as render:
+            return render(cam_from_model)
 
-    Raises
-    ------
-    InputError
-        No pixel of a frame shows the surface, or there is no such engine here.
-    """
-    engine = engine_named(engine).reference or engine
-    surface = ColouredSurface(loaded.surface.mesh, light=light)
-    seen: list[RenderedView] = []
-    for frame in loaded.frames:
-        with opened_engine(engine, surface, frame.camera) as render:
-            seen.append(render(frame.cam_from_model))
-    return view_of_renders(loaded, seen, light)
+    return reference_view(loaded, look, light)
 
 
 def keep_freed_memory() -> None:

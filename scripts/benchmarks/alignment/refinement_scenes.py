@@ -17,7 +17,7 @@ from oneframe.errors import InputError
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.transforms import inverse_rigid, rigid, transform_points
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points, turned_about
 
 from ..published import LMO_OBJECTS, lmo_image, lmo_model, read_bloster, read_codes, read_lmo
 
@@ -148,6 +148,25 @@ def bloster_scenes(folder: Path, *, coloured: bool) -> list[RefinementScene]:
         points, valid = visible_points(mesh, camera, pose), np.ones(camera.shape_hw, bool)
         scenes.append(RefinementScene(f"view {number}", image, valid, camera, mesh, colours, pose, points, 5.0, None))
     return scenes
+
+
+def disturbed_pose(scene: RefinementScene, angle_deg: float, percent: float, rng: np.random.Generator) -> np.ndarray:
+    """``(4, 4)`` true pose, rotated about the middle of the visible surface and shifted by a part of its distance.
+
+    Both in random directions.
+    """
+    shift_mm = percent / 100 * np.linalg.norm(scene.middle_cam)
+    axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    turned = turned_about(scene.middle_cam, rotation_from_vector(np.radians(angle_deg) * axis))
+    return rigid(translation=shift_mm * direction) @ turned @ scene.cam_from_model
+
+
+def displacement_px(scene: RefinementScene, cam_from_model: np.ndarray) -> float:
+    """Mean distance in the image between the visible points at a pose and at the true pose, px."""
+    found, true = (
+        scene.camera.project(transform_points(pose, scene.points)) for pose in (cam_from_model, scene.cam_from_model)
+    )
+    return float(np.linalg.norm(found - true, axis=1).mean())
 
 
 def _seen_colours(

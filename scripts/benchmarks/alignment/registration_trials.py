@@ -18,8 +18,8 @@ from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
-from oneframe.registration.register import RegisteredFrame, judged_together
-from oneframe.registration.register_frames import CaseRegistrar, FurtherFrame, Guess
+from oneframe.registration.further_frames import FurtherFrame
+from oneframe.registration.register import Guess, RegisteredFrame, Registrar, judged_together
 from oneframe.registration.verdict import ACCEPTED, REFUSED, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE, Verdict
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, rotation_angle_deg, transform_points
@@ -120,7 +120,7 @@ class Registration:
     def __init__(self, scene: Scene, part: str, guess: Guess | None = None) -> None:
         """Prepare a source; ``part`` is that of the rows, ``guess`` of a network."""
         self.scene, self._part = scene, part
-        self.registrar = CaseRegistrar(scene.loaded, guess)
+        self.registrar = Registrar(scene.loaded, guess)
         self._found: list[RegisteredFrame] = []
 
     def angle_deg(self, cam_from_model: np.ndarray) -> float:

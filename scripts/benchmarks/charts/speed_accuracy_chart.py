@@ -13,7 +13,7 @@ from ..rendering.speed_accuracy import PEER as OTHER
 from .panels import Axis, Layer, Panel, distinct, draw_chart, handle, line, rule, text
 
 COLOURS = {"Cycles": OURS, "raster": WARNING, "PyVista": PEER, "Eevee": MUTED}
-MARKERS = {"projective": "o", "texture": "s", "vertex": "^"}
+MARKERS = {"projective": "o", "vertex": "^"}
 SCORES = (
     ("error", "against a converged reference", "mean colour error (of 255)"),
     ("photograph_ssim", "against photographs, where the frame saw the surface", "1 - SSIM"),

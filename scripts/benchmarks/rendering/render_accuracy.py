@@ -21,7 +21,7 @@ import numpy as np
 from oneframe.blender.render.cycles import CyclesScene
 from oneframe.blender.render.engines import opened_engine
 from oneframe.colour.lens_shading import lens_shading_of
-from oneframe.colour.reference_view import colours_of, traced_view_of, vertex_colours_of
+from oneframe.colour.reference_view import colours_of, reference_view, traced_surface, vertex_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
@@ -177,7 +177,7 @@ def measure_lights(scene: RenderScene, rounds: int, advance: Callable[[], None])
         for name, (lit, shadows) in ways.items():
             loaded = replace(scene.loaded, case=lit)
             light = None if shadows is None else lens_shading_of(loaded, shadows=shadows)
-            reference = traced_view_of(loaded, light)
+            reference = reference_view(loaded, traced_surface, light)
             surfaces.append((name, ColouredSurface(reference.mesh, reference.views, light=light)))
         for engine, (name, surface) in product(("raster", "cycles"), surfaces):
             renders[engine, name] = opened.enter_context(opened_engine(engine, surface, scene.camera, threads=1))

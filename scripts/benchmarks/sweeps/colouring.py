@@ -44,7 +44,7 @@ FOCALS_PX = (60.0, 600.0, 2400.0, 12_800.0, 1e5, 1e6)
 SPACINGS_PX = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 FRAME_SIZES = (2.0, 1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125)
 WALLS_PX = (0.05, 0.1, 0.2, 0.5, 1.0, 1.4, 1.6, 2.0, 4.0)
-MODES = ("projective", "texture", "vertex")
+MODES = ("projective", "vertex")
 
 
 def albedo(points_mm: np.ndarray) -> np.ndarray:

@@ -87,7 +87,7 @@ def film(scene: Scene, folder: Path, zoom: float = 1.0) -> Trials:
 def _film_trials(registration: Registration, folder: Path, zoom: float) -> Trials:
     scene = registration.scene
     listed = json.loads((folder / FILM_POSES).read_text())
-    with registration.registrar.frames(folder / FILM) as opened:
+    with registration.registrar.reader.opened(folder / FILM) as opened:
         for frame, entry in zip(opened.frames, listed, strict=False):
             pose = np.array(entry["cam_from_mesh"]) @ scene.loaded.surface.mesh_from_model
             image = frame.image.astype(np.float32) / 255

@@ -3,7 +3,7 @@
     python scripts/benchmark.py TOPIC --out PATH [--quick] [--redraw]
 
 Topics: speed (against PyVista), chart (speed against accuracy), landmarks (accuracy of poses), surface
-(from CT), reader, evaluation (on published photographs), registration (of further frames), stability (where methods
+(from CT), evaluation (on published photographs), registration (of further frames), stability (where methods
 fail), training (what views are worth). TOPIC --help describes one.
 --quick only shows that it runs; --redraw draws the charts again from --out.
 """
@@ -27,7 +27,7 @@ from oneframe.process.command_line import run_script
 from oneframe.process.own_process import own_output
 
 TOPICS = (
-    "speed", "chart", "landmarks", "surface", "reader",
+    "speed", "chart", "landmarks", "surface",
     "evaluation", "registration", "stability", "training",
 )  # fmt: skip
 

@@ -31,7 +31,6 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     ),
     "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
     "surface": ("surface.json", [], []),
-    "reader": ("reader.json", ["{dataset}"], []),
     "evaluation": (
         # writes the sample's case as without --light, and more
         "", ["--light", "--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],

@@ -60,23 +60,8 @@ def run(arguments: Arguments) -> int:
     from ..dataset.layout import datasets_in
 
     output = own_output()
-<<<<<<< HEAD
-    if dataset is None or arguments.verify:
-        from ..files.machine import available_cores
-        from ..packing.verify import verify_pack
-
-        threads, wrong = arguments.workers or available_cores(), 0
-        whole = dataset or arguments.out
-        for each in datasets_in(whole):
-            out = arguments.out / each.relative_to(whole)
-            report = verify_pack(out, dataset and each, threads=threads, stream=output)
-            output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
-            wrong += len(report.findings)
-        return EXIT_WRONG if wrong else 0
-=======
     if dataset is None:
         return _verify(arguments, output)
->>>>>>> main
     from ..packing.pack import PackOptions, pack_dataset
 
     views, about = None, ""

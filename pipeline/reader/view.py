@@ -5,126 +5,16 @@ from functools import cached_property
 
 import numpy as np
 
-<<<<<<< HEAD
-from ..dataset.dataset_file import Description
-from ..dataset.decoding import decoded, depth_mm
-from ..dataset.layout import FURTHER, MODEL_FILES, datasets_in
-from ..dataset.model_file import read_model
-from ..dataset.normals import normal_codes, unit_vectors
-from ..dataset.run.resume_record import Box
-from ..dataset.stereo import eyes_apart
-from ..dataset.truths import TRUTHS, points_model
-=======
 from ..camera.pinhole import PinholeCamera
 from ..dataset.decoding import depth_mm
 from ..dataset.normals import normal_codes, unit_vectors
 from ..dataset.truths import points_model
->>>>>>> main
 from ..errors import InputError
 from ..transforms import transform_points
 from .files import Boxes, Numbers, ViewFiles
 
-<<<<<<< HEAD
-
-@dataclass(frozen=True)
-class Boxes:
-    """Boxes of the surface: (x, y, x_max - x, y_max - y) in px, as in BOP; (-1, -1, -1, -1) if it is not visible.
-
-    Attributes
-    ----------
-    bbox_obj
-        Of the whole silhouette, including what is outside the image.
-    bbox_visib
-        Of the part in the image.
-    """
-
-    bbox_obj: Box
-    bbox_visib: Box
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """The numbers of a view.
-
-    Attributes
-    ----------
-    k
-        ``(3, 3)`` px_from_cam.
-    cam_from_model
-        ``(4, 4)`` rigid, mm.
-    depth_scale
-        Millimetres per unit of the 16-bit depth image.
-    boxes
-        As in BOP's ``scene_gt_info.json``.
-    visib_fract
-        Visible fraction of the silhouette, 0..1.
-    """
-
-    k: np.ndarray
-    cam_from_model: np.ndarray
-    depth_scale: float
-    boxes: Boxes
-    visib_fract: float
-
-
-class ViewFiles:
-    """Where views come from: a folder or a pack. All methods may be called by several threads at once."""
-
-    root: Path
-    description: Description
-    opened: Callable[[Path], "ViewFiles"]
-
-    @cached_property
-    def right(self) -> "ViewFiles":
-        """Those of the right eyes, opened when they are first asked for.
-
-        Raises
-        ------
-        InputError
-            There are none, or they do not belong to these views.
-        """
-        folder = datasets_in(self.root)[-1]
-        if folder == self.root:
-            raise InputError(f"{self.root}: expected the folder {FURTHER} in it, found none; render with --stereo-mm")
-        files = self.opened(folder)
-        if apart := eyes_apart(self.description.content, files.description.content):
-            raise InputError(f"{folder}: expected the right eyes of these views: {apart}")
-        return files
-
-    @cached_property
-    def mesh(self) -> TriangleMesh:
-        """The surface, model frame, read when it is first asked for."""
-        return read_model(self.root, MODEL_FILES[0])[0]
-
-    def read(self, index: int, kind: str) -> tuple[bytes, str]:
-        """The content of a file of a view, by the name of its array; its name for messages."""
-        raise NotImplementedError
-
-    def numbers(self, index: int) -> Numbers:
-        """The numbers of a view."""
-        raise NotImplementedError
-
-    def array(self, index: int, kind: str) -> np.ndarray:
-        """An array of a view, as its file holds it: see :data:`~oneframe.dataset.truths.TRUTHS`.
-
-        Raises
-        ------
-        InputError
-            The dataset has none, or it is damaged.
-        """
-        if kind not in self.description.kinds:
-            raise InputError(
-                f"view {index}: expected an array of the dataset, {', '.join(self.description.kinds)}; found {kind}"
-            )
-        data, where = self.read(index, kind)
-        return decoded(data, TRUTHS[kind].form, self.description.camera.shape_hw, where)
-
-    def close(self) -> None:
-        """Give back all handles of files."""
-=======
 ROUNDING = 1e-5
 """Allowed relative error of a depth that was computed in single precision."""
->>>>>>> main
 
 
 @dataclass(frozen=True, eq=False)

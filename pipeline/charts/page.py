@@ -43,13 +43,7 @@ STYLE: dict[Any, Any] = {
 
 
 def require_matplotlib() -> None:
-    """Check before long measurements that charts can be drawn.
-
-    Raises
-    ------
-    RunError
-        matplotlib is not installed.
-    """
+    """Check before long measurements that charts can be drawn."""
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError:
@@ -74,11 +68,6 @@ def write_chart(data: Path, draw: Callable[[Any], None], size_inches: tuple[floa
         Called with an empty matplotlib ``Figure``.
     title
         The chart's title, also in the file's metadata.
-
-    Raises
-    ------
-    RunError
-        matplotlib is not installed, or the file cannot be written.
     """
     require_matplotlib()
     with _style():

@@ -34,13 +34,7 @@ def main() -> None:
 
 
 def dispatch(argv: Sequence[str]) -> int:
-    """Run a command, and give its exit code.
-
-    Raises
-    ------
-    InputError
-        No command or an unknown one; the command raises its own errors.
-    """
+    """Run a command, and give its exit code."""
     if argv and argv[0] in COMMANDS:
         # reads what is no plain PNG
         from .. import blender  # noqa: F401

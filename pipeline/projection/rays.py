@@ -39,13 +39,7 @@ class Hits(NamedTuple):
 
 
 def require_embree() -> None:
-    """Check that rays can be cast.
-
-    Raises
-    ------
-    InputError
-        The package is not installed.
-    """
+    """Check that rays can be cast."""
     try:
         import embreex.mesh_construction  # noqa: F401
     except ImportError:

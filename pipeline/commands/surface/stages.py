@@ -68,15 +68,7 @@ class _Work:
 
 
 def write_surface(arguments: "Arguments", out: Path, output: TextIO) -> None:
-    """Make the surface that the arguments of ``oneframe surface`` describe, and report every stage.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used, or an output must not be replaced.
-    RunError
-        A file cannot be written.
-    """
+    """Make the surface that the arguments of ``oneframe surface`` describe, and report every stage."""
     work = _Work(output)
     inputs = {
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))

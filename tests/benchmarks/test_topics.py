@@ -30,7 +30,6 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
         "chart.csv", ["--without-sample", "--case", "{case}", "{photographs}"], ["chart.png"]
     ),
     "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
-    "surface": ("surface.json", [], []),
     "reader": ("reader.json", ["{dataset}"], []),
     "evaluation": (
         # writes the sample's case as without --light, and more

@@ -7,9 +7,9 @@ from bpy.props import IntProperty
 
 from ..class_registration import prop
 from ..pipeline.blender.alignment import surface_object
-from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_queue import CHECKED
+from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
 from ..pipeline.errors import InputError, naming
 from ..setup import history
 from ..setup.alignment_record import is_start
@@ -123,9 +123,8 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
         camera_view.aim(scene, space)
     if case.posed or not case.mesh.samefile(mesh):
         return
-    record: dict[str, object] = {"method": OTHER_FRAME, "doubt": f"found in another frame ({name})"}
-    if was_start:
-        record = {"method": OTHER_FRAME, "doubt": "found in an earlier frame"}
+    origin = "an earlier frame" if was_start else f"another frame ({name})"
+    record = PoseRecord(OTHER_FRAME, doubt=f"found in {origin}")
     surface_object.set_pose(scene.oneframe.camera_object, from_scene.surface_of(scene), pose)
     pose_evidence.remember(scene, record, pose)
 

@@ -7,6 +7,7 @@ import bpy
 
 from ..pipeline.case.case_file import case_from_text, read_case
 from ..pipeline.case.case_writer import case_text, encoded, write_case
+from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import check_outputs, write_output
 from ..state import from_scene
@@ -62,7 +63,7 @@ def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
     """
     path = snapshot_path(out)
     # the record of the pose holds the date, and no view depends on it
-    case = replace(from_scene.case(scene, path), alignment={})
+    case = replace(from_scene.case(scene, path), alignment=UNKNOWN)
     check_lasting({name: file for name, file in case.input_files().items() if name != "case"})
     text = case_text(path, case, comment=COMMENT)
     case_from_text(text, path)

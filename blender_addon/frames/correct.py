@@ -4,6 +4,7 @@ from typing import Any
 
 import bpy
 
+from ..pipeline.case.pose_record import PoseRecord
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.registration.correct_source import CorrectedSource, correct_source
 from ..refine.preview import BackgroundPreview
@@ -55,8 +56,7 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
         return record_text(self._result.loaded.case.alignment) if after else "the pose as it was"
 
 
-def record_text(record: dict[str, object]) -> str:
+def record_text(record: PoseRecord) -> str:
     """What a correction has moved, and how sure it is, from the record of the pose."""
-    moved_deg, moved_px, error_px = (float(str(record[key])) for key in ("moved_deg", "moved_px", "error_px"))
-    moved = f"moved by {moved_deg:.2g}° and {format_two_digits(moved_px)} px"
-    return f"{moved}, off by about {format_two_digits(error_px)} px"
+    moved = f"moved by {record.moved_deg or 0:.2g}° and {format_two_digits(record.moved_px or 0)} px"
+    return f"{moved}, off by about {format_two_digits(record.error_px or 0)} px"

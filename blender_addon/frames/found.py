@@ -21,6 +21,7 @@ from ..class_registration import at_end, listening
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
+from ..pipeline.case.pose_record import UNKNOWN, PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_atomically
 from ..pipeline.files.outputs import writing
@@ -45,7 +46,7 @@ class Source(NamedTuple):
     """The aligned frame by which others are found: its name, the record of its pose, and surface and units."""
 
     name: str
-    record: dict[str, object]
+    record: PoseRecord
     mesh_from_model: np.ndarray
     mm_per_unit: float
 
@@ -178,8 +179,8 @@ def frame_at(scene: bpy.types.Scene, at: int) -> RegisteredFrame | None:
     return None if film is None or registered is None else registered.frames.get(film.scores.frames[at].index)
 
 
-def record_of(scene: bpy.types.Scene, number: int) -> dict[str, object]:
-    """The record of the pose that is found in a frame of the scene's film; nothing without one.
+def record_of(scene: bpy.types.Scene, number: int) -> PoseRecord:
+    """The record of the pose that is found in a frame of the scene's film; an empty one without one.
 
     Raises
     ------
@@ -189,7 +190,7 @@ def record_of(scene: bpy.types.Scene, number: int) -> dict[str, object]:
     film, registered = session.of(scene), of(scene)
     frame = None if registered is None else registered.frames.get(number)
     if film is None or registered is None or frame is None:
-        return {}
+        return UNKNOWN
     camera = from_scene.camera(scene).for_images(film.scores.info.size_wh, film.path.name)
     source = registered.source
     return registration_record(frame, camera, source.mesh_from_model, source.record, source.name, *tool_and_date())

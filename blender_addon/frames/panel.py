@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..pipeline.case.alignment_record import FURTHER_FRAMES
+from ..pipeline.case.pose_record import FURTHER_FRAMES
 from ..setup.alignment_record import pose_record
 from ..state import another_frame
 from ..ui.keymap import draw_key
@@ -43,7 +43,7 @@ class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
         layout.separator()
         layout.operator("oneframe.correct_first_pose", icon="SNAP_ON")
         record = pose_record(scene)
-        if record.get("method") == FURTHER_FRAMES:
+        if record.method == FURTHER_FRAMES:
             draw_text(layout, f"Corrected: {record_text(record)}, if the surface is right.", icon="CHECKMARK")
 
 

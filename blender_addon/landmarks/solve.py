@@ -22,6 +22,7 @@ from ..pipeline.alignment.reprojection import twist_between
 from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
+from ..pipeline.case.pose_record import PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
 from ..state import events, from_scene, pose_evidence, workbench
@@ -210,16 +211,14 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
     """
     pose = solved.doubtful[number]
     complete = complete_landmarks(landmarks_model(scene))
-    record: dict[str, object] = {"method": "landmarks", "pairs": len(complete), "rms_px": rms_px(scene, pose)}
     if len(solved.doubtful) > 1:
-        record["doubt"] = (
+        doubt = (
             f"{len(solved.doubtful)} poses fit the landmarks; this one is right with a probability of "
             f"{solved.probabilities[number]:.0%} by the clicks alone"
         )
     else:
-        record["doubt"] = "no pose fits the landmarks; this one comes nearest"
-    if explained is not None:
-        record["explained"] = explained
+        doubt = "no pose fits the landmarks; this one comes nearest"
+    record = PoseRecord("landmarks", doubt=doubt, pairs=len(complete), rms_px=rms_px(scene, pose), explained=explained)
     set_cam_from_model(scene, pose)
     pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
 
@@ -251,7 +250,7 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
     index = list(complete).index(held)
     pulled = pull_pins(points, pixels, camera, cam_from_model, pivot, held=index, radius_mm=radius_mm)
     set_cam_from_model(scene, pulled)
-    record = {"method": "pins", "pairs": len(points), "rms_px": rms_px(scene, pulled)}
+    record = PoseRecord("pins", pairs=len(points), rms_px=rms_px(scene, pulled))
     pose_evidence.remember(scene, record, pulled)
 
 

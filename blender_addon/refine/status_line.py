@@ -3,7 +3,6 @@
 What is in doubt follows it in red. It draws only, and looks at no file that has not changed.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
@@ -15,15 +14,14 @@ from ..dataset import background_job
 from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
-from ..pipeline.case.alignment_record import (
-    FOUND,
+from ..pipeline.case.case_queue import CHECKED
+from ..pipeline.case.pose_record import (
     FURTHER_FRAMES,
     INITIAL_GUESS,
     OTHER_FRAME,
     REGISTERED,
-    is_a_start,
+    PoseRecord,
 )
-from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
@@ -91,28 +89,24 @@ def pose_text(scene: bpy.types.Scene) -> str:
         return f"Preview: {pose.previewed}"
     record = pose_record(scene)
     text, _ = kind_of(scene, record)
-    error_px = record.get("error_px")
-    if isinstance(error_px, float):
-        return f"{text}, off by {'at least' if 'refused' in record else 'about'} {format_two_digits(error_px)} px"
+    if record.error_px is not None:
+        return f"{text}, off by {'at least' if record.refused else 'about'} {format_two_digits(record.error_px)} px"
     rms_px = _rms_px(scene, record)
     return f"{text}, RMS of the pairs {rms_px:.2f} px" if np.isfinite(rms_px) else text
 
 
-def _rms_px(scene: bpy.types.Scene, record: Mapping[str, object]) -> float:
+def _rms_px(scene: bpy.types.Scene, record: PoseRecord) -> float:
     """The residual of the pairs at the shown pose, NaN if there are none."""
-    rms_px = record.get("rms_px")
-    if rms_px is None and complete_landmarks(landmarks_model(scene)):
-        rms_px = solve.rms_px(scene, from_scene.cam_from_model(scene))
-    return rms_px if isinstance(rms_px, float) else np.nan
+    if record.rms_px is None and complete_landmarks(landmarks_model(scene)):
+        return solve.rms_px(scene, from_scene.cam_from_model(scene))
+    return np.nan if record.rms_px is None else record.rms_px
 
 
-def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, str]:
+def kind_of(scene: bpy.types.Scene, record: PoseRecord) -> tuple[str, str]:
     """How a pose with this record was found, in words, and the icon for it."""
-    method = str(record.get("method", ""))
-    title, icon = KINDS.get(method, (method or "Given by the case, origin unknown", "QUESTION"))
-    if "refused" in record:
-        title, icon = "Taken although refused", "ERROR"
-    return title, icon
+    if record.refused:
+        return "Taken although refused", "ERROR"
+    return KINDS.get(record.method, (record.method or "Given by the case, origin unknown", "QUESTION"))
 
 
 def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
@@ -132,11 +126,11 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return f"Refused: {found.objection}; add landmarks" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
-    if is_a_start(record) or "doubt" in record:
+    if record.is_start or record.doubt:
         return "Next: drag pins or pick landmarks"
-    if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
+    if record.method == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"
-    if record.get("method") not in FOUND:
+    if not record.is_from_image:
         return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
     if entries := queue_of(scene):
         if not is_saved or entries[position(scene)].state != CHECKED:
@@ -156,7 +150,7 @@ def _draw() -> None:
         return
     try:
         (line, in_doubt), task = status(scene), task_lines(scene)
-        is_refused = "refused" in pose_record(scene)
+        is_refused = bool(pose_record(scene).refused)
     except InputError:
         return  # the sidebar says what is wrong with the pose
     strokes = Strokes()

@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 from ..class_registration import at_end
-from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, has_entry
+from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.case.case_changes import differing_fields
 from ..pipeline.case.case_file import Case, read_case
@@ -70,7 +70,7 @@ def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
     to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
     record, pose = loaded.case.alignment, loaded.frame.cam_from_model
     mesh_from_model = loaded.surface.mesh_from_model
-    uncertainty = PoseUncertainty.of_entry(record, pose, mesh_from_model) if has_entry(record) else None
+    uncertainty = PoseUncertainty.of_entry(record.table(), pose, mesh_from_model) if record.has_covariance else None
     # holds while the surface keeps that pose
     pose_evidence.remember(scene, record, pose, uncertainty)
     if not case.posed:

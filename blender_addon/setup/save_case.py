@@ -99,13 +99,13 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         case = recorded_case(scene, path)
         if self.checked:
             day = f"{datetime.date.today().isoformat()}, {getpass.getuser()}"
-            case = replace(case, alignment={**case.alignment, "checked": day})
+            case = replace(case, alignment=replace(case.alignment, checked=day))
         write_case(path, case)
         in_file = read_case(path)
         remember_file(scene, in_file)
         if self.checked:
             uncertainty = pose_evidence.remembered_uncertainty(scene)
-            pose_evidence.remember(scene, dict(case.alignment), from_scene.cam_from_model(scene), uncertainty)
+            pose_evidence.remember(scene, case.alignment, from_scene.cam_from_model(scene), uncertainty)
         forget_stamps()
         history.note(scene)
         if unnamed is not None and "case" not in before:
@@ -125,10 +125,10 @@ def checked_pose(scene: bpy.types.Scene, path: Path) -> str:
         in_file, pose = read_case(path), from_scene.cam_from_mesh(scene)
     except InputError:
         return ""  # there is no file, or saving says what is wrong with the pose
-    if "checked" not in in_file.alignment or is_same_pose(in_file.cam_from_mesh, pose):
+    if not in_file.alignment.checked or is_same_pose(in_file.cam_from_mesh, pose):
         return ""
     name = f"{path.parent.name}/{path.name}"
-    return f"The pose in {name} was checked ({in_file.alignment['checked']}). Replace it by the one in view?"
+    return f"The pose in {name} was checked ({in_file.alignment.checked}). Replace it by the one in view?"
 
 
 def _is_tied(scene: bpy.types.Scene, path: Path) -> bool:

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.blender.bridge.data_blocks import absolute_path
-from ..pipeline.case.alignment_record import OTHER_FRAME, is_a_start
+from ..pipeline.case.pose_record import OTHER_FRAME, UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.images.image_reader import read_image
 from . import events, from_scene, pose_evidence
@@ -69,7 +69,7 @@ def keep_pose(scene: bpy.types.Scene) -> None:
         There is no pose.
     """
     record, pose = pose_evidence.remembered(scene), from_scene.cam_from_model(scene)
-    if record is not None and record.get("method") == OTHER_FRAME:
+    if record is not None and record.method == OTHER_FRAME:
         pose_evidence.remember(scene, record, pose)
     scene.oneframe.aligned_path = ""
     with events.muted():
@@ -94,7 +94,7 @@ def _shows(path: str, image: np.ndarray, valid: np.ndarray) -> bool:
 def _is_aligned(scene: bpy.types.Scene) -> bool:
     """Whether somebody has aligned the present frame: there are image points, or a pose that is no guess."""
     try:
-        is_start = is_a_start(pose_evidence.remembered(scene) or {})
+        is_start = (pose_evidence.remembered(scene) or UNKNOWN).is_start
     except InputError:
         # nothing is set up, or the sidebar says what is wrong with the pose
         return False

@@ -6,8 +6,8 @@ import numpy as np
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.camera.pinhole import PinholeCamera
-from ..pipeline.case.alignment_record import INITIAL_GUESS
 from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.pose_record import INITIAL_GUESS, UNKNOWN, PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.projection.initial_pose import initial_pose
 from ..pipeline.surface.mesh import Ball, TriangleMesh
@@ -43,7 +43,7 @@ def is_sought(scene: bpy.types.Scene) -> bool:
 
 def is_initial(scene: bpy.types.Scene, pose: np.ndarray) -> bool:
     """Whether a pose ``(4, 4)``, mm, is the surface's initial one."""
-    return (pose_evidence.record_of(scene, pose) or {}).get("method") == INITIAL_GUESS
+    return (pose_evidence.record_of(scene, pose) or UNKNOWN).method == INITIAL_GUESS
 
 
 def set_focus(scene: bpy.types.Scene, focus: Ball | None) -> None:
@@ -70,7 +70,7 @@ def set_initial_pose(scene: bpy.types.Scene) -> None:
     mesh = _mesh_as_read(scene, surface)
     pose = initial_pose(mesh, camera, focus)
     surface_object.set_pose(camera_object, surface, pose)
-    pose_evidence.remember(scene, {"method": INITIAL_GUESS}, pose)
+    pose_evidence.remember(scene, PoseRecord(INITIAL_GUESS), pose)
     scene.oneframe.began_at_guess = True
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, mesh.radius, pose)

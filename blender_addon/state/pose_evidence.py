@@ -1,6 +1,6 @@
 """What the present pose rests on, as far as it was found by something other than the landmarks: kept with its pose.
 
-The record is a table ``[alignment]`` (:mod:`oneframe.case.alignment_record`). It is stored with the pose that it is
+The record (:class:`.PoseRecord`) is stored with the pose that it is
 about, in the frame and units of the mesh file, and holds while the surface has that pose: it survives undo, .blend
 files and other units, and no movement of the surface can leave it stale.
 """
@@ -14,15 +14,15 @@ import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
-from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, scaled_record
 from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
 from ..pipeline.transforms import inverse_rigid, is_same_pose, transform_points
 from . import from_scene
 
 
 def remember(
     scene: bpy.types.Scene,
-    record: dict[str, object],
+    record: PoseRecord,
     cam_from_model: np.ndarray,
     uncertainty: PoseUncertainty | None = None,
 ) -> None:
@@ -36,13 +36,13 @@ def leave(scene: bpy.types.Scene) -> None:
     _store(scene, None if stored is None else stored[0], pose, None if stored is None else stored[1], is_left=True)
 
 
-def record_of(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> dict[str, object] | None:
+def record_of(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> PoseRecord | None:
     """What is stored about a pose ``(4, 4)``, mm, of the surface; ``None`` if nothing is."""
     stored = _stored_about(scene, cam_from_model)
     return None if stored is None else stored[0]
 
 
-def remembered(scene: bpy.types.Scene) -> dict[str, object] | None:
+def remembered(scene: bpy.types.Scene) -> PoseRecord | None:
     """The record of the present pose, ``None`` if there is none.
 
     Raises
@@ -74,12 +74,12 @@ def is_refined(scene: bpy.types.Scene) -> bool:
         There is no pose.
     """
     record = remembered(scene)
-    return record is not None and record.get("method") in FOUND
+    return record is not None and record.is_from_image
 
 
 def _store(
     scene: bpy.types.Scene,
-    record: dict[str, object] | None,
+    record: PoseRecord | None,
     cam_from_model: np.ndarray,
     uncertainty: PoseUncertainty | None,
     *,
@@ -96,20 +96,20 @@ def _store(
         {
             "mm_per_unit": MM_PER_UNIT[scene.oneframe.units],
             "cam_from_mesh": (cam_from_model @ inverse_rigid(mesh_from_model)).tolist(),
-            "record": record,
+            "record": None if record is None else record.table(),
             "uncertainty": numbers,
             "is_left": is_left,
         }
     )
 
 
-def _stored(scene: bpy.types.Scene) -> tuple[dict[str, object] | None, PoseUncertainty | None] | None:
+def _stored(scene: bpy.types.Scene) -> tuple[PoseRecord | None, PoseUncertainty | None] | None:
     return _stored_about(scene, from_scene.cam_from_model(scene))
 
 
 def _stored_about(
     scene: bpy.types.Scene, cam_from_model: np.ndarray
-) -> tuple[dict[str, object] | None, PoseUncertainty | None] | None:
+) -> tuple[PoseRecord | None, PoseUncertainty | None] | None:
     """Record and uncertainty (model frame) of a pose, if what is stored is about it."""
     settings = scene.oneframe
     if not settings.evidence:
@@ -122,10 +122,10 @@ def _stored_about(
         return None
     if stored["is_left"] and settings.aligned_path:
         name = bpy.path.basename(settings.aligned_path)
-        return {"method": OTHER_FRAME, "doubt": f"found in another frame ({name})"}, None
+        return PoseRecord(OTHER_FRAME, doubt=f"found in another frame ({name})"), None
     if stored["record"] is None:
         return None
-    record, uncertainty = scaled_record(stored["record"], factor), None
+    record, uncertainty = PoseRecord.of_table(stored["record"], "the record of the pose").scaled(factor), None
     if stored["uncertainty"] is not None:
         numbers: dict[str, Any] = {
             key: np.array(value) if isinstance(value, list) else float(value)
@@ -134,7 +134,4 @@ def _stored_about(
         scaled = PoseUncertainty(**numbers).scaled(factor)
         pivot = transform_points(inverse_rigid(mesh_from_model), scaled.pivot_model)
         uncertainty = replace(scaled, pivot_model=pivot)
-        if "weakest" in record:
-            # its words are rounded: from the numbers, not from the words before
-            record["weakest"] = uncertainty.weakest
     return record, uncertainty

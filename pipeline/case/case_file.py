@@ -19,18 +19,18 @@ from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
 from ..light.lens_light import LensLight, checked_lens_light
-from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
+from ..poses.pose_file import POSE_KEY
 from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
-from .alignment_record import checked_alignment_record
 from .frame import UnreadFrame
 from .landmarks import Landmark, checked_name, landmarks_from_tables
+from .pose_record import UNKNOWN, PoseRecord
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ("video", "video_frame")),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
     "surface": (("mesh",), ("name",)),
-    "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
+    "pose": ((POSE_KEY,), ()),
     "structures": (("name", "mesh"), ("color",)),
     "frames": (("image", POSE_KEY), ("camera",)),
 }
@@ -80,7 +80,7 @@ class Case:
     landmarks
         Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
-        Origin of the pose: see :mod:`oneframe.case.alignment_record`.
+        Origin of the pose: see :mod:`oneframe.case.pose_record`.
     video
         Origin of the frame: the name of the film that it was taken from, and its number there, from 0.
     light
@@ -100,7 +100,7 @@ class Case:
     object_name: str | None = None
     messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
-    alignment: dict[str, object] = field(default_factory=dict)
+    alignment: PoseRecord = UNKNOWN
     video: tuple[str, int] | None = None
     posed: bool = True
     light: LensLight | None = None
@@ -172,8 +172,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     messages: list[str] = []
     if "pose" in table:
         pose = _table(table, "pose", name)
-        key = pose_key(pose, f"{name}: [pose] ")
-        cam_from_mesh, messages = _pose(pose[key], mm_per_unit, f"{name}: [pose] {key}")
+        cam_from_mesh, messages = _pose(pose[POSE_KEY], mm_per_unit, f"{name}: [pose] {POSE_KEY}")
     frames = []
     listed = _tables(table.get("frames", []), "frames", name)
     if len(listed) >= MOST_FRAMES:
@@ -206,7 +205,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
             mm_per_unit=mm_per_unit,
             pixel_origin=camera.get("pixel_origin", "center"),
         ),
-        alignment=checked_alignment_record(table.get("alignment", {}), f"{name}: [alignment]"),
+        alignment=PoseRecord.of_table(table.get("alignment", {}), f"{name}: [alignment]"),
         video=_video(frame, f"{name}: [frame]"),
         posed="pose" in table,
         light=_light(table, name),

@@ -14,7 +14,6 @@ from typing import Any
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content, write_bytes_atomically
 from ..files.tables import parsed_json
-from .alignment_record import is_a_start, is_found
 from .case_file import Case, case_from_text
 
 SUFFIX = ".history.jsonl"
@@ -41,10 +40,10 @@ class EarlierCase:
     def text(self) -> str:
         """When it was, how its pose was found, and how sure that is."""
         record = self.case.alignment
-        words = [str(record.get("method", "of unknown origin"))]
-        words += [f"checked {record['checked']}"] if "checked" in record else []
-        words += [f"off by about {record['error_px']:.2g} px"] if "error_px" in record else []
-        words += [f"in doubt: {record[key]}" for key in ("doubt", "refused") if key in record]
+        words = [record.method or "of unknown origin"]
+        words += [f"checked {record.checked}"] if record.checked else []
+        words += [] if record.error_px is None else [f"off by about {record.error_px:.2g} px"]
+        words += [f"in doubt: {doubt}" for doubt in (record.doubt, record.refused) if doubt]
         return f"{self.time.replace('T', ' ')}: {', '.join(words)}"
 
 
@@ -80,7 +79,7 @@ def add_to_history(path: Path, case: Case, text: str) -> None:
     OSError
         The history cannot be written.
     """
-    if not case.posed or is_a_start(case.alignment):
+    if not case.posed or case.alignment.is_start:
         return
     file = history_path(path)
     try:
@@ -129,6 +128,6 @@ def _kept(path: Path, lines: list[str]) -> list[str]:
 
 def _is_found(path: Path, line: str) -> bool:
     try:
-        return is_found(case_from_text(_entry(line)["case"], path).alignment)
+        return case_from_text(_entry(line)["case"], path).alignment.is_settled
     except InputError:
         return False

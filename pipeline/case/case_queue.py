@@ -5,18 +5,18 @@ state of a case is what its file says; nothing else keeps a record.
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
 from ..images.image_check import check_image_file, image_size
-from .alignment_record import FOUND, INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
 from .case_writer import write_case
+from .pose_record import INITIAL_GUESS, OTHER_FRAME, UNKNOWN, PoseRecord
 
 NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
 """No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks, the image or other
@@ -38,7 +38,7 @@ class NewFrame:
     image: Path
     video: tuple[str, int] | None = None
     cam_from_mesh: np.ndarray | None = None
-    alignment: Mapping[str, object] = field(default_factory=dict)
+    alignment: PoseRecord = UNKNOWN
 
 
 def queued_cases(folder: Path) -> tuple[Path, ...]:
@@ -49,14 +49,13 @@ def queued_cases(folder: Path) -> tuple[Path, ...]:
 def state_of(case: Case) -> str:
     """How far the work on a case is."""
     record = case.alignment
-    if not case.posed or record.get("method") == INITIAL_GUESS:
+    if not case.posed or record.method == INITIAL_GUESS:
         return NEW
-    if "checked" in record:
+    if record.checked:
         return CHECKED
-    method = record.get("method")
-    if ("doubt" in record and method != OTHER_FRAME) or "refused" in record:
+    if (record.doubt and record.method != OTHER_FRAME) or record.refused:
         return DOUBTFUL
-    return ALIGNED if method in ("landmarks", *FOUND) else ROUGH
+    return ALIGNED if record.is_from_image or record.method == "landmarks" else ROUGH
 
 
 def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Path]:
@@ -121,7 +120,7 @@ def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
     return replace(
         like, path=path, image=image, camera=camera, video=frame.video, frames=(), landmarks=(),
         posed=pose is not None, cam_from_mesh=like.cam_from_mesh if pose is None else pose,
-        alignment=dict(frame.alignment),
+        alignment=frame.alignment,
     )  # fmt: skip
 
 

@@ -17,7 +17,6 @@ from ..files.numbers import MM_PER_UNIT, length_text
 from ..files.outputs import check_outputs, writing
 from ..poses.pose_file import POSE_KEY
 from ..transforms import is_same_pose
-from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text, read_case
 from .case_history import add_to_history
 from .frame import UnreadFrame
@@ -73,7 +72,7 @@ def _present(path: Path) -> Case | None:
 def _is_replaced(before: Case, after: Case) -> bool:
     """Whether a case loses its pose by another one, or what is known of it."""
     is_kept = after.posed and is_same_pose(before.cam_from_mesh, after.cam_from_mesh)
-    return not is_kept or dict(before.alignment) != dict(after.alignment) or before.image != after.image
+    return not is_kept or before.alignment != after.alignment or before.image != after.image
 
 
 def encoded(path: Path, text: str) -> bytes:
@@ -117,9 +116,8 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         axes = "# OpenCV axes (x right, y down, z forward), frame of the mesh file"
         blocks.append(["[pose]", axes, f"{POSE_KEY} = {rows}"])
     blocks += [_frame_lines(frame, case, folder) for frame in case.frames]
-    if case.alignment:
-        alignment_record = checked_alignment_record(case.alignment, f"{path.name}: [alignment]")
-        blocks.append(["[alignment]", *_pairs(alignment_record)])
+    if record := case.alignment.table():
+        blocks.append(["[alignment]", *_pairs(record)])
     if case.light is not None:
         blocks.append(["[light]", *_pairs({**case.light.law, **case.light.origin})])
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]

@@ -17,10 +17,10 @@ from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..surface.structure_colour import OTHER
 from ..transforms import inverse_rigid, rigid, transform_points
-from .alignment_record import INITIAL_GUESS
 from .case_file import Case, Structure
 from .case_writer import UNIT_OF
 from .frame import PosedFrame, load_posed_frame
+from .pose_record import INITIAL_GUESS, PoseRecord
 from .surface_doubts import FARTHEST_MM, NEAREST_MM, extents_of, precision_doubts, size_doubt
 
 MAX_EXTENT_RATIO = 200.0
@@ -61,7 +61,7 @@ class LoadedCase:
         """The frame that the case file names: overlays show it, poses are drawn around its own."""
         return self.frames[0]
 
-    def posed(self, cam_from_mesh: np.ndarray, record: dict[str, object]) -> "LoadedCase":
+    def posed(self, cam_from_mesh: np.ndarray, record: PoseRecord) -> "LoadedCase":
         """The case with another pose ``(4, 4)``, mm, of its frame, and the record of how it was found."""
         case = replace(self.case, cam_from_mesh=cam_from_mesh, alignment=record)
         pose = cam_from_mesh @ self.surface.mesh_from_model
@@ -111,7 +111,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
     if not case.posed and not aligned:
         guess = initial_pose(mesh, case.camera) @ inverse_rigid(mesh_from_model)
-        case = replace(case, cam_from_mesh=guess, posed=True, alignment={"method": INITIAL_GUESS})
+        case = replace(case, cam_from_mesh=guess, posed=True, alignment=PoseRecord(INITIAL_GUESS))
         messages = [*messages, "the case has no pose and begins with an initial guess"]
     frames = tuple(load_posed_frame(frame, mesh_from_model, name=case.path.name) for frame in case.every_frame)
     cam_from_model = case.cam_from_mesh @ mesh_from_model

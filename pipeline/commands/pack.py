@@ -3,6 +3,7 @@
 import os
 from dataclasses import MISSING, dataclass
 from pathlib import Path
+from typing import TextIO
 
 from ..errors import InputError
 from ..process.arguments import resumable
@@ -16,14 +17,13 @@ EPILOG = """examples:
   %(prog)s dataset --out packed
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
   %(prog)s dataset --out test --split test  (a tenth of the views, unlike those of train and val)
-  %(prog)s dataset --out packed --verify    (make every shard again and compare its hash)
-  %(prog)s --out packed --verify            (hashes; needs no dataset)
+  %(prog)s --out packed --verify
 
-Run the same command again to continue a stopped run, or to add the views that the dataset has got since. The bytes do
-not depend on who packs; those of JPEG depend on the version of OpenCV.
+Run the same command again to continue a stopped run. The bytes do not depend on who packs; those of JPEG depend on the
+version of OpenCV.
 
-Exit code of --verify: 0 whole; 1 something is wrong; 2 no pack, or wrong arguments. To repair a pack, remove the shards
-and files that it names and pack again.
+--verify compares size and hash of every file of a pack, and needs no dataset. Its exit code: 0 whole; 1 something is
+wrong; 2 no pack, or wrong arguments. To repair a pack, remove the files that it names and pack again.
 """
 
 
@@ -44,7 +44,7 @@ class Arguments:
         "(default: 1 %% of the image's longer side)"
     )  # fmt: skip
     workers: int = option("N", "number of threads (default: one per core)", 0, least=0)
-    verify: bool = switch("pack nothing: compare the pack with its hashes and with DIR")
+    verify: bool = switch("pack nothing: compare the files of the pack with their hashes")
 
 
 @resumable()
@@ -53,25 +53,15 @@ def run(arguments: Arguments) -> int:
     if arguments.split_gap_px is not None and arguments.split is None:
         raise InputError("command line: --split-gap-px: expected with --split only; add it, or leave out both")
     dataset = arguments.dataset
-    if dataset is None and not arguments.verify:
-        raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
+    if (dataset is None) != arguments.verify:
+        raise InputError("command line: expected the folder of the dataset, DIR, or --verify without it")
     # the arrays are small: numpy's BLAS threads would only take memory
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from ..dataset.layout import eyes_of
 
     output = own_output()
-    if dataset is None or arguments.verify:
-        from ..files.machine import available_cores
-        from ..packing.verify import verify_pack
-
-        threads, wrong = arguments.workers or available_cores(), 0
-        whole = dataset or arguments.out
-        for eye in eyes_of(whole):
-            out = arguments.out / eye.relative_to(whole)
-            report = verify_pack(out, dataset and eye, threads=threads, stream=output)
-            output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
-            wrong += len(report.findings)
-        return EXIT_WRONG if wrong else 0
+    if dataset is None:
+        return _verify(arguments, output)
     from ..packing.pack import PackOptions, pack_dataset
 
     views, about = None, ""
@@ -92,9 +82,24 @@ def run(arguments: Arguments) -> int:
             workers=arguments.workers,
             stream=output,
         )
-        size = sum(shard.bytes for shard in manifest.shards)
+        shards = [known for name, known in manifest.files.items() if name.endswith(".tar")]
         output.write(
-            f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
-            f"shard{'s' * (len(manifest.shards) != 1)}: {out}\n"
+            f"pack of {len(manifest.plan.views)} views, {sum(each.bytes for each in shards) / 1e6:.0f} MB in "
+            f"{len(shards)} shard{'s' * (len(shards) != 1)}: {out}\n"
         )
     return 0
+
+
+def _verify(arguments: Arguments, output: TextIO) -> int:
+    """Compare the pack with its hashes."""
+    from ..dataset.layout import eyes_of
+    from ..files.machine import available_cores
+    from ..packing.pack import verify_pack
+
+    problems = 0
+    for folder in eyes_of(arguments.out):
+        wrong = verify_pack(folder, threads=arguments.workers or available_cores(), stream=output)
+        output.writelines(f"{line}\n" for line in wrong)
+        output.write(f"{folder}: {f'NOT whole, {len(wrong)} findings' if wrong else 'whole (all hashes)'}\n")
+        problems += len(wrong)
+    return EXIT_WRONG if problems else 0

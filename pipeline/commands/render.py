@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     from ..blender.dataset.run import run as render
     from ..blender.dataset.run import work
-    from ..case.alignment_record import INITIAL_GUESS
+    from ..case.pose_record import INITIAL_GUESS
     from ..dataset.options import LEFT
     from ..files.outputs import check_folder
 
@@ -115,7 +115,7 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
         return
     if arguments.end_with_input:
         end_with_input()
-    if case.alignment.get("method") == INITIAL_GUESS:
+    if case.alignment.method == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
     if arguments.cluster is not None:
         _render_on_cluster(job, arguments, output)

@@ -48,13 +48,13 @@ def run(arguments: Arguments) -> None:
     from ..reader import open_dataset
 
     out, output = arguments.out, own_output()
-    with open_dataset(arguments.dataset) as views:
-        check_outputs([out], {})
-        if out.resolve().is_relative_to(arguments.dataset.resolve()):
-            raise InputError(f"{out}: expected a file outside of the dataset; choose another folder")
-        chosen = views[:: -(-len(views) // MOST_VIEWS)]
-        with naming(arguments.dataset.name), Progress(len(chosen), "views read", stream=output) as progress:
-            crops = ViewCrops.of(chosen, advance=progress.advance)
+    views = open_dataset(arguments.dataset)
+    check_outputs([out], {})
+    if out.resolve().is_relative_to(arguments.dataset.resolve()):
+        raise InputError(f"{out}: expected a file outside of the dataset; choose another folder")
+    chosen = views[:: -(-len(views) // MOST_VIEWS)]
+    with naming(arguments.dataset.name), Progress(len(chosen), "views read", stream=output) as progress:
+        crops = ViewCrops.of(chosen, advance=progress.advance)
     with Progress(arguments.steps, "steps", stream=output) as progress:
         network = trained_network(crops, arguments.steps, arguments.seed, progress.advance)
     record = crops.record(chosen, arguments.steps, arguments.seed)

@@ -16,8 +16,8 @@ from ..alignment.levenberg_marquardt import Loss
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..alignment.reprojection import Poses, apply_twist, twist_jacobians
 from ..camera.pinhole import PinholeCamera
-from ..case.alignment_record import FURTHER_FRAMES
 from ..case.loaded_case import LoadedCase
+from ..case.pose_record import FURTHER_FRAMES, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.numbers import format_two_digits
 from ..projection.rays import MeshRays
@@ -106,11 +106,17 @@ def correct_source(
         raise InputError(f"{name}: {error}; the pose is not corrected") from None
     moved_px, error_px = _moved_px(points, loaded, corrected), uncertainty.spread_px(loaded.case.camera, pose)
     moved_deg = rotation_angle_deg(pose[:3, :3] @ loaded.frame.cam_from_model[:3, :3].T)
-    start = (loaded.case.alignment or {}).get("method")
-    record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
-    record |= {"start_method": start} if start else {}
-    record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
-    record |= uncertainty.entry(loaded.surface.mesh_from_model)
+    record = PoseRecord(
+        method=FURTHER_FRAMES,
+        tool=tool,
+        date=date,
+        start_method=loaded.case.alignment.method,
+        error_px=error_px,
+        moved_px=moved_px,
+        moved_deg=moved_deg,
+        **uncertainty.deviations(),
+        **uncertainty.entry(loaded.surface.mesh_from_model),
+    )
     text = (
         f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
         f"{len(fit.frames)} further frames; if the surface is right, it is off by about "
@@ -144,7 +150,7 @@ def _settled(
             before = _checked(registrar, frames, {key: each.cam_from_model for key, each in fits.items()})
         correction = SourceCorrection(registrar.mesh, registrar.camera, pivot)
         fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
-        loaded = registrar.loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), {})
+        loaded = registrar.loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), UNKNOWN)
         poses = dict(zip(fits, fit.frames, strict=True))
         points = np.concatenate([each.points_model for each in fits.values()])
         moved_px = _moved_px(points, registrar.loaded, loaded) * registrar.camera.width / loaded.case.camera.width

@@ -13,10 +13,10 @@ import numpy as np
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.distortion import checked_distortion
 from ..camera.pinhole import PinholeCamera
-from ..case.alignment_record import REGISTERED
 from ..case.case_file import Case
 from ..case.frame import PosedFrame, UnreadFrame
 from ..case.loaded_case import LoadedCase
+from ..case.pose_record import REGISTERED, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
@@ -76,12 +76,12 @@ def registration_record(
     registered: RegisteredFrame,
     camera: PinholeCamera,
     mesh_from_model: np.ndarray,
-    source: Mapping[str, object],
+    source: PoseRecord,
     source_name: str,
     tool: str,
     date: str,
-) -> dict[str, object]:
-    """See :mod:`oneframe.case.alignment_record`; nothing if the frame is refused.
+) -> PoseRecord:
+    """The record of the frame's pose; an unknown one if the frame is refused.
 
     Parameters
     ----------
@@ -98,21 +98,21 @@ def registration_record(
     """
     pose, uncertainty, verdict = registered.cam_from_model, registered.uncertainty, registered.verdict
     if pose is None or uncertainty is None:
-        return {}
+        return UNKNOWN
     # nobody knows how far it is off where the aligned frame's pose says nothing
-    is_known = "standard_deviation_mm" in source
-    return {
-        "method": REGISTERED,
-        "tool": tool,
-        "date": date,
-        **({} if verdict.state == ACCEPTED else {"doubt": verdict.reason}),
-        "probability": verdict.probability,
-        "start_frame": source_name,
-        **({"start_method": source["method"]} if "method" in source else {}),
-        **({"error_px": uncertainty.spread_px(camera, pose)} if is_known else {}),
-        **uncertainty.record(),
+    is_known = source.standard_deviation_mm is not None
+    return PoseRecord(
+        method=REGISTERED,
+        tool=tool,
+        date=date,
+        doubt="" if verdict.state == ACCEPTED else verdict.reason,
+        probability=verdict.probability,
+        start_frame=source_name,
+        start_method=source.method,
+        error_px=uncertainty.spread_px(camera, pose) if is_known else None,
+        **uncertainty.deviations(),
         **uncertainty.entry(mesh_from_model),
-    }
+    )
 
 
 def encoded_list(entries: Sequence[Mapping[str, object]]) -> bytes:

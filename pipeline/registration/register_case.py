@@ -12,6 +12,7 @@ from ..case.case_history import history_path
 from ..case.case_writer import relative_name
 from ..case.frame import UnreadFrame, read_frame
 from ..case.loaded_case import LoadedCase, overlay_scene
+from ..case.pose_record import PoseRecord
 from ..errors import InputError
 from ..files.content import content_named
 from ..files.outputs import write_output, writing
@@ -112,7 +113,7 @@ class RegistrationEvidence:
 
     frames: tuple[FrameEvidence, ...]
     size_wh: tuple[int, int]
-    alignment: Mapping[str, object]
+    alignment: PoseRecord
     is_film: bool
     change: FilmChange | None = None
     surface: SurfaceCheck | None = None
@@ -204,7 +205,7 @@ def register_case(
         choice = chosen_sources(registrar.mesh, registrar.source, candidates, colour_frames)
     sources = _sources(loaded, frames, out, {number: poses[number] for number in choice.numbers} if choice else {})
     return RegistrationEvidence(
-        evidence, registrar.camera.size_wh, loaded.case.alignment or {}, is_film, change, surface, opened.cut_off,
+        evidence, registrar.camera.size_wh, loaded.case.alignment, is_film, change, surface, opened.cut_off,
         choice, sources,
     )  # fmt: skip
 

@@ -77,13 +77,12 @@ def _doubt_of_surface(check: SurfaceCheck | None) -> str:
 
 def _limits(evidence: RegistrationEvidence) -> list[str]:
     record = evidence.alignment
-    error = record.get("error_px")
-    own = f"; it states {format_two_digits(error)} px" if isinstance(error, float) else "; it states no error"
+    own = "; it states no error" if record.error_px is None else f"; it states {format_two_digits(record.error_px)} px"
     return [
         *([f"The video's {evidence.cut_off.removeprefix('the ')}."] if evidence.cut_off else []),
         f"All poses follow the case's own one: where that is off, all are off by as much{own}. "
         "Look at its overlay first.",
-        *([f"The case's pose itself is in doubt: {record['doubt']}"] if "doubt" in record else []),
+        *([f"The case's pose itself is in doubt: {record.doubt}"] if record.doubt else []),
         *([] if evidence.change is None else [evidence.change.words()]),
         _doubt_of_surface(evidence.surface),
         "Where it is drilled meanwhile, a film says so only of places that it showed before from the same side; single "

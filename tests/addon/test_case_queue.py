@@ -11,9 +11,9 @@ from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import shown_frame
 from oneframe.blender.alignment import surface_object
-from oneframe.case.alignment_record import REGISTERED
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import CHECKED, NEW, ROUGH, queued_cases, state_of
+from oneframe.case.pose_record import REGISTERED, PoseRecord
 from oneframe.images.png import encode_png
 from oneframe.transforms import rigid
 from tests.tree import tree
@@ -51,7 +51,7 @@ def test_each_frame_starts_at_the_pose_before_and_keeps_its_own(queue):
     assert bpy.ops.oneframe.queue_step() == {"FINISHED"}
     # a start only: the case stays new until somebody aligns it
     assert np.array_equal(pose(), first)
-    assert pose_record(bpy.context.scene)["method"] == "another frame"
+    assert pose_record(bpy.context.scene).method == "another frame"
     assert not bpy.context.scene.oneframe.landmarks
     with pytest.raises(RuntimeError, match="align it first"):
         bpy.ops.oneframe.queue_check()
@@ -96,7 +96,7 @@ def test_the_status_line_leads_through_the_queue_until_all_are_checked(queue):
 
 
 def found_here():
-    pose_evidence.remember(bpy.context.scene, {"method": REGISTERED, "tool": "", "date": "2026-01-01"}, pose())
+    pose_evidence.remember(bpy.context.scene, PoseRecord(REGISTERED, date="2026-01-01"), pose())
     return bpy.context.scene
 
 

@@ -15,6 +15,7 @@ from blender_addon.setup.open_case import task_lines
 from blender_addon.state import from_scene, to_scene
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.transforms import transform_points
 
 
@@ -33,14 +34,14 @@ def test_a_case_without_a_pose_opens_at_a_guess_and_is_saved_with_a_pose(addon, 
     else:
         drop(folder, "case.toml")
     scene = bpy.context.scene
-    assert pose_record(scene) == {"method": "initial guess"}
+    assert pose_record(scene) == PoseRecord("initial guess")
     assert unsaved_parts(scene) == ()
     bpy.ops.oneframe.nudge(axis="x", step_px=3)
     assert unsaved_parts(scene) == ("pose",)
-    assert pose_record(scene)["method"] == "manual"
+    assert pose_record(scene).method == "manual"
     bpy.ops.oneframe.save_case(filepath=str(path))
     assert "count = 7" in path.read_text()
-    assert read_case(path).alignment["method"] == "manual"
+    assert read_case(path).alignment.method == "manual"
     assert unsaved_parts(scene) == ()
 
 

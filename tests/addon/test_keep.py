@@ -13,6 +13,7 @@ from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.scene_files import forget_stamps
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import earlier_cases, history_path
+from oneframe.case.pose_record import PoseRecord
 from tests.addon.test_case_queue import move, pose, queue  # noqa: F401
 
 
@@ -115,14 +116,14 @@ def test_a_checked_pose_is_replaced_after_a_question_only_whoever_found_the_othe
     bpy.ops.oneframe.queue_step(step=-1)
     path = queue / "frame" / "case.toml"
     assert checked_pose(scene(), path) == ""
-    assert "checked" in pose_record(scene())
-    for record in ({"method": "manual"}, {"method": "refined"}):
+    assert pose_record(scene()).checked
+    for record in (PoseRecord("manual"), PoseRecord("refined")):
         move([1.0, 0.0, 0.0])
         pose_evidence.remember(scene(), record, pose())
         assert "was checked" in checked_pose(scene(), path)
     bpy.ops.oneframe.queue_step()
-    assert "checked" in earlier_cases(path)[0].case.alignment, "the check is in the history"
-    assert "checked" not in read_case(path).alignment
+    assert earlier_cases(path)[0].case.alignment.checked, "the check is in the history"
+    assert not read_case(path).alignment.checked
 
 
 def test_two_windows_on_one_case_lose_nothing_of_each_other(case):

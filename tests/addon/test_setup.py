@@ -21,6 +21,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import is_same_pose
@@ -200,12 +201,12 @@ def test_what_is_in_doubt_is_said_until_it_is_put_right(addon, case_path):
     assert said == (guess,)
     bpy.ops.oneframe.nudge(axis="x")
     assert doubts(scene) == ()
-    pose_evidence.remember(scene, {"method": "landmarks", "doubt": "two poses fit"}, updated_pose(scene))
+    pose_evidence.remember(scene, PoseRecord("landmarks", doubt="two poses fit"), updated_pose(scene))
     assert doubts(scene) == ("The pose is in doubt: two poses fit.",)
     bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
     assert status(scene)[0].startswith("new.toml, saved  |  From landmarks")
     opened_again = read_case(folder / "new.toml")
-    assert opened_again.alignment["doubt"] == "two poses fit"
+    assert opened_again.alignment.doubt == "two poses fit"
     bpy.ops.oneframe.nudge(axis="x")
     assert status(scene)[0].startswith("new.toml, not saved: pose  |  By hand")
 

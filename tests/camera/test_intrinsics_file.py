@@ -301,7 +301,7 @@ POSES = {
     "flat npy": saved(np.save, POSE.ravel()),
     "text": "\n".join(" ".join(map(repr, row)) for row in POSE.tolist()),
     "json": json.dumps(POSE.tolist()),
-    "json entry": as_json(name="frame 3", cam_from_model=POSE.tolist(), K=K.tolist()),
+    "json entry": as_json(name="frame 3", cam_from_mesh=POSE.tolist(), K=K.tolist()),
 }
 
 

@@ -8,27 +8,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.case import case_history
-from oneframe.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, is_a_start
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import add_to_history, earlier_cases, history_path
 from oneframe.case.case_writer import case_text, write_case
+from oneframe.case.pose_record import INITIAL_GUESS, OTHER_FRAME, PoseRecord
 from oneframe.errors import InputError
 from oneframe.transforms import rigid
 
-REFINED = {"method": "refined", "checked": "2030-01-01", "error_px": 0.4}
+REFINED = PoseRecord("refined", checked="2030-01-01", error_px=0.4)
 RECORDS = (
     REFINED,
-    {"method": "manual"},
-    {"method": "landmarks", "pairs": 6},
-    {},
-    {"method": INITIAL_GUESS},
-    {"method": OTHER_FRAME},
+    PoseRecord("manual"),
+    PoseRecord("landmarks", pairs=6),
+    PoseRecord(),
+    PoseRecord(INITIAL_GUESS),
+    PoseRecord(OTHER_FRAME),
 )
 
 
 def posed(case, number, record):
-    return replace(case, cam_from_mesh=rigid(np.eye(3), [number, 0.1, 300 + number / 7]), alignment=dict(record))
+    return replace(case, cam_from_mesh=rigid(np.eye(3), [number, 0.1, 300 + number / 7]), alignment=record)
 
 
 @settings(max_examples=10)
@@ -42,7 +42,7 @@ def test_cases_that_are_replaced_are_kept_to_the_last_bit(write_tiny_case, tmp_p
         write_case(path, case)
         assert np.array_equal(read_case(path).cam_from_mesh, case.cam_from_mesh)
         is_other = not np.array_equal(before.cam_from_mesh, case.cam_from_mesh) or before.alignment != record
-        if is_other and not is_a_start(before.alignment):
+        if is_other and not before.alignment.is_start:
             entry = before.cam_from_mesh.tolist(), before.alignment
             replaced += [entry] * (entry not in replaced)
     found = [(each.case.cam_from_mesh.tolist(), each.case.alignment) for each in reversed(earlier_cases(path))]
@@ -54,7 +54,7 @@ def test_a_long_history_loses_old_poses_that_nobody_found_first(write_tiny_case,
     monkeypatch.setattr(case_history, "KEPT", 4)
     path = write_tiny_case(tmp_path)
     for number in range(30):
-        write_case(path, posed(read_case(path), number, REFINED if number == 1 else {"method": "manual"}))
+        write_case(path, posed(read_case(path), number, REFINED if number == 1 else PoseRecord("manual")))
     places = [each.case.cam_from_mesh[0, 3] for each in earlier_cases(path)]
     assert (places[0], places[-1]) == (28, 1)
     assert len(places) <= 8
@@ -65,7 +65,7 @@ def test_the_command_lists_the_history_and_takes_one_back(write_tiny_case, tmp_p
     first = read_case(path)
     refined = replace(posed(first, 3, REFINED), camera=replace(first.camera, fx=first.camera.fx * 1.1))
     write_case(path, refined)
-    write_case(path, posed(first, 5, {"method": "manual"}))
+    write_case(path, posed(first, 5, PoseRecord("manual")))
     before = path.read_bytes()
     said = run_oneframe("align", path, "--restore").stdout
     assert said.splitlines()[0].endswith("refined, checked 2030-01-01, off by about 0.4 px")
@@ -89,6 +89,6 @@ def test_a_damaged_history_is_one_sentence_and_goes_on(write_tiny_case, tmp_path
         file.write(damage)
     with pytest.raises(InputError, match=r"^case\.history\.jsonl: line 2: expected an earlier .*; delete the line$"):
         earlier_cases(path)
-    case = posed(read_case(path), 4, {"method": "manual"})
+    case = posed(read_case(path), 4, PoseRecord("manual"))
     add_to_history(path, case, case_text(path, case))
     assert np.array_equal(earlier_cases(path, most=1)[0].case.cam_from_mesh, case.cam_from_mesh)

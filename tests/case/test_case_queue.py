@@ -18,6 +18,7 @@ from oneframe.case.case_queue import (
     state_of,
 )
 from oneframe.case.case_writer import write_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 
@@ -85,12 +86,12 @@ def image_of(path, size_wh):
 @pytest.mark.parametrize(
     ("record", "state"),
     [
-        ({"method": "another frame", "doubt": "found in another frame"}, ROUGH),
-        ({"method": "pins"}, ROUGH),
-        ({"method": "landmarks"}, ALIGNED),
-        ({"method": "landmarks", "doubt": "two poses fit"}, DOUBTFUL),
-        ({"method": "refined", "refused": "14 % explained"}, DOUBTFUL),
-        ({"method": "landmarks", "doubt": "two poses fit", "checked": "2024-05-06"}, CHECKED),
+        (PoseRecord(method="another frame", doubt="found in another frame"), ROUGH),
+        (PoseRecord(method="pins"), ROUGH),
+        (PoseRecord(method="landmarks"), ALIGNED),
+        (PoseRecord(method="landmarks", doubt="two poses fit"), DOUBTFUL),
+        (PoseRecord(method="refined", refused="14 % explained"), DOUBTFUL),
+        (PoseRecord(method="landmarks", doubt="two poses fit", checked="2024-05-06"), CHECKED),
     ],
 )
 def test_the_state_is_what_the_case_says(like, tmp_path, record, state):

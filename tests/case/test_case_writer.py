@@ -17,6 +17,7 @@ from oneframe.case.case_file import Case, Structure, read_case
 from oneframe.case.case_writer import relative_name, write_case
 from oneframe.case.frame import UnreadFrame
 from oneframe.case.landmarks import Landmark
+from oneframe.case.pose_record import PoseRecord
 from oneframe.dataset.description import object_name
 from oneframe.errors import InputError
 from oneframe.files.numbers import WrittenFloat, length_text, millimetres
@@ -59,16 +60,13 @@ toml_values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(any_text, inner, max_size=3),
     max_leaves=8,
 )
-alignments = st.fixed_dictionaries(
-    {},
-    optional={
-        "method": any_text,
-        "date": st.datetimes().map(datetime.isoformat),
-        "pairs": st.integers(0, 100),
-        "rms_px": st.floats(0, 1e3),
-        "standard_deviation_deg": st.lists(st.floats(0, 1e3), min_size=3, max_size=3),
-        "weakest": any_text,
-    },
+alignments = st.builds(
+    PoseRecord,
+    method=any_text,
+    date=st.datetimes().map(datetime.isoformat),
+    pairs=maybe(st.integers(0, 100)),
+    rms_px=maybe(st.floats(0, 1e3)),
+    standard_deviation_deg=maybe(st.tuples(*[st.floats(0, 1e3)] * 3)),
 )
 lights = st.builds(
     LensLight,

@@ -12,6 +12,7 @@ import pytest
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import NewFrame, add_frames
 from oneframe.case.case_writer import write_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.joined_scenes import join_scenes
 from oneframe.errors import InputError
@@ -33,7 +34,7 @@ def queue(write_tiny_case, tmp_path):
         frames[-1].image.write_bytes(like.image.read_bytes())
     for number, path in enumerate(add_frames(tmp_path / "queue", like, frames)[:2]):
         pose = rigid(np.eye(3), [2.0 * number, 0.0, 0.0]) @ like.cam_from_mesh
-        aligned = replace(read_case(path, posed=False), posed=True, cam_from_mesh=pose, alignment={"method": "refined"})
+        aligned = replace(read_case(path, posed=False), posed=True, cam_from_mesh=pose, alignment=PoseRecord("refined"))
         write_case(path, aligned)
     return tmp_path / "queue"
 

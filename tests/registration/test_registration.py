@@ -14,10 +14,10 @@ from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.alignment_record import FURTHER_FRAMES
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface, load_case
+from oneframe.case.pose_record import FURTHER_FRAMES
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
@@ -428,15 +428,16 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
     found = registered(tmp_path, "frames", tmp_path / "out", *options)
     assert [entry["state"] for entry in found] == [ACCEPTED] * len(poses)
     case = read_case(tmp_path / "out" / "case.toml")
-    for entry, pose in zip([case.alignment, *found], [SOURCE, *poses], strict=True):
-        estimate = case.cam_from_mesh if entry is case.alignment else np.array(entry["cam_from_mesh"])
+    own = case.alignment.table()
+    for entry, pose in zip([own, *found], [SOURCE, *poses], strict=True):
+        estimate = case.cam_from_mesh if entry is own else np.array(entry["cam_from_mesh"])
         known = PoseUncertainty.of_entry(entry, estimate, np.eye(4))
         assert np.abs(twist_between(estimate, pose, known.pivot_model)[:3]).max() < 0.2
         assert known.translation_mm[2] < 1.0
         assert known.translation_mm[:2].max() < 0.1
     assert rotation_angle_deg(case.cam_from_mesh[:3, :3] @ SOURCE[:3, :3].T) < 0.2
-    assert case.alignment["method"] == FURTHER_FRAMES
-    assert case.alignment["moved_deg"] == pytest.approx(np.linalg.norm([1.5, -1.0, 1.0]), abs=0.2)
+    assert case.alignment.method == FURTHER_FRAMES
+    assert case.alignment.moved_deg == pytest.approx(np.linalg.norm([1.5, -1.0, 1.0]), abs=0.2)
     assert len(case.frames) == 2
     assert all(each.image.exists() for each in case.frames)
     # a folder with the case of another frame is left as it is

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.case.pose_record import PoseRecord
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.register_case import FrameEvidence, RegistrationEvidence
 from oneframe.registration.surface_check import SurfaceCheck
@@ -23,7 +24,7 @@ def page(tmp_path_factory):
         frames.append(FrameEvidence("", 10 * number, RegisteredFrame(verdict), 0.3, picture))
     off_mm = np.linspace(-1, 1, 300).reshape(15, 20)
     check = SurfaceCheck(off_mm, np.abs(off_mm) > 0.9, 14)
-    evidence = RegistrationEvidence(tuple(frames), (160, 120), {"error_px": 1.5}, is_film=True, surface=check)
+    evidence = RegistrationEvidence(tuple(frames), (160, 120), PoseRecord(error_px=1.5), is_film=True, surface=check)
     path = tmp_path_factory.mktemp("page") / "registration.html"
     path.write_bytes(registration_page(evidence, name="one & two"))
     return path

@@ -87,8 +87,8 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     written = read_case(out)
     assert np.array_equal(written.cam_from_mesh, pose)
     assert written.landmarks == (*landmarks, wrong, *unused)
-    assert written.alignment["method"] == "landmarks"
-    assert written.alignment["pairs"] == 7
+    assert written.alignment.method == "landmarks"
+    assert written.alignment.pairs == 7
     assert written.image.resolve() == read_case(case_path).image.resolve()
     assert picture.read_bytes().startswith(b"\x89PNG")
 
@@ -144,14 +144,14 @@ def test_a_refused_pose_is_taken_by_choice_and_marked_as_such(case_path, tmp_pat
     ended = align(true, *pairs, "--refine", "--out", out)
     assert ended.returncode == 0, ended.stderr
     assert "note: " in ended.stdout
-    assert read_case(out).alignment["method"] == "landmarks"
+    assert read_case(out).alignment.method == "landmarks"
     ended = align(true, *pairs, "--refine", "--take-refused", "--out", out, "--json", record)
     assert ended.returncode == 0, ended.stderr
     assert "warning: taken although refused: " in ended.stdout
     found, table = read_case(out), json.loads(record.read_text())
-    assert found.alignment["method"] == "refined"
-    assert found.alignment["refused"] in ended.stdout
-    assert (found.alignment["start_method"], found.alignment["start_pairs"]) == ("landmarks", 7)
+    assert found.alignment.method == "refined"
+    assert found.alignment.refused in ended.stdout
+    assert found.alignment.start_method == "landmarks"
     assert table["refinement"]["taken_although_refused"]
     assert not table["refinement"]["accepted"]
     assert np.array_equal(np.array(table["cam_from_mesh"]), found.cam_from_mesh)

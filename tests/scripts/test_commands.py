@@ -80,7 +80,7 @@ def test_help_needs_neither_blender_nor_numpy(run_command):
         # before the missing --out is complained about
         (["render", "case.toml", "--ot", "dataset"], "unknown argument '--ot'; did you mean '--out'?"),
         (["render", "case.toml"], "the following arguments are required: --out"),
-        (["pack", "--out", "x"], "expected the folder of the dataset, DIR; only --verify works without it"),
+        (["pack", "--out", "x"], "expected the folder of the dataset, DIR, or --verify without it"),
         (["evaluate", "case.toml", "--out", "x"], "the following arguments are required: PHOTOGRAPHS.json"),
     ],
     ids=str,

@@ -51,8 +51,8 @@ def scenario(user):
     yield 0.7
     yield from user.key("R")
     yield from user.until(lambda: queued.position(bpy.context.scene) == 1, "the next frame after Replace")
-    assert read_case(first).alignment["method"] == "refined"
-    assert any("checked" in each.case.alignment for each in earlier_cases(first))
+    assert read_case(first).alignment.method == "refined"
+    assert any(each.case.alignment.checked for each in earlier_cases(first))
 
     # File > New at once: no question, and no pose is lost
     yield from user.redraw()

@@ -16,5 +16,5 @@ def scenario(user):
     scene = bpy.context.scene
     assert np.allclose(from_scene.cam_from_mesh(scene), wanted, atol=1e-9)
     yield from user.key("PAGE_DOWN", user.middle(), alt=True)
-    yield from user.until(lambda: "checked" in read_case(second).alignment, "the checked pose in its file")
+    yield from user.until(lambda: read_case(second).alignment.checked, "the checked pose in its file")
     assert np.allclose(read_case(second).cam_from_mesh, wanted, atol=1e-9)

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
+from ...case.pose_record import PoseRecord
 from ...errors import InputError
 from ...surface.deviation import deviation
 from ...surface.mesh import TriangleMesh
@@ -52,6 +53,18 @@ class Alignment:
     def pixels(self) -> np.ndarray:
         """``(N, 2)`` as clicked."""
         return landmark_arrays(self.landmarks)[1]
+
+    def record(self, tool: str, date: str) -> PoseRecord:
+        """The record of the pose; day in ISO 8601."""
+        return PoseRecord(
+            method="landmarks",
+            tool=tool,
+            date=date,
+            pairs=int(self.estimate.inliers.sum()),
+            rms_px=self.estimate.rms_px,
+            click_sigma_px=self.click_sigma_px,
+            **self.estimate.uncertainty.deviations(),
+        )
 
 
 def complete_landmarks(landmarks: Sequence[Landmark]) -> dict[int, Landmark]:

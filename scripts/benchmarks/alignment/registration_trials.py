@@ -16,6 +16,7 @@ from oneframe.alignment.refinement.verification import mean_distance_px
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase
+from oneframe.case.pose_record import UNKNOWN
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.registration.further_frames import FurtherFrame
@@ -106,7 +107,7 @@ class Scene:
 def posed_at(loaded: LoadedCase, frame: PosedFrame) -> LoadedCase:
     """The case with another frame."""
     pose = frame.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
-    return replace(loaded, frames=(frame,)).posed(pose, {})
+    return replace(loaded, frames=(frame,)).posed(pose, UNKNOWN)
 
 
 def spread(count: int, most: int) -> list[int]:

@@ -15,6 +15,7 @@ from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import FILM, FILM_POSES, HELD_OUT, write_sample_case, write_sample_film
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
+from oneframe.case.pose_record import UNKNOWN
 from oneframe.errors import RunError
 from oneframe.files.content import write_bytes_atomically
 from oneframe.files.outputs import made_folder
@@ -166,7 +167,7 @@ def cut_scene(folder: Path, whole: TrainingScene) -> TrainingScene:
     inside = (np.abs(pixels - (wide_high - 1) / 2) < MIDDLE / 2 * wide_high).all(axis=1)
     used, faces = np.unique(surface.faces[inside], return_inverse=True)
     path = folder / "case" / "case.toml"
-    cut = replace(case, mesh=made_folder(path.with_name("middle.ply")), structures=(), landmarks=(), alignment={})
+    cut = replace(case, mesh=made_folder(path.with_name("middle.ply")), structures=(), landmarks=(), alignment=UNKNOWN)
     write_ply(cut.mesh, TriangleMesh(surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)))
     write_case(path, cut)
     return TrainingScene("cut sample", path, whole.photographs, folder, (*whole.options, "--light", "lens"), real=False)

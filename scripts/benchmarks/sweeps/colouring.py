@@ -16,6 +16,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface, check_pose
+from oneframe.case.pose_record import UNKNOWN, PoseRecord
 from oneframe.case.surface_doubts import FARTHEST_MM
 from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
 from oneframe.colour.reference_view import ReferenceView, colours_of
@@ -116,7 +117,7 @@ def pose_error(stated: bool, shift_px: float) -> list[Outcome]:
     mesh = hills(0.5)
     image = photograph(mesh, CAMERA, FRONTAL)
     moved = rigid(translation=np.array([shift_px * DISTANCE_MM / CAMERA.fx, 0.0, 0.0])) @ FRONTAL
-    doubt = pose_doubt({"error_px": shift_px} if stated else {})
+    doubt = pose_doubt(PoseRecord(error_px=shift_px) if stated else UNKNOWN)
     return [view_outcome(reference(mesh, image, CAMERA, moved), CAMERA, moved, doubt=doubt)]
 
 

@@ -94,13 +94,7 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
 
 
 def checked_matrix(values: object, size: int, where: str) -> np.ndarray:
-    """Copy the user's values into a ``(size, size)`` float64 matrix of finite numbers; ``where`` begins the message.
-
-    Raises
-    ------
-    InputError
-        Wrong shape, not numbers, not finite.
-    """
+    """Copy the user's values into a ``(size, size)`` float64 matrix of finite numbers; ``where`` begins the message."""
     try:
         if not isinstance(values, np.ndarray) and any(
             isinstance(each, str | bool) for each in np.array(values, object).flat
@@ -136,12 +130,6 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     Returns
     -------
     ``(4, 4)`` float64 rigid transform, and a message if the rotation had to be corrected, else ``None``.
-
-    Raises
-    ------
-    InputError
-        Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, a rotation that is off by
-        more than :data:`ORTHONORMAL_TOLERANCE`, or a translation beyond :data:`LONGEST_TRANSLATION`.
     """
     b_from_a = checked_matrix(matrix, 4, where)
     if not np.allclose(b_from_a[3], [0, 0, 0, 1], atol=1e-9):

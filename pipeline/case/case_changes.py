@@ -28,11 +28,6 @@ def other_inputs(path: Path, case: Case) -> tuple[str, ...]:
     """Frame and surface of the case that a file holds, in words, as far as they are not those of ``case``.
 
     There are none if the file does not exist or is empty.
-
-    Raises
-    ------
-    InputError
-        The file is not a case file.
     """
     if not path.exists() or not path.stat().st_size:
         return ()
@@ -46,13 +41,7 @@ def other_inputs(path: Path, case: Case) -> tuple[str, ...]:
 
 
 def check_replaced(path: Path, case: Case) -> None:
-    """Check that a file which a case is to be written to holds no case of something else.
-
-    Raises
-    ------
-    InputError
-        It holds one of another frame or surface, or is not a case file.
-    """
+    """Check that a file which a case is to be written to holds no case of something else."""
     if other := other_inputs(path, case):
         raise InputError(
             f"{path}: expected no file or a case of this frame and surface, found one of {' and '.join(other)}; "

@@ -112,13 +112,7 @@ class Case:
 
     @property
     def lens_light(self) -> LensLight:
-        """The lamp at the lens, for views in its light.
-
-        Raises
-        ------
-        InputError
-            None is known.
-        """
+        """The lamp at the lens, for views in its light."""
         if self.light is None:
             raise InputError(
                 f"{self.path.name}: expected the lamp at the lens, a table [light], found none; "
@@ -137,11 +131,6 @@ def read_case(path: Path | str, *, posed: bool = True) -> Case:
     """Read and check a case file.
 
     ``posed`` is whether it must have a pose: not before the alignment.
-
-    Raises
-    ------
-    InputError
-        The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
     path = Path(path)
     case = case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
@@ -153,10 +142,7 @@ def read_case(path: Path | str, *, posed: bool = True) -> Case:
 
 
 def case_from_text(text: str | bytes, path: Path) -> Case:
-    """Check a case from the text of its file; file names in it are relative to the folder of ``path``.
-
-    Errors are those of :func:`read_case`.
-    """
+    """Check a case from the text of its file; file names in it are relative to the folder of ``path``."""
     name = path.name
     table = parsed_toml(text, name)
     check_keys(
@@ -213,13 +199,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
 
 
 def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion | None]:
-    """The camera of a table ``[camera]`` with valid keys; pixel origin at the centre of the top-left pixel.
-
-    Raises
-    ------
-    InputError
-        See :meth:`.PinholeCamera.from_matrix` and :func:`oneframe.camera.distortion.checked_distortion`.
-    """
+    """The camera of a table ``[camera]`` with valid keys; pixel origin at the centre of the top-left pixel."""
     camera = PinholeCamera.from_matrix(
         table["K"], size=table["size"], pixel_origin=table.get("pixel_origin", "center"), where=f"{where} K"
     )

@@ -53,13 +53,7 @@ def history_path(path: Path) -> Path:
 
 
 def earlier_cases(path: Path, most: int = MOST) -> tuple[EarlierCase, ...]:
-    """What the case of a file was, the latest first; nothing without a history.
-
-    Raises
-    ------
-    InputError
-        Its history is damaged.
-    """
+    """What the case of a file was, the latest first; nothing without a history."""
     found, lines = [], _lines(path)
     for number in range(len(lines), max(len(lines) - most, 0), -1):
         where = f"{history_path(path).name}: line {number}"

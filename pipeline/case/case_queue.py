@@ -75,13 +75,6 @@ def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Pat
     Returns
     -------
     The case files of these frames, old and new.
-
-    Raises
-    ------
-    InputError
-        See :func:`cases_of_frames`; nothing is written then.
-    RunError
-        A file cannot be written.
     """
     cases = cases_of_frames(folder, like, frames)
     fresh = [case for case in cases if not case.path.exists()]
@@ -94,14 +87,7 @@ def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Pat
 
 
 def cases_of_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Case]:
-    """The cases that :func:`add_frames` writes, as far as they do not exist; frames of one image have one.
-
-    Raises
-    ------
-    InputError
-        Two images would have one case, a case of that name is one of another image, or an image has other proportions
-        than K.
-    """
+    """The cases that :func:`add_frames` writes, as far as they do not exist; frames of one image have one."""
     by_image = {os.path.realpath(frame.image): frame for frame in frames}
     cases = [_case_of(frame, folder, like) for frame in by_image.values()]
     paths = {case.path for case in cases} | ({like.path} if like.path.parent.parent == folder else set())
@@ -125,13 +111,7 @@ def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
 
 
 def case_name(image: Path) -> str:
-    """The name of the case of a frame in a queue, its folder's.
-
-    Raises
-    ------
-    InputError
-        The name of the image begins with a dot: the folder would be hidden, or no folder of the queue.
-    """
+    """The name of the case of a frame in a queue, its folder's."""
     if image.name.startswith("."):
         raise InputError(f"{image}: expected a name that does not begin with a dot, for a case; rename the image")
     return image.stem

@@ -41,14 +41,6 @@ def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
         The case; its ``messages`` are not written.
     comment
         Lines for the beginning of the file.
-
-    Raises
-    ------
-    InputError
-        Another extension; a file of the case; or a case that could not be
-        read back, such as one with two landmarks of one name or a number that is not finite.
-    RunError
-        The file cannot be written.
     """
     path = Path(path)
     check_outputs([case_output(path)], {name: file for name, file in case.input_files().items() if name != "case"})
@@ -76,13 +68,7 @@ def _is_replaced(before: Case, after: Case) -> bool:
 
 
 def encoded(path: Path, text: str) -> bytes:
-    """The bytes of a case file.
-
-    Raises
-    ------
-    InputError
-        A name in it is no Unicode.
-    """
+    """The bytes of a case file."""
     try:
         return text.encode()
     except UnicodeEncodeError:
@@ -90,13 +76,7 @@ def encoded(path: Path, text: str) -> bytes:
 
 
 def case_output(path: Path) -> Path:
-    """The name of a case file to write, checked.
-
-    Raises
-    ------
-    InputError
-        Another extension.
-    """
+    """The name of a case file to write, checked."""
     if path.suffix.lower() != ".toml":
         raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; choose another name")
     return path

@@ -72,11 +72,6 @@ class LoadedCase:
 
         White ones are context, such as the dura and the ear canal, and would hide the nerve; they are shown where no
         structure has another colour.
-
-        Raises
-        ------
-        InputError
-            There is no structure of a name in ``only``.
         """
         structures = self.surface.structures
         names = [structure.name for structure, _ in structures]
@@ -101,12 +96,6 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         The case.
     aligned
         False accepts any pose, and puts an initial guess in the place of none: use it before the alignment.
-
-    Raises
-    ------
-    InputError
-        A file cannot be used; the image's size differs from the camera's; or, for an aligned case, the surface is
-        behind the camera, outside the frame or at an implausible distance.
     """
     mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
     if not case.posed and not aligned:
@@ -136,11 +125,6 @@ def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarr
     Returns
     -------
     The surface in the model frame, mm; ``mesh_from_model`` (4x4, mm); and messages about what was dropped.
-
-    Raises
-    ------
-    InputError
-        No usable mesh.
     """
     given, messages = read_mesh(path)
     given = given.scaled(mm_per_unit)
@@ -156,13 +140,7 @@ def check_poses(case: Case, mesh: TriangleMesh, frames: Sequence[PosedFrame]) ->
 
 
 def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
-    """Check that a pose (4x4, mm) shows the surface (model frame) to the frame's camera, at a plausible distance.
-
-    Raises
-    ------
-    InputError
-        It does not.
-    """
+    """Check that a pose (4x4, mm) shows the surface (model frame) to the frame's camera, at a plausible distance."""
     name = case.path.name
     points_cam = transform_points(cam_from_model, mesh.vertices)
     depth = points_cam[:, 2]

@@ -96,13 +96,6 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     Yields
     ------
     What it holds, and what is doubtful.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used, the inputs do not fit together, or an output must not be replaced.
-    RunError
-        A file cannot be written.
     """
     surface = _surface(given)
     inputs = given.files(surface)

@@ -71,11 +71,6 @@ def split_of_dataset(dataset: WholeDataset, *, gap_px: float | None = None) -> S
     """Divide a dataset's views into train, val and test.
 
     ``gap_px`` is as for :func:`split_of_views`.
-
-    Raises
-    ------
-    InputError
-        A table was changed or cannot be read, or the views cannot be divided.
     """
     count = dataset.description.count
     poses = np.empty((count, 4, 4))
@@ -110,11 +105,6 @@ def split_of_views(
         Intrinsics of the views.
     gap_px
         Least distance of views in different parts; :data:`GAP` of the longer side of the image if left out.
-
-    Raises
-    ------
-    InputError
-        Too few views, or a gap that leaves nothing of a part.
     """
     gap = GAP * max(camera.size_wh) if gap_px is None else float(gap_px)
     if not 0 <= gap < np.inf:

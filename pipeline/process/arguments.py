@@ -31,13 +31,7 @@ class ArgumentParser(argparse.ArgumentParser):
         raise InputError(f"command line: {message}; --help shows all options")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Parse all arguments.
-
-        Raises
-        ------
-        InputError
-            An unknown option, or a missing or unusable value.
-        """
+        """Parse all arguments."""
         # before argparse, which would only report the option that the user misspelt as missing
         self._check_names(itertools.takewhile(lambda argument: argument != "--", argv))
         arguments, unknown = self.parse_known_args(argv)

@@ -21,7 +21,7 @@ from scripts.benchmarks.rendering.render_scenes import case_scene
 from scripts.benchmarks.rendering.speed_accuracy import OURS, Configuration
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
-REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
+REGISTRATION = ("registration_grid", "stability_registration")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     # of a topic, or its form in the light: what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),

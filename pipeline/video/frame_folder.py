@@ -77,8 +77,6 @@ def write_frames(
 
     Raises
     ------
-    InputError
-        A file exists with other content, or a frame cannot be decoded.
     RunError
         A file cannot be written.
     """
@@ -113,8 +111,6 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
 
     Raises
     ------
-    InputError
-        The file exists with other content, or the frame cannot be decoded.
     RunError
         The file cannot be written.
     """
@@ -138,8 +134,6 @@ def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -
     Yields
     ------
     The file of each.
-
-    Errors are those of :func:`write_frame`.
     """
     files = [_files(video, folder, score)[0] for score in chosen]
     check_outputs(files, {"video": video})
@@ -160,8 +154,6 @@ def write_new(path: Path, data: bytes) -> None:
 
     Raises
     ------
-    InputError
-        The file exists with other content, which somebody may have made by hand.
     RunError
         The file cannot be written.
     """

@@ -41,8 +41,10 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
     return stored
 
 
-def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement:
+def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement | None:
     """Check that the depth image and the numbers of the silhouette are those of the surface at the view's pose.
+
+    ``None`` where the surface cannot be projected, see :func:`.surface_depth`.
 
     Raises
     ------
@@ -51,8 +53,10 @@ def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: Si
     """
     camera, pose = stored.camera, stored.cam_from_model
     occluder, projected = stored.occluder, surface_depth(surface.mesh, camera, pose)
+    if projected is None:
+        return None
     depth = np.where(occluder, np.uint16(0), stored.arrays["depth"])
-    found = agreement(depth, record.depth_scale, projected, camera.fx, hidden=stored.mask & occluder)
+    found = agreement(depth, record.depth_scale, projected, hidden=stored.mask & occluder)
     if found.misfit:
         where = paths.relative("depth")
         raise InputError(f"{where}: the surface projected with scene_gt and cam_K does not fit: {found.misfit}")

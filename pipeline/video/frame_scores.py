@@ -125,11 +125,6 @@ def score_frames(
         Called after each frame with the fraction done; an exception that it raises stops the work. Any thread.
     thumbnails
         Gets small pictures of the film, which is decoded only once.
-
-    Raises
-    ------
-    InputError
-        No file, not a video, no frames, or frames too large.
     """
     with Film(path, every=every, from_s=from_s, to_s=to_s) as film:
         scorer, count = FilmScorer(film.info, progress), 0

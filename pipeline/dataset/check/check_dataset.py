@@ -70,10 +70,9 @@ class CheckReport:
         if pixels:
             agreeing = sum(view.agreeing for view in self.compared) / pixels
             dz = np.median([view.median_dz_mm for view in self.compared if view.compared])
-            shift = max(float(np.hypot(*view.shift_px)) for view in self.compared)
             checked += (
                 f"; the reprojected surface agrees with the depth images at {agreeing:.2%} of {pixels} px, "
-                f"median |dz| = {dz:.2g} mm, largest shift of a view {shift:.2g} px"
+                f"median |dz| = {dz:.2g} mm"
             )
         return f"dataset of {self.count} views: complete and consistent ({checked})"
 
@@ -103,11 +102,6 @@ def check_dataset(
         The file of the views' poses, if they were listed and the case does not name it.
     stream
         Stream for the progress.
-
-    Raises
-    ------
-    InputError
-        Not a dataset at all, or one of another format.
     """
     root = Path(root)
     check_no_pack(root)
@@ -215,7 +209,8 @@ class _Check:
             stored = check_images(paths, record, description)
             if surface is not None:
                 with findings.collecting("views whose pose does not fit the pixels"):
-                    self._compared.append(check_pose(paths, record, stored, surface))
+                    if (fit := check_pose(paths, record, stored, surface)) is not None:
+                        self._compared.append(fit)
 
     def _check_poses(self) -> None:
         """Compare listed poses with their hash."""

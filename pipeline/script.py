@@ -23,7 +23,7 @@ from .case.loaded_case import load_case
 from .commands.render import own_command
 from .dataset.description import input_files
 from .dataset.option_arguments import merged_options, option_arguments
-from .dataset.options import LEFT, OPTIONS, RIGHT
+from .dataset.options import OPTIONS
 from .dataset.run.run_folder import Shard
 from .errors import InputError
 from .files.keys import nearest_name
@@ -158,10 +158,6 @@ def render_dataset(case: Case, out: Path | str, *, workers: int = 0, **options: 
             options[name] = os.fspath(value) if isinstance(value, os.PathLike) else value.item()
     chosen = merged_options(case.dataset, options, case.path, lit=case.light is not None, where=where)
     check_folder(folder, case.input_files() | input_files(case, chosen))
-    eyes = [(folder, chosen)]
-    if chosen.stereo_mm and chosen.eye == LEFT:
-        eyes.append((folder / RIGHT, replace(chosen, eye=RIGHT, video=False)))
-    for eye, own in eyes:
-        arguments = [str(case.path), f"--out={eye}", *option_arguments(own)]
-        job = Job(case, eye, own, Shard())
-        run(job, workers=workers, worker_command=[*own_command(), *arguments, "--worker"], stream=sys.stderr)
+    arguments = [str(case.path), f"--out={folder}", *option_arguments(chosen)]
+    command = [*own_command(), *arguments, "--worker"]
+    run(Job(case, folder, chosen, Shard()), workers=workers, worker_command=command, stream=sys.stderr)

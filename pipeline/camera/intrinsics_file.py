@@ -48,27 +48,14 @@ class CameraFile:
         return PinholeCamera.from_matrix(k, size=size_wh, where=f"{self.path.name}: K")
 
     def distortion_for(self, camera: PinholeCamera) -> Distortion | None:
-        """The distortion for a camera of this file, ``None`` if there is none.
-
-        Raises
-        ------
-        InputError
-            See :func:`oneframe.camera.distortion.checked_distortion`.
-        """
+        """The distortion for a camera of this file, ``None`` if there is none."""
         if self.distortion is None:
             return None
         return checked_distortion(self.distortion, camera, f"{self.path.name}: distortion")
 
 
 def read_camera(path: Path) -> CameraFile:
-    """Read intrinsics from any of the formats of :mod:`.calibration_content`.
-
-    Raises
-    ------
-    InputError
-        No file, another format, damaged content, no camera or several that differ, an invalid K (see
-        :meth:`.PinholeCamera.from_matrix`), a distortion other than OpenCV's with five coefficients.
-    """
+    """Read intrinsics from any of the formats of :mod:`.calibration_content`."""
     path = Path(path)
     content = content_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path)
     found = calibration_of(content, path.name)
@@ -94,11 +81,6 @@ def typed_camera(
         k1, k2, p1, p2 and k3, which may be left out.
     name
         Stands for the file's name in messages.
-
-    Raises
-    ------
-    InputError
-        An invalid K (see :meth:`.PinholeCamera.from_matrix`), or another number of coefficients.
     """
     if distortion is not None and len(distortion) not in (4, 5):
         raise InputError(f"{name}: expected a distortion k1 k2 p1 p2 [k3], found {len(distortion)} numbers")

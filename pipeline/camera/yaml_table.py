@@ -45,13 +45,7 @@ _Loader.add_multi_constructor("", _untagged)
 
 
 def yaml_table(text: str, where: str) -> object:
-    """The content of a YAML text as dictionaries, lists, numbers and strings.
-
-    Raises
-    ------
-    InputError
-        Not YAML, or too deep or too much.
-    """
+    """The content of a YAML text as dictionaries, lists, numbers and strings."""
     # OpenCV's first line, "%YAML:1.0", is no directive of YAML
     text = re.sub(r"\A\s*%YAML[^\n]*", "", text).expandtabs()
     try:

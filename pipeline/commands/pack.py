@@ -57,7 +57,7 @@ def run(arguments: Arguments) -> int:
         raise InputError("command line: expected the folder of the dataset, DIR, or --verify without it")
     # the arrays are small: numpy's BLAS threads would only take memory
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from ..dataset.layout import eyes_of
+    from ..dataset.layout import datasets_in
 
     output = own_output()
     if dataset is None:
@@ -71,11 +71,11 @@ def run(arguments: Arguments) -> int:
 
         split = split_of_dataset(open_whole_dataset(dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
-        views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    for eye in eyes_of(dataset):
-        out = arguments.out / eye.relative_to(dataset)
+        views, about = split.part(arguments.split), f"{arguments.split}, of {split.text()}"
+    for each in datasets_in(dataset):
+        out = arguments.out / each.relative_to(dataset)
         manifest = pack_dataset(
-            eye,
+            each,
             out,
             PackOptions(arguments.views_per_shard, arguments.jpeg, about),
             views=views,
@@ -92,12 +92,12 @@ def run(arguments: Arguments) -> int:
 
 def _verify(arguments: Arguments, output: TextIO) -> int:
     """Compare the pack with its hashes."""
-    from ..dataset.layout import eyes_of
+    from ..dataset.layout import datasets_in
     from ..files.machine import available_cores
     from ..packing.pack import verify_pack
 
     problems = 0
-    for folder in eyes_of(arguments.out):
+    for folder in datasets_in(arguments.out):
         wrong = verify_pack(folder, threads=arguments.workers or available_cores(), stream=output)
         output.writelines(f"{line}\n" for line in wrong)
         output.write(f"{folder}: {f'NOT whole, {len(wrong)} findings' if wrong else 'whole (all hashes)'}\n")

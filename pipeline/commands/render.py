@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import re
 import sys
 from dataclasses import MISSING, dataclass
 from pathlib import Path
@@ -30,7 +29,7 @@ EPILOG = """examples:
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
   %(prog)s case.toml --out dataset --count 100000 --cluster tls://host:8786       (on a Dask cluster)
-  %(prog)s queue --out views --count 500          (500 of each aligned frame, and all as one dataset of BOP)
+  %(prog)s queue --out views --count 500          (a dataset of 500 views of each aligned frame)
 
 Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
 separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
@@ -104,7 +103,6 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     from ..blender.dataset.run import run as render
     from ..blender.dataset.run import work
     from ..case.pose_record import INITIAL_GUESS
-    from ..dataset.options import LEFT
     from ..files.outputs import check_folder
 
     job = _job(arguments)
@@ -128,17 +126,6 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
         verify=arguments.verify,
         progress_seconds=arguments.progress_seconds,
     )
-    if job.options.stereo_mm and job.options.eye == LEFT:
-        _render_case(_of_right_eye(arguments), output)
-
-
-def _of_right_eye(arguments: argparse.Namespace) -> argparse.Namespace:
-    """The arguments that render the right eye of each view, a dataset within that of the left ones."""
-    from ..dataset.options import RIGHT
-
-    here = {"out": arguments.out / RIGHT, "eye": RIGHT, "video": False}
-    argv = [*arguments.argv, f"--eye={RIGHT}", "--no-video", f"--out={here['out']}"]
-    return argparse.Namespace(**vars(arguments) | here | {"argv": argv})
 
 
 def _job(arguments: argparse.Namespace) -> "Job":
@@ -160,14 +147,13 @@ def _read_by(job: "Job") -> dict[str, Path]:
 
 
 def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
-    """Render the aligned cases of a queue, each as its own command would; then join what is complete."""
+    """Render the aligned cases of a queue, each as its own command would."""
     from ..blender.dataset.job import open_job
     from ..case.case_file import read_case
     from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
-    from ..dataset.joined_scenes import join_scenes
-    from ..dataset.layout import CASES, CHECKSUMS, SCENES, eyes_of
+    from ..dataset.layout import CASES
     from ..dataset.run.same_run import check_description
-    from ..files.outputs import check_own_folder, made_folder, writing
+    from ..files.outputs import check_own_folder
 
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
@@ -194,20 +180,11 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
             output.write(f"{name}: {state}\n")
     if not own:
         raise InputError(f"{arguments.case}: expected cases that are aligned or checked, found none; align them first")
-    check_own_folder(out, "|".join(("bop", CASES, re.escape(SCENES))), read)
-    datasets = {name: each.out for name, each in own.items()}
+    check_own_folder(out, CASES, read)
     for number, (name, each) in enumerate(own.items(), start=1):
         output.write(f"{name}: rendering, {number} of {len(own)}\n")
         with naming(name):
             _render_case(each, output)
-    if unfinished := [
-        name for name, folder in datasets.items() if not all((eye / CHECKSUMS).exists() for eye in eyes_of(folder))
-    ]:
-        output.write(f"not joined yet: {', '.join(unfinished)} unfinished\n")
-        return
-    with writing(made_folder(out / "bop")):
-        join_scenes(datasets, out / "bop")
-    output.write(f"{out / 'bop'}: the scenes of {len(datasets)} cases, listed in {out / SCENES}\n")
 
 
 def _render_on_cluster(job: "Job", arguments: argparse.Namespace, output: TextIO) -> None:

@@ -77,11 +77,6 @@ def open_dataset(path: str | Path) -> Dataset:
     ----------
     path
         What ``--out`` of ``oneframe render`` or ``oneframe pack`` named.
-
-    Raises
-    ------
-    InputError
-        Neither, unfinished, damaged, or of another format. The message says what is missing.
     """
     folder = Path(path)
     if (folder / MANIFEST).is_file():

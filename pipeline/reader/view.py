@@ -85,13 +85,7 @@ class View:
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface.
-
-        Raises
-        ------
-        InputError
-            The dataset was rendered without ``--normals``.
-        """
+        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface."""
         return unit_vectors(self.files.array(self.index, "normals"))
 
     @cached_property
@@ -100,11 +94,6 @@ class View:
 
         They are those of the model's triangles at the pixels' centres, not differences of the depth: these mix surfaces
         at every edge and step, and its rounding tilts them.
-
-        Raises
-        ------
-        InputError
-            There is surface behind the camera, and the package embreex is not installed.
         """
         if "normals" in self.files.description.kinds:
             return self.normals
@@ -144,11 +133,6 @@ class View:
         ``(H, W, 2)`` float32 px: ``(u, v)`` in ``other`` minus ``(u, v)`` here, NaN where there is no surface or it is
         behind the other camera; and ``(H, W)`` bool: it is in the other image, and nothing in the other's depth hides
         it. Beside an outline there, half a pixel decides.
-
-        Raises
-        ------
-        InputError
-            The other view shows another surface.
         """
         its = other.files.description
         if its.content.get("geometry_sha256") != self.files.description.content.get("geometry_sha256"):
@@ -158,13 +142,7 @@ class View:
 
     @cached_property
     def right(self) -> "View":
-        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``.
-
-        Raises
-        ------
-        InputError
-            There is none.
-        """
+        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``."""
         return View(self.index, self.files.right)
 
     @cached_property

@@ -81,12 +81,6 @@ def correct_source(
         For the record in the case.
     progress
         Called with the finished share, 0..1.
-
-    Raises
-    ------
-    InputError
-        The frames cannot be used, too few of them are accepted, they leave the pose open, or they put the surface
-        elsewhere at the corrected pose too.
     """
     registrar, reader, name = Registrar(loaded), FrameReader(loaded.case), folder_or_video.name
     with reader.opened(folder_or_video) as opened:

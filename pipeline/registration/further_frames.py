@@ -72,11 +72,6 @@ class FrameReader:
 
         A frame that cannot be read, and an image of other proportions than K's or a frame of another size than the
         film's first one, comes with its problem.
-
-        Raises
-        ------
-        InputError
-            No images, not a video, or one of other proportions than K's.
         """
         if folder_or_video.is_dir():
             paths = image_paths(folder_or_video)

@@ -152,13 +152,7 @@ class AcceptedFrames:
 
 
 def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> AcceptedFrames:
-    """The frames that ``oneframe register`` has accepted in its folder; ``video`` if they are those of a film.
-
-    Raises
-    ------
-    InputError
-        There is no such list, none of its frames is accepted, or their images are not there.
-    """
+    """The frames that ``oneframe register`` has accepted in its folder; ``video`` if they are those of a film."""
     path = folder / POSES if folder.is_dir() else folder
     content = read_content(path, "the poses of registered frames", most=LARGEST_FILE)
     try:
@@ -191,13 +185,7 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
 
 
 def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[PosedFrame]:
-    """The case's frames and some accepted ones, at the size at which frames are registered.
-
-    Raises
-    ------
-    InputError
-        The images cannot be read, or are not the case's.
-    """
+    """The case's frames and some accepted ones, at the size at which frames are registered."""
     frames = [small_frame(frame) for frame in loaded.frames]
     if accepted is None:
         return frames
@@ -218,11 +206,6 @@ def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[st
     Returns
     -------
     The photographs, of the case's camera; and messages about what was corrected.
-
-    Raises
-    ------
-    InputError
-        As :func:`.read_poses`, an entry names no image, or its distortion is none.
     """
     poses, messages = read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=case.mm_per_unit)
     entries: Any = parsed_json(read_content(path, "a list of photographs"), path.name)

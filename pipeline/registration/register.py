@@ -78,13 +78,7 @@ class Registrar:
     """Registers frames to a case, by what its aligned frame shows of the surface."""
 
     def __init__(self, loaded: LoadedCase, guess: Guess | None = None) -> None:
-        """Prepare a case at its pose; ``guess`` is asked before the features.
-
-        Raises
-        ------
-        InputError
-            The frame does not show the surface.
-        """
+        """Prepare a case at its pose; ``guess`` is asked before the features."""
         self.loaded, self.reader, self._guess = loaded, FrameReader(loaded.case), guess
         view = reference_view(replace(loaded, frames=(small_frame(loaded.frame),)))
         self.mesh, self.source, self.pivot_model = view.mesh, view.view, view.pivot_model
@@ -99,11 +93,6 @@ class Registrar:
 
         What the surface and the case's own pose are off is included; whether the frame is zoomed, the others of its set
         tell: :func:`.judged_together`.
-
-        Raises
-        ------
-        InputError
-            The case's frame shows too little texture on the surface.
         """
         registered = self.register_alone(frame, near)
         if registered.fit is None:

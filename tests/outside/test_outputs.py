@@ -307,18 +307,13 @@ def test_no_operator_replaces_an_input(addon, case, tmp_path):
     folder = case.parent
     bpy.ops.oneframe.open_case(filepath=str(case))
     bpy.ops.oneframe.import_landmarks(filepath=str(folder / "landmarks.csv"))
-    operators = {
-        "save_case": {}, "export_landmarks": {}, "save_edited_surface": {}, "export_surface": {"mode": "texture"},
-    }  # fmt: skip
     inputs = [folder / name for name in ("case.toml", "frame.png", "surface.ply", "nerve.ply")]
     before = hashes(folder)
-    for (name, arguments), path in itertools.product(operators.items(), inputs):
-        targets = [path, *(path.with_suffix(suffix) for suffix in (".obj", ".ply") if path.suffix == ".png")]
-        for target in targets if name == "export_surface" else [path]:
-            if (name, target) == ("save_case", case):
-                continue
-            with pytest.raises(RuntimeError):
-                getattr(bpy.ops.oneframe, name)(filepath=str(target), **arguments)
-            assert hashes(folder).items() >= before.items(), (name, target)
+    for name, path in itertools.product(("save_case", "save_edited_surface"), inputs):
+        if (name, path) == ("save_case", case):
+            continue
+        with pytest.raises(RuntimeError):
+            getattr(bpy.ops.oneframe, name)(filepath=str(path))
+        assert hashes(folder).items() >= before.items(), (name, path)
     bpy.ops.oneframe.save_case(filepath=str(case))
     assert len(read_landmarks(folder / "landmarks.csv")) == 8

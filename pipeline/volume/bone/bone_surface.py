@@ -91,11 +91,6 @@ def bone_surface(
         ``(Z, Y, X)`` bool, as of :func:`.bone_voxels`.
     removed
         What was drilled away.
-
-    Raises
-    ------
-    InputError
-        No bone is left, or the surface has too many faces.
     """
     if removed is not None:
         solid = without_crumbs(solid, volume.grid, removed, smallest_mm3=finish.crumb_mm3)

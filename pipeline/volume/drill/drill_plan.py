@@ -66,24 +66,12 @@ class DrillPlan:
 
 
 def read_drill_plan(path: Path) -> DrillPlan:
-    """Read and check a plan.
-
-    Raises
-    ------
-    InputError
-        No TOML, an unknown or missing key, a radius or margin out of range, or points that are none.
-    """
+    """Read and check a plan."""
     return _parsed(read_content(path, "a drill plan", most=LARGEST_TEXT), path.name)
 
 
 def check_strokes(plan: DrillPlan, grid: VoxelGrid, where: str) -> list[str]:
-    """Check that every stroke meets the volume; return messages about those that lie partly outside it.
-
-    Raises
-    ------
-    InputError
-        A stroke lies outside the volume altogether.
-    """
+    """Check that every stroke meets the volume; return messages about those that lie partly outside it."""
     partly = []
     last = np.array(grid.size) - 0.5
     for number, stroke in enumerate(plan.strokes, 1):
@@ -113,13 +101,7 @@ def unprotected(margins_mm: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def check_margins(margins_mm: Collection[str], structures: Collection[str]) -> None:
-    """Check that there is a structure of the name for each margin.
-
-    Raises
-    ------
-    InputError
-        There is none: the margin would protect nothing.
-    """
+    """Check that there is a structure of the name for each margin."""
     missing = sorted(set(margins_mm) - set(structures))
     if missing:
         raise InputError(

@@ -20,11 +20,6 @@ def filled(mesh: TriangleMesh, grid: VoxelGrid) -> tuple[np.ndarray, np.ndarray]
     Returns
     -------
     The first voxel ``(3,)`` (x, y, z) of the box that holds them, and ``(z, y, x)`` bool; empty outside the grid.
-
-    Raises
-    ------
-    InputError
-        The mesh is not closed.
     """
     points = transform_points(grid.index_from_mesh, mesh.vertices) + _SHIFT
     first = np.clip(np.ceil(points.min(axis=0)), 0, grid.size).astype(np.int64)

@@ -34,12 +34,12 @@ DRAWS = 500
 
 @dataclass(frozen=True)
 class RegistrationTrial:
-    """One photograph, or one corrected source: a row of the table.
+    """One photograph: a row of the table.
 
     Attributes
     ----------
     part
-        Of the benchmark: ``photographs``, ``film``, ``grid``, ``limits``, ``correction``.
+        Of the benchmark: ``photographs``, ``film``, ``grid``, ``limits``.
     scene, real
         The data set, and whether its images are photographs, not rendered.
     source, frame

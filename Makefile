@@ -15,7 +15,7 @@ PYTEST = OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest --dist loadfile --no-loadscope-
 # each of the many processes that tests start would compile the package anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module and the commands; again when pyproject.toml has changed
@@ -90,10 +90,6 @@ chart: setup
 bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.csv
-
-# errors of the surface from CT, in demo/bench
-bench-surface: setup
-	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 
 # views against real photographs, beside the paper's method, in demo/evaluation, and in the light of the lens, in
 # demo/light; the poses of further frames, in demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; and what

@@ -149,7 +149,7 @@ def test_the_installed_program_renders_with_workers_and_checks(run_installed, wr
     assert "dataset of 4 views: complete and consistent" in ended.stdout
     ended = run_installed("oneframe", "pack", "out", "--out", "packed", "--views-per-shard", "2", "--workers", "2")
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert run_installed("oneframe", "pack", "out", "--out", "packed", "--verify").returncode == 0
+    assert run_installed("oneframe", "pack", "--out", "packed", "--verify").returncode == 0
     ended = run_installed("oneframe", "report", "out", "--out", "page.html")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert b"Complete and consistent" in (tmp_path / "page.html").read_bytes()

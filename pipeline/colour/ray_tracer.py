@@ -132,11 +132,6 @@ class RayTracer:
         """Prepare what the views share.
 
         ``samples`` are rays in each pixel at an edge; ``rays`` are Embree's if left out.
-
-        Raises
-        ------
-        InputError
-            Rays cannot be cast here.
         """
         mesh, colours, self._unseen = surface.mesh, surface.colours, surface.unseen
         self._mesh, self._camera, self._rays = mesh, camera, rays or MeshRays(mesh)

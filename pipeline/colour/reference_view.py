@@ -127,11 +127,6 @@ def reference_view(loaded: LoadedCase, look: Look = nearest_surface, light: Lens
         Shows the bare surface at each frame's pose.
     light
         The light at the lens, which is taken out of the frames; ``look`` must know light then.
-
-    Raises
-    ------
-    InputError
-        No pixel of a frame shows the surface, or it needs rays and there is no Embree.
     """
     name, mesh, said = loaded.case.path.name, loaded.surface.mesh, []
     surface = ColouredSurface(mesh, light=light)

@@ -147,11 +147,6 @@ def bake_atlas(
         ``(V, 3)`` colours of the vertices for what the frames did not see; ``None``: :data:`NEUTRAL`.
     step
         Called often; what it raises ends the work.
-
-    Raises
-    ------
-    InputError
-        The atlas would be larger than ``max_size`` texels in width or height.
     """
     if len(views) == 1:
         return _baked(mesh, views, seen_faces[0], unseen, max_size, step)

@@ -3,7 +3,7 @@
 from dataclasses import MISSING, dataclass
 from pathlib import Path
 
-from ..errors import InputError, RunError
+from ..errors import InputError
 from ..process.command import option, positional
 from ..process.own_process import own_output
 
@@ -14,10 +14,9 @@ EPILOG = """examples:
   %(prog)s long.mp4 --out frames --every 5
 
 Every frame is scored by its sharpness, exposure, glare and motion, and by how much of the view metal and gloves cover,
-by their colour. The best frames are written twice: as decoded, and with alpha 0
-where they show no tissue (instruments, glare, the black around a microscope's circle). Both can be the frame of a
-case; look at contact_sheet.png first. scores.csv has a line for each frame; scores.png, which needs matplotlib, plots
-them over time.
+by their colour. The best frames are written twice: as decoded, and with alpha 0 where they show no tissue (instruments,
+glare, the black around a microscope's circle). Both can be the frame of a case; look at contact_sheet.png first.
+scores.csv has a line for each frame.
 """
 
 
@@ -39,20 +38,13 @@ def run(arguments: Arguments) -> None:
         raise InputError(
             f"command line: --to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}"
         )
-    from ..charts.page import chart_path, require_matplotlib
-    from ..charts.score_chart import score_chart
     from ..progress import ShareProgress
     from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
     from ..video.frame_scores import best_frames, score_frames
 
     output = own_output()
     video, out = arguments.video, arguments.out
-    charts = [chart_path(out / TABLE)]
-    try:
-        require_matplotlib()
-    except RunError:
-        charts = []
-    check_frame_folder(out, video, charts)
+    check_frame_folder(out, video)
     with ShareProgress("of the film", stream=output) as shown:
         scores = score_frames(
             video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=shown.reach
@@ -65,10 +57,5 @@ def run(arguments: Arguments) -> None:
     if written:
         output.write(f"frames beside what is masked in them: {out / SHEET}\n")
     output.write(f"scores of all frames: {out / TABLE}\n")
-    if charts:
-        drawn = score_chart(scores.frames, [frame.score for frame in written], out / TABLE)
-        output.write(f"scores over time: {drawn}\n")
-    else:
-        output.write("note: no chart of the scores, which needs matplotlib; run pip install matplotlib\n")
     if not written:
         raise InputError(f"{video.name}: expected a frame that shows something sharply, found none; see {out / TABLE}")

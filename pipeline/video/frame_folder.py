@@ -22,7 +22,7 @@ COLUMNS = (
     "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
     "comb_ratio",
 )  # fmt: skip
-_NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores(-dark)?\.(csv|svg|png)"
+_NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores\.csv"
 TILE_WIDTH = 640
 MASKED_COLOUR = np.array([1.0, 0.0, 1.0], np.float32)
 
@@ -53,7 +53,7 @@ class ChosenFrame:
     tissue: float
 
 
-def check_frame_folder(out: Path, video: Path, charts: Sequence[Path] = ()) -> None:
+def check_frame_folder(out: Path, video: Path) -> None:
     """Check before any work that the folder holds nothing else, and that the files of known names can be written.
 
     Raises
@@ -62,7 +62,7 @@ def check_frame_folder(out: Path, video: Path, charts: Sequence[Path] = ()) -> N
         As :func:`.check_own_folder` and :func:`.check_outputs`.
     """
     check_own_folder(out, _NAMES, {"video": video})
-    check_outputs([out / SHEET, out / TABLE, *charts], {"video": video})
+    check_outputs([out / SHEET, out / TABLE], {"video": video})
 
 
 def write_frames(

@@ -36,13 +36,6 @@ def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None
     """Check before any work that the coloured surface can be written, with the files that go with it.
 
     ``inputs`` are files that must not be replaced, by what they are.
-
-    Raises
-    ------
-    InputError
-        Another extension, a colour mode that the format does not support, or a file that must not be replaced.
-    RunError
-        The files cannot be written.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -76,13 +69,6 @@ def export_coloured_surface(
     Returns
     -------
     Messages for the user: resolution and coverage.
-
-    Raises
-    ------
-    InputError
-        As :func:`check_export`, for the files of the case.
-    RunError
-        A file cannot be written.
     """
     check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()

@@ -118,21 +118,12 @@ class OpenJob:
 
 
 def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
-    """The light at the lens, if options ask for it.
-
-    Errors are those of :func:`.lens_shading_of`.
-    """
+    """The light at the lens, if options ask for it."""
     return None if options.light == NONE else lens_shading_of(loaded, shadows=options.light == SHADOWS)
 
 
 def open_job(job: Job) -> OpenJob:
-    """Read and check all inputs of a job; its case file has been read before.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used.
-    """
+    """Read and check all inputs of a job; its case file has been read before."""
     case, files = job.case, input_files(job.case, job.options)
     given_poses: np.ndarray | None = None
     messages: list[str] = []
@@ -149,13 +140,7 @@ def open_job(job: Job) -> OpenJob:
 
 
 def own_instruments(options: DatasetOptions) -> tuple[Instrument, ...]:
-    """The user's instruments that options name.
-
-    Raises
-    ------
-    InputError
-        One cannot be used, there is none, or none is asked for.
-    """
+    """The user's instruments that options name."""
     if options.occluder_meshes is None:
         return ()
     if not options.occluders:
@@ -179,11 +164,6 @@ def render_views(
         Numbers of the views; ``None`` means "nothing to do now".
     finished
         Called from another thread with the number of a view that is on disk.
-
-    Raises
-    ------
-    RunError
-        A file cannot be written; all views reported as finished are on disk.
     """
 
     def write(index: int, sample: RenderedSample) -> None:

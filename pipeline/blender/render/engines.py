@@ -55,13 +55,7 @@ def engine_named(name: str) -> Engine:
 def opened_engine(
     name: str, surface: ColouredSurface, camera: PinholeCamera, *, samples: int = 1, threads: int = 0
 ) -> AbstractContextManager[Render]:
-    """What renders a surface: see :class:`Engine`.
-
-    Raises
-    ------
-    InputError
-        The views are too large, or the engine cannot render them.
-    """
+    """What renders a surface: see :class:`Engine`."""
     if camera.width * camera.height > LARGEST_VIEW_PX:
         raise InputError(
             f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"

@@ -70,11 +70,6 @@ def bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[Case
     """Write a case for each bone, seen from lateral; the others of its photographs tilt to all sides.
 
     ``folder`` holds ``ply/SPECIMEN/bone.ply``; ``most`` is the largest number of photographs besides the frame.
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     written = []
     for name in BONES:

@@ -62,13 +62,7 @@ class RefinementScene:
 
 
 def case_scene(path: Path) -> RefinementScene:
-    """The frame of a case file, with the pose in the file as the true one.
-
-    Raises
-    ------
-    InputError
-        The case, its frame or its surface cannot be used.
-    """
+    """The frame of a case file, with the pose in the file as the true one."""
     case = read_case(path)
     mesh, _ = read_mesh(case.mesh)
     mesh = mesh.scaled(case.mm_per_unit)
@@ -91,11 +85,6 @@ def lmo_scenes(folder: Path) -> list[RefinementScene]:
 
     Images without their object, or with hardly any of it in view, are left out. The true poses of LM-O are 2 to 6 px
     off themselves, so a result within 5 px counts as right ("2D projection", Brachmann et al. 2016).
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     camera, truth = read_lmo(folder)
     objects = {number: _coloured_mesh(lmo_model(folder, number)) for number in LMO_OBJECTS}
@@ -129,11 +118,6 @@ def bloster_scenes(folder: Path, *, coloured: bool) -> list[RefinementScene]:
     coloured
         Whether the surface has the colours that the next photograph shows of it. The cushion's print has nothing to do
         with its shape, so without them there is little to refine by.
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     camera, frames = read_bloster(folder)
     mesh = read_mesh(folder / "mesh_70k.ply")[0].scaled(1000.0)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import OURS, PEER, WARNING
-
 from ..alignment.landmark_trials import ALL, LandmarkRow
 from ..learning.pose_trials import PoseTrial, median_errors
 from ..learning.training_scenes import NEUTRAL, PHOTOGRAPHS
+from .page import OURS, PEER, WARNING
 from .panels import SERIES, Axis, Layer, Panel, categories, distinct, draw_chart, handle, line, rule
 
 SOLVERS = {

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import MUTED, OURS, PAPER, PEER, TEXT, WARNING
 from oneframe.registration.verdict import LEAST_ACCEPTED
 
 from ..alignment.registration_trials import RegistrationTrial, share
 from ..figures import conditions_note
 from ..learning.bad_photographs import LOCATED, NETWORK, REFINED, REGISTERED
 from ..sweeps.degradations import CLEAN, DEGRADATIONS, WRONG
+from .page import MUTED, OURS, PAPER, PEER, TEXT, WARNING
 from .panels import (
     PARTS,
     SERIES,

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import DASHED, MUTED, OURS, PAPER, PEER, TEXT, WARNING
-
 from ..rendering.speed_accuracy import FLOOR, SpeedPoint, pareto_front
 from ..rendering.speed_accuracy import PEER as OTHER
+from .page import DASHED, MUTED, OURS, PAPER, PEER, TEXT, WARNING
 from .panels import Axis, Layer, Panel, distinct, draw_chart, handle, line, rule, text
 
 COLOURS = {"Cycles": OURS, "raster": WARNING, "PyVista": PEER, "Eevee": MUTED}

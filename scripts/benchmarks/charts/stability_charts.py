@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from oneframe.case.surface_doubts import EXACT_PX
-from oneframe.charts.page import PEER, WARNING
 
 from ..figures import conditions_note
 from ..sweeps import colouring, landmarks, refinement
@@ -20,6 +19,7 @@ from .cell_panels import (
     right_of_all,
     with_lines,
 )
+from .page import PEER, WARNING
 from .panels import PARTS, Axis, Panel, distinct, draw_chart, handle, line
 
 Conditions = Sequence[str]

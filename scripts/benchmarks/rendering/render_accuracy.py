@@ -77,11 +77,6 @@ def converged_reference(scene: RenderScene, along: int, advance: Callable[[], No
     """Render the judged views with many rays per pixel, exact projective colours and the whole surface.
 
     ``along`` is the number of rays along a pixel's side; ``advance`` is called after each view.
-
-    Raises
-    ------
-    RunError
-        No photograph of the scene shows enough of what the frame saw.
     """
     (colour,), _ = colours_of(scene.source, "projective")
     judged = range(min(JUDGED_VIEWS, scene.planned))
@@ -123,11 +118,6 @@ def measure_scene(
 
     Nothing is judged without a reference; peers are those of :func:`scene_peers`, ``folder`` is for temporary files.
     ``advance`` is called after each measurement.
-
-    Raises
-    ------
-    RunError
-        A configuration failed.
     """
     faces, cores = len(scene.loaded.surface.mesh.faces), available_cores()
     np.save(folder / "poses.npy", scene.written_poses())
@@ -256,13 +246,7 @@ def _judged(reference: Reference, views: Sequence[np.ndarray]) -> dict[str, floa
 
 
 def scene_peers(scene: RenderScene) -> Mapping[str, Callable[[np.ndarray], np.ndarray]]:
-    """PyVista's renderers of the scene, by name; they show the vertex colours.
-
-    Raises
-    ------
-    RunError
-        PyVista is not installed.
-    """
+    """PyVista's renderers of the scene, by name; they show the vertex colours."""
     colours, _ = vertex_colours_of(scene.source)
     mesh, radius = scene.source.mesh, scene.source.mesh.radius
     depths = [scene.cam_from_model(index)[2, 3] for index in range(len(scene.poses))]

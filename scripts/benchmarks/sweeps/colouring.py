@@ -73,13 +73,7 @@ def photograph(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray, scal
 
 
 def reference(mesh: TriangleMesh, image: np.ndarray, camera: PinholeCamera, pose: np.ndarray) -> ReferenceView:
-    """The reference view of a case in memory.
-
-    Raises
-    ------
-    InputError
-        As for a case from files.
-    """
+    """The reference view of a case in memory."""
     nowhere = Path("case.toml")
     case = Case(nowhere, 1.0, nowhere, camera, None, nowhere, pose)
     check_pose(case, mesh, pose)

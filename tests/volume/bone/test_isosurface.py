@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from oneframe.volume.bone.isosurface import Isosurface, RemovedField, isosurface
 from oneframe.volume.volume import VoxelGrid
-from scripts.benchmarks.surface import scanned
-from tests.volume.solids import enclosed_mm3, is_closed, oblique_grid
+from tests.volume.solids import enclosed_mm3, is_closed, oblique_grid, scanned
 
 SEEDS = st.integers(0, 2**32 - 1)
 

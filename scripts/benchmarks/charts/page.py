@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import RunError
-from ..files.outputs import write_output
+from oneframe.errors import RunError
+from oneframe.files.outputs import write_output
 
 PAPER, TEXT, MUTED, GRID = "#ffffff", "#1f2328", "#59636e", "#d8dee4"
 OURS, WARNING, PEER = "#0072b2", "#d55e00", "#007d5a"
@@ -43,13 +43,7 @@ STYLE: dict[Any, Any] = {
 
 
 def require_matplotlib() -> None:
-    """Check before long measurements that charts can be drawn.
-
-    Raises
-    ------
-    RunError
-        matplotlib is not installed.
-    """
+    """Check before long measurements that charts can be drawn."""
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError:
@@ -74,11 +68,6 @@ def write_chart(data: Path, draw: Callable[[Any], None], size_inches: tuple[floa
         Called with an empty matplotlib ``Figure``.
     title
         The chart's title, also in the file's metadata.
-
-    Raises
-    ------
-    RunError
-        matplotlib is not installed, or the file cannot be written.
     """
     require_matplotlib()
     with _style():
@@ -109,13 +98,3 @@ def _style() -> Iterator[None]:
 def note(figure: Any, text: str) -> None:
     """Write small print below the chart."""
     figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=MUTED)
-
-
-def round_ticks_inside(axes: Any, *, margin: float) -> None:
-    """About four round ticks along x, none of them outside the data."""
-    from matplotlib.ticker import MaxNLocator
-
-    axes.margins(x=margin)
-    low, high = axes.get_xlim()
-    axes.set_xticks([tick for tick in MaxNLocator(4).tick_values(low, high) if low <= tick <= high])
-    axes.set_xlim(low, high)

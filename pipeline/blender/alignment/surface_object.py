@@ -55,13 +55,7 @@ def set_pose(camera_object: bpy.types.Object | None, surface: bpy.types.Object, 
 
 
 def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> np.ndarray:
-    """``cam_from_model`` (4x4, mm) of the objects; the exact pose that was set if they have not moved since.
-
-    Raises
-    ------
-    InputError
-        The surface or the camera is scaled, sheared or mirrored: that is not a rigid pose.
-    """
+    """``cam_from_model`` (4x4, mm) of the objects; the exact pose that was set if they have not moved since."""
     camera = None if camera_object is None else (_placement(camera_object).tobytes(), camera_object.name)
     placed = _placed(camera, _placement(surface).tobytes(), surface.name)
     stored = exact(surface, POSE)
@@ -102,13 +96,7 @@ def mesh_from_model_of(surface: bpy.types.Object) -> np.ndarray:
 
 
 def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
-    """The surface object's current mesh (model frame, mm), with polygons split into triangles.
-
-    Raises
-    ------
-    InputError
-        It has no faces left.
-    """
+    """The surface object's current mesh (model frame, mm), with polygons split into triangles."""
     if surface.mode == "EDIT":
         surface.update_from_editmode()
     data = surface.data
@@ -196,13 +184,7 @@ def _check_unscaled(world_from_object: np.ndarray, name: str) -> None:
 def first_hit(
     surface: bpy.types.Object, origin: Sequence[float] | Vector, direction: Sequence[float] | Vector
 ) -> tuple[Vector, Vector] | None:
-    """Point and normal where a ray (model frame) first meets the surface object, ``None`` if it misses.
-
-    Raises
-    ------
-    InputError
-        The object is not in the view layer, so Blender has no evaluated mesh.
-    """
+    """Point and normal where a ray (model frame) first meets the surface object, ``None`` if it misses."""
     try:
         hit, point, normal, _ = surface.ray_cast(origin, direction)
     except RuntimeError:  # Blender raises nothing more specific

@@ -126,13 +126,7 @@ def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
 
 
 def open_job(job: Job) -> OpenJob:
-    """Read and check all inputs of a job; its case file has been read before.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used.
-    """
+    """Read and check all inputs of a job; its case file has been read before."""
     case, files = job.case, input_files(job.case, job.options)
     given_poses: np.ndarray | None = None
     messages: list[str] = []
@@ -149,13 +143,7 @@ def open_job(job: Job) -> OpenJob:
 
 
 def own_instruments(options: DatasetOptions) -> tuple[Instrument, ...]:
-    """The user's instruments that options name.
-
-    Raises
-    ------
-    InputError
-        One cannot be used, there is none, or none is asked for.
-    """
+    """The user's instruments that options name."""
     if options.occluder_meshes is None:
         return ()
     if not options.occluders:
@@ -179,11 +167,6 @@ def render_views(
         Numbers of the views; ``None`` means "nothing to do now".
     finished
         Called from another thread with the number of a view that is on disk.
-
-    Raises
-    ------
-    RunError
-        A file cannot be written; all views reported as finished are on disk.
     """
 
     def write(index: int, sample: RenderedSample) -> None:

@@ -49,13 +49,6 @@ def run(
         Compare the hashes of all existing files, not only their sizes.
     progress_seconds
         Time between lines of progress where there is no terminal.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used.
-    RunError
-        The folder is in use or holds another dataset, or a file cannot be written. Finished views are kept.
     """
     engine_named(job.options.engine).check()
     _run(job, _Means(workers, worker_command, stream, progress_seconds), verify=verify)

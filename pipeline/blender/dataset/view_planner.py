@@ -86,13 +86,7 @@ class ViewPlanner:
         self.messages = (*loaded.messages, *reference.messages, *filter(None, doubts))
 
     def plan(self, index: int) -> PlannedPose:
-        """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
-
-        Raises
-        ------
-        InputError
-            No pose meets the constraints.
-        """
+        """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index)."""
         fixed = self._distribution.fixed_pose(index, self._count)
         if fixed is not None:
             planned = plan_given_pose(fixed, self._constraints, self.probe)
@@ -108,11 +102,6 @@ class ViewPlanner:
         """A message if hardly any pose meets the constraints, or listed ones show nothing; empty otherwise.
 
         See :func:`oneframe.poses.constraints.sampling_doubt`.
-
-        Raises
-        ------
-        InputError
-            One of the first views finds no pose.
         """
         plans = [self.plan(index) for index in range(min(SAMPLED_VIEWS, self._count))]
         if isinstance(self._distribution, Listed) and not any(plan.statistics.surface_fraction for plan in plans):

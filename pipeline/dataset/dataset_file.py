@@ -66,13 +66,7 @@ class Description:
 
 
 def read_description(path: Path) -> Description:
-    """Read a ``dataset.json``.
-
-    Raises
-    ------
-    InputError
-        Missing, damaged, or of another format.
-    """
+    """Read a ``dataset.json``."""
     content = parsed_json(read_content(path, "the description of a dataset", str(path), most=LARGEST_TEXT), str(path))
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = repr(content.get("format") if isinstance(content, dict) else content)[:60]

@@ -261,13 +261,7 @@ def option_groups() -> dict[str, list[Option]]:
 
 
 def checked_options(values: Mapping[str, object], where: str) -> DatasetOptions:
-    """Check options in a mapping such as the [dataset] table; those that are missing keep their defaults.
-
-    Raises
-    ------
-    InputError
-        An unknown name; a value of the wrong kind, not finite or out of range; options that exclude each other.
-    """
+    """Check options in a mapping such as the [dataset] table; those that are missing keep their defaults."""
     return checked_together(checked_values(values, where), where)
 
 

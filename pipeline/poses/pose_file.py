@@ -40,12 +40,6 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
     Returns
     -------
     ``(4, 4)`` float64, mm, and a message if the rotation had to be corrected, else ``None``.
-
-    Raises
-    ------
-    InputError
-        The file is missing or has another format, or the pose is not rigid (see
-        :func:`oneframe.transforms.checked_rigid`).
     """
     path = Path(path)
     data = read_content(path, "a file with a pose", most=LARGEST_FILE)
@@ -99,12 +93,6 @@ def read_poses(
     Returns
     -------
     ``(N, 4, 4)`` rigid ``cam_from_model``, mm, and messages for the user.
-
-    Raises
-    ------
-    InputError
-        Another extension; a file that is missing, unreadable or corrupt; not poses, or none; a pose that is not rigid
-        (see :func:`oneframe.transforms.checked_rigid`; the message names its index from 0).
     """
     path = Path(path)
     entries = _listed(path)
@@ -183,12 +171,6 @@ def read_frame_poses(
     Returns
     -------
     For each frame the rigid ``cam_from_model`` (4x4, mm) or ``None``; and messages for the user.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read_poses`; or the number of poses is not that of the frames, a frame is named twice, does not
-        exist or is an image of a folder, or no frame has a pose.
     """
     path = Path(path)
     entries = _by_frame(_listed(path), path.name, frames)

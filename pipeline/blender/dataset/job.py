@@ -118,10 +118,7 @@ class OpenJob:
 
 
 def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
-    """The light at the lens, if options ask for it.
-
-    Errors are those of :func:`.lens_shading_of`.
-    """
+    """The light at the lens, if options ask for it."""
     return None if options.light == NONE else lens_shading_of(loaded, shadows=options.light == SHADOWS)
 
 

@@ -66,8 +66,6 @@ def write_sample_case(
     Yields
     ------
     Each file's path once it is complete; ``case.toml`` is the last.
-
-    Errors are those of :func:`check_sample_case`.
     """
     check_sample_case(folder, camera=camera, held_out=held_out)
     with writing(folder / "case.toml"):

@@ -102,11 +102,6 @@ def check_dataset(
         The file of the views' poses, if they were listed and the case does not name it.
     stream
         Stream for the progress.
-
-    Raises
-    ------
-    InputError
-        Not a dataset at all, or one of another format.
     """
     root = Path(root)
     check_no_pack(root)

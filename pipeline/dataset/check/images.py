@@ -25,11 +25,6 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
     Returns
     -------
     What they hold.
-
-    Raises
-    ------
-    InputError
-        One is damaged, or they disagree.
     """
     images = {kind: _decoded(paths, kind, description) for kind in description.kinds}
     stored = Stored(images, record.depth_scale, description.frames, description.camera, record.cam_from_model)
@@ -45,11 +40,6 @@ def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: Si
     """Check that the depth image and the numbers of the silhouette are those of the surface at the view's pose.
 
     ``None`` where the surface cannot be projected, see :func:`.surface_depth`.
-
-    Raises
-    ------
-    InputError
-        They are not.
     """
     camera, pose = stored.camera, stored.cam_from_model
     occluder, projected = stored.occluder, surface_depth(surface.mesh, camera, pose)

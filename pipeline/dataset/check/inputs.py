@@ -23,11 +23,6 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
     ----------
     poses
         The file of the views' poses, if they were listed and the case does not name it.
-
-    Raises
-    ------
-    InputError
-        The file of the poses is not known.
     """
     content = description.content
     files = {name: path for name, path in case.input_files().items() if name != "case"}

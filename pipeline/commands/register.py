@@ -141,8 +141,6 @@ def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "Registrat
 
     path = arguments.out / FILM
     with Film(arguments.frames, every=arguments.every, width=WIDEST) as film, writing(path):
-        if film.info.pale:
-            output.write(f"note: {film.info.pale}\n")
         drawing = marked_film(loaded, film, evidence.frames, text_mask)
         with Progress(drawing.count, "frames of the film", stream=output) as shown:
             stream_video(path, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)

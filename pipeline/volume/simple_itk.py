@@ -41,15 +41,6 @@ def resampled(values: np.ndarray, own: VoxelGrid, wanted: VoxelGrid, *, outside:
     return sitk.GetArrayFromImage(found)
 
 
-def grown(mask: np.ndarray, steps: int) -> np.ndarray:
-    """A ``(Z, Y, X)`` mask with the neighbours of its voxels added ``steps`` times, or its border taken away."""
-    sitk = simple_itk()
-    image = sitk.GetImageFromArray(mask.view(np.uint8))
-    for _ in range(abs(steps)):
-        image = (sitk.BinaryDilate if steps > 0 else sitk.BinaryErode)(image, (1, 1, 1), sitk.sitkCross)
-    return sitk.GetArrayFromImage(image).view(np.bool_)
-
-
 @dataclass(frozen=True)
 class Components:
     """Parts of a mask whose voxels touch by their faces.

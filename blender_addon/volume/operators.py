@@ -136,7 +136,7 @@ class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT):
 
     def work(self, context: bpy.types.Context) -> Work:
         path, volume = Path(bpy.path.abspath(self.filepath)), loaded_ct(context.scene).volume
-        return lambda _progress: LoadedCT(volume, read_labels(path, volume, resampled=False))
+        return lambda _progress: LoadedCT(volume, read_labels(path, volume))
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         loaded_ct(context.scene)

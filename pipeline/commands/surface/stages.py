@@ -96,12 +96,12 @@ def _make(arguments: "Arguments", work: _Work, out: Path, inputs: Mapping[str, P
             work.say(f"warning: {message}")
     labels = None
     if arguments.labels is not None:
-        labels = without_bone(read_labels(arguments.labels, volume, resampled=False))
+        labels = without_bone(read_labels(arguments.labels, volume))
         check_outputs(_outputs(out, structure_names(labels).values()), inputs)
     if plan is not None:
         check_margins(plan.margins_mm, () if labels is None else structure_names(labels).values())
     # read before the long work, which what they hold could make vain
-    taken = None if arguments.remove is None else read_labels(arguments.remove, volume, resampled=False)
+    taken = None if arguments.remove is None else read_labels(arguments.remove, volume)
 
     level, how = _threshold(arguments, volume)
     work.record |= {"threshold_hu": level, "threshold_by": how}

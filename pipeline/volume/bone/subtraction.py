@@ -35,7 +35,7 @@ def removed_by_labels(labels: LabelMap, grid: VoxelGrid) -> RemovedField:
     own = labels.grid.shifted(low - _MARGIN, (width, height, depth))
     first, stop = grid.box_of(own.corners_mm, "removed part")
     part = grid.shifted(first, tuple(int(count) for count in stop - first))  # type: ignore[arg-type]
-    inside = resampled(share, own, part, outside=0.0)
+    inside = resampled(share, own, part)
     return RemovedField(first, (np.float32(0.5) - inside) * np.float32(labels.grid.spacing_mm.mean() / _SLOPE))
 
 

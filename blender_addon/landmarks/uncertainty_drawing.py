@@ -58,11 +58,6 @@ def current_uncertainty(scene: bpy.types.Scene, solved: Solution) -> tuple[PoseU
     """The uncertainty of the current pose, and ``(N, 3)`` landmarks that it rests on; ``None`` if it is not known.
 
     It is that of the landmarks, or of the refinement, and holds for the pose that these have found alone.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or no valid pose.
     """
     refined = pose_evidence.remembered_uncertainty(scene)
     if refined is not None:

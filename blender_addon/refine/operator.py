@@ -135,13 +135,7 @@ def _remember(result: Refinement | None, frame_path: str = "") -> None:
 
 
 def outcome(scene: bpy.types.Scene) -> Refinement | None:
-    """The latest refinement, in this frame, if the current pose is its result, or if it was refused at this pose.
-
-    Raises
-    ------
-    InputError
-        There is no pose.
-    """
+    """The latest refinement, in this frame, if the current pose is its result, or if it was refused at this pose."""
     if _last is None or _frame_path != scene.oneframe.frame_path:
         return None
     pose = from_scene.cam_from_model(scene)

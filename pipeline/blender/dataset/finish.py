@@ -1,22 +1,20 @@
 """The end of a dataset job: models, tables, contact sheet and video, once the views that they need exist."""
 
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from ...case.loaded_case import frame_overlay
 from ...colour.vertex_colours import colour_vertices
-from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
+from ...dataset.checksums import FileSurvey, write_checksums
 from ...dataset.dataset_file import read_description
-from ...dataset.layout import RECORD, VIDEO_FILES, ViewPaths, other_files, scene_folder
+from ...dataset.layout import RECORD, VIDEO_FILES, ViewPaths, other_files
 from ...dataset.run.survey import Tally
-from ...dataset.tables.bop import write_camera, write_models, write_scene
+from ...dataset.tables.bop import write_camera, write_models
 from ...dataset.tables.dataset_info import write_dataset_info
 from ...dataset.tables.pose_tables import POSE_COLUMNS, pose_cells
-from ...dataset.tables.view_tables import scene_records, write_view_tables
-from ...errors import RunError
+from ...dataset.tables.view_tables import write_view_tables
 from ...files.content import create_folder, read_file, write_bytes_atomically
 from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
@@ -45,15 +43,6 @@ def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 
-def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> None:
-    """Write the tables of every complete scene that has views of this job's shard, while others are not complete."""
-    for scene in sorted({ViewPaths(job.job.out, index).scene_id for index in job.views}):
-        # a record of another shard may be missing or damaged
-        with suppress(RunError):
-            records = scene_records(job.job.out, scene, job.count, job.identity)
-            write_scene(job.job.out, records, renderer.camera, job.object_name)
-
-
 def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     """Write the tables of a complete dataset, its overlay and its contact sheet; gives sums over all views."""
     out, camera, mesh = job.job.out, renderer.camera, renderer.reference.mesh
@@ -75,14 +64,13 @@ def video_to_render(job: OpenJob, files: FileSurvey) -> int | None:
 
     That is the video that the options ask for, or one that the dataset had and that is damaged now.
     """
-    frames = job.job.options.video_frames
-    video, poses = VIDEO_FILES
-    found = _video_frames(job.job.out / poses) if poses in files.intact else None
-    if job.job.options.video:
-        return None if video in files.intact and found == frames else frames
-    if video in files.damaged or poses in files.damaged:
-        return found or frames
-    return None
+    options, (video, poses), out = job.job.options, VIDEO_FILES, job.job.out
+    damaged = not files.damaged.keys().isdisjoint(VIDEO_FILES)
+    frames = _video_frames(out / poses) if (out / poses).exists() and poses not in files.damaged else None
+    if not options.video:
+        return (frames or options.video_frames) if damaged else None
+    is_there = (out / video).exists() and frames == options.video_frames and not damaged
+    return None if is_there else options.video_frames
 
 
 def _video_frames(poses: Path) -> int:
@@ -106,22 +94,8 @@ def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, frames: int, pr
     return video
 
 
-def write_sums(job: OpenJob, *, written: Collection[str], rendered: Iterable[int], video: bool) -> None:
-    """Write ``checksums.json`` of a dataset whose other files are all written.
-
-    Parameters
-    ----------
-    job
-        The job.
-    written
-        Files that this run has written; of the others, ``checksums.json`` keeps what it says.
-    rendered
-        Views that this run has rendered.
-    video
-        Whether the dataset has a video.
-    """
+def write_sums(job: OpenJob) -> None:
+    """Write ``checksums.json`` of a dataset whose other files are all written."""
     out = job.job.out
-    scenes = {scene_folder(ViewPaths(out, index).scene_id) for index in rendered}
-    known = (read_checksums(out, job.identity) or Checksums()).without(written, scenes)
-    names = [*other_files(job.count), *(VIDEO_FILES if video else ())]
-    write_checksums(out, job.identity, names, known=known)
+    video = VIDEO_FILES if all((out / name).exists() for name in VIDEO_FILES) else ()
+    write_checksums(out, job.identity, [*other_files(job.count), *video])

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
-from ...dataset.layout import RECORD, VIDEO_FILES, other_files
+from ...dataset.layout import other_files
 from ...dataset.option_arguments import option_arguments
 from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished, report_ready
-from ...dataset.run.run_folder import RunFolder
-from ...dataset.run.same_run import check_description
+from ...dataset.run.run_folder import RunFolder, check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
 from ...dataset.stereo import further_datasets
 from ...dataset.truths import written_truths
@@ -169,11 +168,7 @@ def _complete(opened: OpenJob, found: _Found, means: _Means) -> Tally | None:
         tally = _write_tables(opened, renderer, means.report) if found.lacks_tables else found.views.tally
         if tally is not None:
             _write_video(opened, renderer, found, means)
-            # the description is written by the folder, which forgets its sum
-            tables = set(other_files(opened.count)) - {RECORD} if found.lacks_tables else set()
-            video = VIDEO_FILES if found.video_frames is not None else ()
-            has_video = bool(video) or found.files.intact.issuperset(VIDEO_FILES)
-            finish.write_sums(opened, written={*tables, *video}, rendered=found.missing, video=has_video)
+            finish.write_sums(opened)
     return tally
 
 
@@ -220,7 +215,6 @@ def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Callable[[str
                 "same command without --shard to render them again"
             )
     if not complete:
-        finish.write_finished_scenes(opened, renderer)
         return None
     tally = finish.write_dataset_tables(opened, renderer)
     report(f"contact sheet: {out / 'contact_sheet.png'}")
@@ -242,7 +236,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     keep_freed_memory()
     opened = open_job(job)
     # the files may have changed since the run began
-    check_description(job.out, opened.description, opened.given_poses, may_shrink=False)
+    check_description(job.out, opened.description, opened.given_poses)
     with opened.renderer(threads=_threads(workers)) as renderer:
         report_ready(stream)
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))

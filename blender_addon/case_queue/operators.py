@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import IntProperty
+from bpy.props import IntProperty, StringProperty
 
 from ..class_registration import prop
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.case.case_file import read_case
-from ..pipeline.case.case_queue import CHECKED
+from ..pipeline.case.case_queue import CHECKED, REFUSED
 from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
 from ..pipeline.errors import InputError, naming
 from ..setup import history
@@ -20,6 +20,9 @@ from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, OperatorResult, Reporting, call
 from ..ui.question import ask_first
 from . import queued
+
+SETTLED = CHECKED, REFUSED
+"""States of frames of which nothing is left to do."""
 
 
 class _InQueue(Reporting):
@@ -55,7 +58,7 @@ class ONEFRAME_OT_queue_step(_InQueue):
 
 
 class ONEFRAME_OT_queue_unfinished(_InQueue):
-    """Save this case and open the next one whose pose nobody has checked: new, rough, in doubt or only aligned"""
+    """Save this case and open the next one that nobody has checked or refused: new, rough, in doubt or only aligned"""
 
     bl_label = "Next Unfinished"
     bl_options = {"UNDO"}
@@ -63,9 +66,9 @@ class ONEFRAME_OT_queue_unfinished(_InQueue):
     def run(self, context: bpy.types.Context) -> Messages:
         entries, here = queued.queue_of(context.scene), queued.position(context.scene)
         after = [*range(here + 1, len(entries)), *range(here)]
-        target = next((at for at in after if entries[at].state != CHECKED), None)
+        target = next((at for at in after if entries[at].state not in SETTLED), None)
         if target is None:
-            is_last = entries[here].state != CHECKED
+            is_last = entries[here].state not in SETTLED
             return ("this is the last frame that is not checked" if is_last else "all frames are checked",)
         # with its question
         call("queue_step", "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT", step=target - here)
@@ -94,6 +97,26 @@ class ONEFRAME_OT_queue_check(_InQueue):
             return ("checked; this is the last frame of the queue",)
         call("queue_step")
         return ()
+
+
+class ONEFRAME_OT_queue_refuse(_InQueue):
+    """Refuse this frame, with a reason: it is not rendered. Or take it back"""
+
+    bl_label = "Refuse"
+    bl_options = {"UNDO"}
+
+    reason: str = prop(StringProperty, "Reason", "Why: blurred, a glove in front; empty takes the frame back")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        self.reason = context.scene.oneframe.refused
+        # Blender's own dialog calls execute
+        return context.window_manager.invoke_props_dialog(self, confirm_text="Save")  # type: ignore[return-value]
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        scene = context.scene
+        scene.oneframe.refused = self.reason.strip()
+        call("save_case", filepath=scene.oneframe.case_path)
+        return ("the frame is taken back" if not scene.oneframe.refused else "refused: it is not rendered",)
 
 
 def save_present(scene: bpy.types.Scene) -> None:

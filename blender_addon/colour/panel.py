@@ -15,7 +15,7 @@ from . import lamp, operators
 class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
     """Project the frame's colours on the surface"""
 
-    bl_label = "7  Colour"
+    bl_label = "6  Colour"
     bl_order = 8
     step = "colour"
 

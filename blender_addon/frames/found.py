@@ -33,6 +33,7 @@ from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmCha
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame
+from ..state.recent import recent
 from ..state.scene_files import Stamp, forget_stamps, known_stamp
 from ..video import session, shown_frame
 from ..video.session import FilmSession
@@ -154,6 +155,17 @@ def of(scene: bpy.types.Scene) -> FoundFrames | None:
         return next(filter(None, others), None)
     except InputError:
         return None
+
+
+def film_of_case(scene: bpy.types.Scene) -> Path | None:
+    """The film of the case's frame, by its name: beside the frame or the case, in a folder above, or where it was."""
+    video = from_scene.video(scene)
+    if video is None:
+        return None
+    image, case = from_scene.absolute_path(scene.oneframe.frame_path), present(scene)
+    folders = [image.parent, *([case.parent, *case.parents[1:3]] if case is not None else [])]
+    places = (*(folder / video[0] for folder in folders), *(path for path in recent("films") if path.name == video[0]))
+    return next((path for path in places if known_stamp(path) != (0, 0)), None)
 
 
 def begun(scene: bpy.types.Scene, film: FilmSession) -> FoundFrames:

@@ -8,13 +8,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ..case_queue.operators import SETTLED
 from ..case_queue.queued import position, queue_of
 from ..class_registration import drawing
 from ..dataset import background_job
 from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
-from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.case.pose_record import (
     FURTHER_FRAMES,
     INITIAL_GUESS,
@@ -42,6 +42,8 @@ NAVIGATION_PX = 90.0
 """Width of Blender's navigation in the upper right corner of a view, at interface scale 1."""
 LARGEST_SHARE = 0.35
 """Of the view's height, for texts on top of it."""
+FEWEST_PINS = 3
+"""From which on pins hold the surface in all directions: a refinement begins near enough."""
 CONTRADICTION = 10.0
 """RMS of the pins in units of the click noise from which on they cannot be meant so."""
 
@@ -130,12 +132,15 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return "Next: drag pins or pick landmarks"
     if record.method == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"
-    if not record.is_from_image:
+    if record.method == "pins" and (record.pairs or 0) < FEWEST_PINS:
+        return "Next: drag another pin, far from the first"
+    entries, is_settled = queue_of(scene), bool(record.checked or scene.oneframe.refused)
+    if not record.is_from_image and not is_settled:
         return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
-    if entries := queue_of(scene):
-        if not is_saved or entries[position(scene)].state != CHECKED:
+    if entries:
+        if not is_saved or not (is_settled or entries[position(scene)].state in SETTLED):
             return f"Next: {binding('oneframe.queue_check') or 'Checked'}, if it is right"
-        if any(entry.state != CHECKED for entry in entries):
+        if any(entry.state not in SETTLED for entry in entries):
             return f"Next: {binding('oneframe.queue_unfinished') or 'Next Unfinished'} goes to the next unfinished one"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 

@@ -29,6 +29,7 @@ _WORDS = {
     "dataset": "dataset options",
     "landmarks": "landmarks",
     "light": "lamp",
+    "refused": "refusal",
 }
 """Field of a case -> its name in the window; the record of the pose changes with the pose only."""
 

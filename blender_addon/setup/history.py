@@ -24,6 +24,7 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..state import from_scene, pose, scene_files, workbench
 from ..state.camera_view import look_through_camera, show_shape
+from ..state.recent import remember
 from ..state.scene_files import Stamp, forget_stamps, known_stamp, usual_folder
 from ..ui.operator import Messages, Reporting
 from .alignment_record import recorded_case
@@ -60,6 +61,7 @@ def note(scene: bpy.types.Scene) -> None:
         return
     _moving.pop(path, None)
     _read[path] = _digest(path, from_scene.stamp(path)) if path.exists() else ""
+    _remember_recent(path)
     try:
         _kept[path] = recorded_case(scene, path)
     except InputError:
@@ -157,6 +159,19 @@ def later_text(scene: bpy.types.Scene) -> str:
     return f"In the history, and not in the file: {entries[0].text}"
 
 
+def _remember_recent(path: Path) -> None:
+    try:
+        remember("cases", path)
+    except OSError as error:
+        _report_once(f"the list of recent cases cannot be written: {error}")
+
+
+def _report_once(text: str) -> None:
+    if text not in _failed:
+        sys.stderr.write(f"OneFrame: {text}{os.linesep}")
+        _failed.add(text)
+
+
 def _differs(one: Case, other: Case) -> bool:
     return bool(differing_fields(one, other))
 
@@ -204,17 +219,6 @@ def _with_files_of(scene: bpy.types.Scene, case: Case) -> Case:
     return replace(case, image=image, mesh=mesh)
 
 
-def own_folder(name: str) -> Path:
-    """A folder of the extension for the user's files; in a checkout, one that lasts for this session."""
-    package = __package__.rpartition(".")[0] if __package__ else ""
-    try:
-        return Path(bpy.utils.extension_path_user(package, path=name, create=True))
-    except ValueError:  # not an extension
-        folder = Path(bpy.app.tempdir) / f"oneframe_{name}"
-        folder.mkdir(exist_ok=True)
-        return folder
-
-
 def _tick() -> float:
     _keep_reported(settled=False)
     return TICK_S
@@ -233,9 +237,7 @@ def _keep_reported(*, settled: bool) -> None:
     try:
         keep(scene, settled=settled)
     except OSError as error:
-        if str(error) not in _failed:
-            sys.stderr.write(f"OneFrame: the history of the case cannot be written: {error}{os.linesep}")
-            _failed.add(str(error))
+        _report_once(f"the history of the case cannot be written: {error}")
 
 
 PARTS = (

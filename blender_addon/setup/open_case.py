@@ -17,6 +17,7 @@ from ..pipeline.transforms import transform_points
 from ..state import from_scene
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose
+from ..state.recent import own_folder
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.keymap import binding
 from ..ui.operator import Messages, OpensFile, OperatorResult, Reporting, call
@@ -60,7 +61,7 @@ class ONEFRAME_OT_open_sample(Reporting):
     bl_label = "Open Sample Case"
 
     def run(self, context: bpy.types.Context) -> None:
-        call("open_case", filepath=str(copied_sample(history.own_folder("sample")) / UNALIGNED))
+        call("open_case", filepath=str(copied_sample(own_folder("sample")) / UNALIGNED))
 
 
 def copied_sample(folder: Path) -> Path:

@@ -8,6 +8,7 @@ from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_doubts import size_text
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene, workbench
+from ..state.recent import recent
 from ..state.to_scene import frame_warnings
 from ..state.workbench import OPEN, next_step
 from ..ui.panel import SidebarPanel, draw_text
@@ -51,6 +52,9 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         if workbench.existing() not in (None, scene):
             layout.operator("oneframe.enter_workbench", icon="WORKSPACE")
         layout.operator("oneframe.open_sample", icon="HELP")
+        for path in recent("cases"):
+            name = f"{path.parent.name}/{path.name}"
+            layout.operator("oneframe.open_case", text=name, icon="FILE_TEXT").filepath = str(path)
     for message in frame_warnings(scene):
         draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")

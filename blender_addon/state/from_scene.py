@@ -166,6 +166,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         dataset=dataset_table(scene),
         landmarks=landmarks,
         video=video(scene),
+        refused=settings.refused,
         object_name=None if known is None else known.object_name,
         light=lamp_of(scene),
     )

@@ -146,6 +146,7 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         options={"HIDDEN"},
     )
+    refused: str = prop(StringProperty, "Refused", "Why the frame is refused; empty unless it is")
     evidence: str = prop(StringProperty, description="What the pose rests on (JSON)", options={"HIDDEN"})
     began_at_guess: bool = prop(
         BoolProperty, description="The surface began at a pose that was computed without the frame", options={"HIDDEN"}

@@ -47,6 +47,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     for name in ("aligned_path", "began_at_guess"):
         settings.property_unset(name)
     settings.video_text = json.dumps(case.video) if case.video else ""
+    settings.refused = case.refused
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
     objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
@@ -88,6 +89,7 @@ def set_frame(
         settings.video_text = json.dumps(video) if video else ""
     if settings.frame_path != str(path.resolve()):
         part_from_case(scene)
+        settings.refused = ""
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
     if settings.camera_object is None:

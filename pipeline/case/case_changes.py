@@ -70,7 +70,7 @@ def _meaning(case: Case) -> dict[str, Any]:
 def _is_equal(one: Any, other: Any) -> bool:
     """Whether two values are equal, numbers in tables and lists but for rounding."""
     if isinstance(one, float) and isinstance(other, int | float):
-        return abs(one - other) <= ABSOLUTE + RELATIVE * abs(other)
+        return one == other or abs(one - other) <= ABSOLUTE + RELATIVE * abs(other)
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(_is_equal(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):

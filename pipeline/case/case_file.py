@@ -27,7 +27,7 @@ from .landmarks import Landmark, checked_name, landmarks_from_tables
 from .pose_record import UNKNOWN, PoseRecord
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "frame": (("image",), ("video", "video_frame")),
+    "frame": (("image",), ("video", "video_frame", "refused")),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
     "surface": (("mesh",), ("name",)),
     "pose": ((POSE_KEY,), ()),
@@ -83,6 +83,8 @@ class Case:
         Origin of the pose: see :mod:`oneframe.case.pose_record`.
     video
         Origin of the frame: the name of the film that it was taken from, and its number there, from 0.
+    refused
+        Why a person has refused the frame, which is not rendered then; else empty.
     light
         The lamp at the lens, or ``None`` if none is known.
     """
@@ -102,6 +104,7 @@ class Case:
     landmarks: tuple[Landmark, ...] = ()
     alignment: PoseRecord = UNKNOWN
     video: tuple[str, int] | None = None
+    refused: str = ""
     posed: bool = True
     light: LensLight | None = None
 
@@ -193,6 +196,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         ),
         alignment=PoseRecord.of_table(table.get("alignment", {}), f"{name}: [alignment]"),
         video=_video(frame, f"{name}: [frame]"),
+        refused=_text(frame.get("refused", ""), f"{name}: [frame] refused"),
         posed="pose" in table,
         light=_light(table, name),
     )
@@ -237,6 +241,12 @@ def _light(table: dict, name: str) -> LensLight | None:
     if not isinstance(table["light"], dict):
         raise InputError(f"{name}: expected a table [light], found {table['light']!r}")
     return checked_lens_light(table["light"], f"{name}: [light]")
+
+
+def _text(value: object, where: str) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{where}: expected text, found {value!r}")
+    return value
 
 
 def _object_name(value: object, where: str) -> str | None:

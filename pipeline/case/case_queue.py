@@ -18,9 +18,9 @@ from .case_folder import CASE, keep_files, kept_case
 from .case_writer import write_case
 from .pose_record import INITIAL_GUESS, OTHER_FRAME, UNKNOWN, PoseRecord
 
-NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
+NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL, REFUSED = "new", "rough", "aligned", "checked", "doubtful", "refused"
 """No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks, the image or other
-frames; looked at by a person; with a doubt that nobody has checked."""
+frames; looked at by a person; with a doubt that nobody has checked; refused by a person."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,8 @@ def queued_cases(folder: Path) -> tuple[Path, ...]:
 def state_of(case: Case) -> str:
     """How far the work on a case is."""
     record = case.alignment
+    if case.refused:
+        return REFUSED
     if not case.posed or record.method == INITIAL_GUESS:
         return NEW
     if record.checked:
@@ -105,7 +107,7 @@ def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
     pose = frame.cam_from_mesh
     return replace(
         like, path=path, image=image, camera=camera, video=frame.video, frames=(), landmarks=(),
-        posed=pose is not None, cam_from_mesh=like.cam_from_mesh if pose is None else pose,
+        refused="", posed=pose is not None, cam_from_mesh=like.cam_from_mesh if pose is None else pose,
         alignment=frame.alignment,
     )  # fmt: skip
 

@@ -87,7 +87,7 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     folder = path.parent
     blocks = [
         [*(f"# {line}" for line in comment.splitlines()), f'units = "{UNIT_OF[case.mm_per_unit]}"'],
-        ["[frame]", f"image = {_file(case.image, folder)}", *_pairs(_video_keys(case))],
+        ["[frame]", f"image = {_file(case.image, folder)}", *_pairs(_frame_keys(case))],
         _camera_lines(case),
         ["[surface]", f"mesh = {_file(case.mesh, folder)}", *_pairs(_given(name=case.object_name))],
     ]
@@ -107,8 +107,9 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
 
 
-def _video_keys(case: Case) -> dict[str, object]:
-    return {} if case.video is None else dict(zip(("video", "video_frame"), case.video, strict=True))
+def _frame_keys(case: Case) -> dict[str, object]:
+    video = {} if case.video is None else dict(zip(("video", "video_frame"), case.video, strict=True))
+    return {**video, **({"refused": case.refused} if case.refused else {})}
 
 
 def _given(**values: object) -> dict[str, object]:

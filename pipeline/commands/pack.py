@@ -71,7 +71,7 @@ def run(arguments: Arguments) -> int:
 
         split = split_of_dataset(open_whole_dataset(dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
-        views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
+        views, about = split.part(arguments.split), f"{arguments.split}, of {split.text()}"
     for each in datasets_in(dataset):
         out = arguments.out / each.relative_to(dataset)
         manifest = pack_dataset(

@@ -107,6 +107,11 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
 
     job = _job(arguments)
     case = job.case
+    if case.refused:
+        raise InputError(
+            f"{case.path}: expected a frame to render, it was refused: {case.refused}; "
+            "take it back in the window, or delete [frame] refused"
+        )
     check_folder(arguments.out, _read_by(job))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)
@@ -166,9 +171,9 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     for path in paths:
         name = path.parent.name
         with naming(name):
-            state = state_of(read_case(path, posed=False))
-            if state not in (ALIGNED, CHECKED):
-                output.write(f"{name}: left out, it is {state}\n")
+            case = read_case(path, posed=False)
+            if (state := state_of(case)) not in (ALIGNED, CHECKED):
+                output.write(f"{name}: left out, it is {state}{case.refused and f': {case.refused}'}\n")
                 continue
             here = {"case": path, "out": out / CASES / name}
             argv = [*arguments.argv, "--queued-case", str(path), "--out", str(here["out"])]

@@ -13,10 +13,9 @@ from ..dataset.truths import MASK, TRUTHS
 from ..errors import InputError
 
 KEY_TO_SHARD = "key_to_shard.json"
-INFO = "dataset_info.md"
-COPIED = (RECORD, "camera.json", *MODEL_FILES)
+COPIED = (RECORD, "camera.json", "dataset_info.md", *MODEL_FILES)
 """Files of the dataset that a pack holds as they are."""
-TABLES = (*COPIED, TARGETS, INFO, KEY_TO_SHARD)
+TABLES = (*COPIED, TARGETS, KEY_TO_SHARD)
 """The files of a pack beside its shards that the manifest has sums of."""
 
 MASKS = tuple(name for name, truth in TRUTHS.items() if truth.form is MASK)

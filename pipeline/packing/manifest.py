@@ -32,7 +32,7 @@ class Plan:
     views
         The views in their order.
     about
-        A paragraph for people, such as which part of a split the views are.
+        A sentence for people, such as which part of a split the views are.
     """
 
     identity: str

@@ -12,17 +12,14 @@ from typing import TextIO
 import cv2
 
 from ..dataset.checksums import damaged_file, sum_of_file
-from ..dataset.dataset_file import Description
-from ..dataset.layout import MANIFEST, MODEL_FOLDERS, MOST_VIEWS, OBJECT_ID, ViewPaths
-from ..dataset.run.survey import view_ranges
+from ..dataset.layout import MANIFEST, MODEL_FOLDERS, MOST_VIEWS, ViewPaths
 from ..dataset.tables.bop import write_test_targets
-from ..dataset.truths import TRUTHS
 from ..errors import InputError, RunError
 from ..files.content import create_folder, names_in, remove_abandoned, write_bytes_atomically, written_file
 from ..files.machine import available_cores
 from ..files.outputs import writing
 from ..progress import Progress
-from .layout import COPIED, FILES, INFO, KEY_TO_SHARD, MASKS, TABLES, shard_name, view_key
+from .layout import COPIED, KEY_TO_SHARD, TABLES, shard_name, view_key
 from .manifest import Manifest, Plan, complete_manifest, read_manifest
 from .shard import SAFE, write_shard
 from .whole_dataset import WholeDataset, open_whole_dataset
@@ -39,7 +36,7 @@ class PackOptions:
     jpeg_quality
         Compress RGB as JPEG, 1..100.
     about
-        A paragraph for ``dataset_info.md``, such as which part of a split the views are.
+        A sentence for ``pack.json``, such as which part of a split the views are.
     """
 
     views_per_shard: int = 1000
@@ -205,37 +202,7 @@ def _finished(dataset: WholeDataset, out: Path, plan: Plan) -> Manifest:
             with (dataset.root / name).open("rb") as content, written_file(out / name) as stream:
                 shutil.copyfileobj(content, stream)
         write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
-        write_bytes_atomically(out / INFO, _pack_info(dataset.description, plan).encode())
         write_test_targets(out, sorted(dataset.targets.intersection(plan.views)))
         manifest = Manifest(plan, {name: sum_of_file(out / name) for name in names})
         manifest.write(out)
     return manifest
-
-
-def _pack_info(description: Description, plan: Plan) -> str:
-    """``dataset_info.md``: what readers need to know."""
-    rgb = "as rendered" if plan.jpeg_quality is None else f"compressed, quality {plan.jpeg_quality}"
-    members = {f"{kind}.json": f"{TRUTHS[kind].about}, as run lengths (RLE)" for kind in MASKS}
-    members |= {name: TRUTHS[kind].about for kind, name in FILES.items()}
-    known = {f"{kind}.json" for kind in description.kinds} | {FILES.get(kind) for kind in description.kinds}
-    listed = "\n".join(f"| `{name}` | {about} |" for name, about in members.items() if name in known)
-    width, height = description.camera.size_wh
-    return f"""\
-# {description.name}: {len(plan.views)} rendered views, packed
-
-One object, `obj_id` {OBJECT_ID}, {width} x {height} px, in WebDataset shards of BOP's image-wise layout: views
-{view_ranges(plan.views)} of the dataset that `dataset.json` describes. Poses hold for the mesh in `models/`, in mm,
-with OpenCV axes. `pack.json` has the SHA-256 of all files, `key_to_shard.json` the shard of each key.
-
-{plan.about}
-
-A view's key is `SSSSSS_IIIIII`, scene and image (view = 1000 x scene + image). Its members, after the key and a dot:
-
-| | |
-|---|---|
-| `camera.json` | `cam_K`, `depth_scale`, world-to-camera pose |
-| `gt.json` | `cam_R_m2c` (row by row), `cam_t_m2c` in mm, `obj_id` |
-| `gt_info.json` | boxes (x, y, width, height), pixel counts, visible fraction |
-{listed}
-| `rgb.{"png" if plan.jpeg_quality is None else "jpg"}` | 8 bit, {rgb} |
-"""

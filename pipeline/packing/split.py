@@ -44,8 +44,6 @@ class Split:
         Views that are left out.
     gap_px
         The gap.
-    nearest_px
-        The least distance that two views of different parts have.
     """
 
     train: tuple[int, ...]
@@ -53,7 +51,6 @@ class Split:
     test: tuple[int, ...]
     none: tuple[int, ...]
     gap_px: float
-    nearest_px: float
 
     def part(self, name: str) -> tuple[int, ...]:
         """The views of ``"train"``, ``"val"`` or ``"test"``."""
@@ -63,7 +60,7 @@ class Split:
         """Sizes and distances in one sentence."""
         return (
             f"{len(self.train)} train, {len(self.val)} val, {len(self.test)} test; {len(self.none)} in none, nearer "
-            f"than {self.gap_px:.3g} px to another part; parts are {self.nearest_px:.3g} px apart"
+            f"than {self.gap_px:.3g} px to another part"
         )
 
 
@@ -125,7 +122,7 @@ def split_of_views(
             "views that differ more"
         )
     train, val_views, test_views, none = (tuple(np.flatnonzero(part == name).tolist()) for name in (*PARTS, "none"))
-    return Split(train, val_views, test_views, none, gap, _distance_of_parts(places, part))
+    return Split(train, val_views, test_views, none, gap)
 
 
 def embedded(poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera) -> np.ndarray:
@@ -184,14 +181,3 @@ def _nearest(places: np.ndarray, others: np.ndarray, limit: float) -> np.ndarray
         return np.full(len(places), np.inf)
     distances, _ = cKDTree(others).query(places, distance_upper_bound=limit)
     return np.asarray(distances)
-
-
-def _distance_of_parts(places: np.ndarray, part: np.ndarray) -> float:
-    test, val, train = (places[part == name] for name in ("test", "val", "train"))
-    largest, limit, nearest = float(np.ptp(places, axis=0).sum()), 1.0, np.inf
-    # a search within a small distance is much faster
-    while nearest == np.inf and limit < 4 * largest + 4:
-        limit *= 4
-        pairs = ((val, test), (train, np.concatenate([test, val])))
-        nearest = min(float(_nearest(one, other, limit).min()) for one, other in pairs)
-    return nearest

@@ -1,7 +1,5 @@
-"""Lists of photographs with poses, in JSON: of registered frames, beside BOP's table of estimates; and read."""
+"""Lists of photographs with poses, in JSON: of registered frames; and read."""
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +24,7 @@ from .further_frames import FrameReader, evenly, frame_files, image_paths, small
 from .register import RegisteredFrame, accepted_poses
 from .verdict import ACCEPTED, Verdict
 
-POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
+POSES = "poses.json"
 DISTORTION, CHANGED = "distortion", "changed"
 """Keys of an entry: in a list of photographs; of frames in which a film no longer shows what the case's frame shows."""
 MOST_ACCEPTED = 12
@@ -120,22 +118,6 @@ def encoded_list(entries: Sequence[Mapping[str, object]]) -> bytes:
     text = json.dumps(list(entries), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     # names of files that are no Unicode as JSON's escapes, with which Python finds them again
     return text.encode(errors="backslashreplace")
-
-
-def encoded_estimates(entries: Sequence[Mapping[str, Any]], mm_per_unit: float) -> bytes:
-    """BOP's estimates (Hodaň et al. 2018): the accepted poses, in mm, with their probability as the score."""
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(("scene_id", "im_id", "obj_id", "score", "R", "t", "time"))
-    for entry in entries:
-        if entry[POSE_KEY] is None or entry["state"] != ACCEPTED:
-            continue
-        pose = np.array(entry[POSE_KEY])
-        rotation, position = (
-            " ".join(f"{value:.9g}" for value in values.ravel()) for values in (pose[:3, :3], mm_per_unit * pose[:3, 3])
-        )
-        writer.writerow((1, entry["frame"], 1, entry["probability"], rotation, position, -1))
-    return table.getvalue().encode()
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,19 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.frames.found import film_of_case
 from blender_addon.setup import open_case as sample
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.setup.open_case import task_lines
 from blender_addon.state import from_scene, to_scene
+from blender_addon.state.recent import recent
+from blender_addon.state.scene_files import forget_stamps
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.transforms import transform_points
+from tests.video.surgical_film import write_film
 
 
 def drop(folder, *names):
@@ -150,3 +154,19 @@ def test_a_ghost_of_the_surface_shows_until_its_pose_is_found(addon, folder):
     assert round(view.opacity, 3) == 0.3
     view.opacity = 0.0
     assert view.opacity == 0, "what the user has set stays"
+
+
+def test_recent_cases_and_their_films_are_found_again(addon, folder):
+    write_film(folder / "film.avi", [np.full((48, 64, 3), level, np.uint8) for level in (90, 120)], "MJPG")
+    path = folder / "case.toml"
+    path.write_text(path.read_text().replace("[frame]", '[frame]\nvideo = "film.avi"\nvideo_frame = 1'))
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    assert recent("cases")[0] == path
+    assert film_of_case(bpy.context.scene) == folder / "film.avi"
+    # moved elsewhere, and opened from there once
+    (folder / "films").mkdir()
+    (folder / "film.avi").rename(folder / "films/film.avi")
+    forget_stamps()
+    assert film_of_case(bpy.context.scene) is None
+    bpy.ops.oneframe.open_video(filepath=str(folder / "films/film.avi"))
+    assert film_of_case(bpy.context.scene) == folder / "films/film.avi"

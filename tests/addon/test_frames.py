@@ -13,7 +13,7 @@ from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.case import case_queue
 from oneframe.case.case_file import read_case
-from oneframe.case.pose_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, PoseRecord
+from oneframe.case.pose_record import OTHER_FRAME, REGISTERED, PoseRecord
 from oneframe.registration.register import Registrar
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
@@ -166,22 +166,6 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
     scene = bpy.context.scene
     assert state_of(scene, tmp_path / "case.toml") == before
     assert found.frame_at(scene, at) is taken
-
-
-def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monkeypatch):
-    monkeypatch.setattr("oneframe.registration.correct_source.MOST_ROUNDS", 2)
-    opened("rough.toml")
-    rough = from_scene.cam_from_model(bpy.context.scene)
-    bpy.ops.ed.undo_push(message="before")
-    bpy.ops.oneframe.correct_first_pose()
-    bpy.ops.ed.undo_push(message="corrected")
-    bpy.ops.ed.undo()
-    assert np.array_equal(from_scene.cam_from_model(bpy.context.scene), rough)
-    bpy.ops.ed.redo()
-    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "corrected.toml"))
-    corrected = read_case(tmp_path / "corrected.toml")
-    assert off_by_deg(corrected.cam_from_mesh, SOURCE) < 0.3 * off_by_deg(ROUGH, SOURCE)
-    assert corrected.alignment.method == FURTHER_FRAMES
 
 
 def registered_in(scene):

@@ -43,7 +43,7 @@ K = [[975.0, 0, 91.5], [0, 978.0, 65.5], [0, 0, 1]]
 [surface]
 mesh = "surface.ply"
 [pose]
-cam_from_model = {pose}
+cam_from_mesh = {pose}
 """
 
 

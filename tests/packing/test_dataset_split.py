@@ -31,9 +31,9 @@ def test_parts_of_a_dataset(rendered, tmp_path, capfd):
         views = set(read_manifest(out).plan.views)
         targets = json.loads((out / "test_targets_bop19.json").read_text())
         assert {entry["im_id"] for entry in targets} <= views
-        info = (out / "dataset_info.md").read_text()
-        assert f"**Split**: {options[0]}, of " in info
-        return views, info
+        about = read_manifest(out).plan.about
+        assert about.startswith(f"{options[0]}, of ")
+        return views, about
 
     (train, info), (val, _), (test, _) = (packed(part) for part in ("train", "val", "test"))
     assert len(test) == VIEWS // 10

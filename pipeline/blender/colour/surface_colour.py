@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 
 from ...colour.reference_view import ReferenceView
-from ...colour.texture_atlas import OBSERVED_LEAST, TextureAtlas
-from ...colour.vertex_colours import NEUTRAL, VertexColours, colour_vertices
+from ...colour.texture_atlas import TextureAtlas
+from ...colour.vertex_colours import NEUTRAL, OBSERVED_LEAST, VertexColours, colour_vertices
 from ...images.masked_frame import UNSEEN
 from ...images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
 from ...images.png import encode_png

@@ -94,6 +94,7 @@ def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, r
     processes = [subprocess.Popen(part, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) for part in parts]
     assert [process.communicate()[1] for process in processes] == [b"", b""]
     assert [process.returncode for process in processes] == [0, 0]
+    run_here(case, out)
     assert_same_dataset(out, reference)
 
 

@@ -119,16 +119,16 @@ def _corrected(frames: Path, loaded: "LoadedCase", output: TextIO) -> "tuple[Loa
 
     case, today = loaded.case, datetime.date.today().isoformat()
     with ShareProgress("of the case's pose", stream=output) as shown:
-        corrected = correct_source(
+        corrected, text = correct_source(
             loaded, frames, tool=f"OneFrame {__version__}, register", date=today, progress=shown.reach
         )
-    output.write(f"{corrected.text}\n")
+    output.write(f"{text}\n")
     if case.frames:
         output.write(
             f"note: the case's {len(case.frames)} further frames keep their poses; if these are from before, take "
             f"them out and choose frames with --colour-frames\n"
         )
-    return corrected.loaded, f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
+    return corrected, f"{text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
 
 
 def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO) -> None:

@@ -124,8 +124,8 @@ def _draw_view() -> None:
     is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
     if not scene.oneframe.show_landmarks or not is_used or not from_scene.is_set_up(scene):
         return
-    if scene.oneframe.aligned_path or another_frame.seen(scene) is not None:
-        # they are of another frame
+    if another_frame.seen(scene) is not None:
+        # they are of the case's own frame
         return
     try:
         landmark_strokes(context).draw()

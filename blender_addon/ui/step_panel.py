@@ -21,7 +21,7 @@ STEPS = ("ct", "setup", "view", "move", "landmarks", "refine", "colour", "datase
 
 def needed(scene: bpy.types.Scene) -> str:
     """The step that takes the case further."""
-    if not from_scene.is_set_up(scene) or scene.oneframe.aligned_path:
+    if not from_scene.is_set_up(scene):
         return "ct" if workbench.next_step(scene) == workbench.MAKE_SURFACE else "setup"
     try:
         # {}: given by the case, and not moved since

@@ -252,16 +252,6 @@ def _point_flaws(stored: Stored) -> Flaws:
     yield stored.visible & ~_rounds_to_depth(z, stored, rounding), "are not at the depth of the depth image"
 
 
-def _shrunk(mask: np.ndarray) -> np.ndarray:
-    padded = np.pad(mask, 1)
-    inside: np.ndarray = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-    return mask & inside
-
-
-def _rim_flaws(stored: Stored) -> Flaws:
-    yield (stored.arrays["mask_rim"] > 0) & ~stored.mask, "lie outside the mask"
-
-
 def _normal_flaws(stored: Stored) -> Flaws:
     codes = stored.arrays["normals"]
     yield codes.any(axis=2) != stored.visible, "differ from where mask_visib has surface"
@@ -301,10 +291,6 @@ TRUTHS = {
         Truth(
             "depth_mm", "mm along the optical axis; 0 = no surface", FLOAT,
             lambda shot: shot.rendered.seen_mm, _float_flaws, option="float_depth",
-        ),
-        Truth(
-            "mask_rim", "surface within a pixel of what is none", MASK,
-            lambda shot: _white(shot.rendered.mask & ~_shrunk(shot.rendered.mask)), _rim_flaws, option="rim",
         ),
         Truth(
             "normals", "unit normal of the visible side, camera axes: value / 32767.5 - 1; 0 = no surface", VECTOR,

@@ -78,7 +78,6 @@ SAMPLERS = {
         "uniform in the volume of a part of a spherical shell",
         ("polar_deg", "roll_deg", "distance_min", "distance_max"),
     ),
-    "ring": Sampler("ring:Ring", "all at the same tilt", ("cone_deg", "distance_min", "distance_max")),
     "trajectory": Sampler(
         "distributions:Trajectory",
         "along a smooth closed curve",

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import InputError
 from ..files.keys import nearest_name
 
-ENGINES = {"cycles": "exact", "soft": "blurred", "raster": "as exact and faster", "eevee": "needs OpenGL"}
+ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
 """Each is a file of :mod:`oneframe.blender.render`."""
 COLOURS = {"projective": "exact at every shaded point", "vertex": "the paper's method"}
 UNSEEN = {

@@ -192,7 +192,6 @@ class DatasetOptions:
     points: bool = _option(
         False, "also write the surface's point at each pixel, its object coordinates, as float32 millimetres (.npy)",
     )  # fmt: skip
-    vignette: float = _option(0.0, "how much darker a view's corners are", least=0, most=1)
     occluders: float = _option(
         0.0, "mean number of instruments in front of the surface of a view, at random places and by a stream of their "
         "own; mask_visib is without what they cover, mask_occluder they alone", name="Instruments", least=0, most=10,

@@ -18,14 +18,13 @@ from ...occlusion.instruments import Instrument
 from ...occlusion.occluders import places_doubt
 from ...occlusion.staging import StagedView, Staging
 from ...occlusion.surroundings import surroundings_filter
-from ...occlusion.vignette import vignette_filter
 from ...projection.silhouette import SilhouetteEdges
 from ...transforms import inverse_rigid
 from ..render.engines import opened_engine
 from ..render.surface_tree import rays_at
 from .view_planner import SAMPLED_VIEWS, ViewPlanner
 
-FILTERS = (shadow_filter, surroundings_filter, front_filter, vignette_filter)
+FILTERS = (shadow_filter, surroundings_filter, front_filter)
 """What changes a view after its engine, in this order; each is made from a :class:`.Staging`, if that asks for it."""
 
 

@@ -21,7 +21,7 @@ class ONEFRAME_OT_correct_first_pose(NeedsFrames, BackgroundPreview):
     """Correct the pose of the case's frame by others of the film, with a preview: Enter accepts it, Esc discards it"""
 
     bl_label = "Correct the First Pose"
-    # without REGISTER: Adjust Last Operation would do it all again, and cover the strip
+    # without REGISTER: Adjust Last Operation would do it all again
     bl_options = {"UNDO"}
     doing = "Correcting the pose of the case's frame"
     step = "frames"

@@ -62,7 +62,7 @@ def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSe
         row.operator("oneframe.play_frames", icon="PLAY")
         row.operator("oneframe.queue_found", text="To Queue", icon="ADD")
     if another_frame.seen(scene) is None:
-        text = "Click the strip below the view to see a frame with the surface at its pose."
+        text = "Go along the Timeline below the view to see a frame with the surface at its pose."
         if registered is None:
             text = "No frame is registered from the present pose."
     elif frame is None:

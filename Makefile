@@ -15,7 +15,7 @@ PYTEST = OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest --dist loadfile --no-loadscope-
 # each of the many processes that tests start would compile the package anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module and the commands; again when pyproject.toml has changed
@@ -86,16 +86,10 @@ chart: setup
 	$(RUN) scripts/benchmark.py chart --out demo/bench/speed_accuracy.csv $(CHART_FLAGS)
 	$(RUN) scripts/benchmark.py chart --light --out demo/bench/light_accuracy.csv
 
-# accuracy of landmarks and of the refinement, in demo/bench
+# accuracy of poses from landmarks, in demo/bench
 bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
-	@test -f demo/case/case.toml || $(RUN) scripts/oneframe.py sample --out demo/case
 	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.csv
-	$(RUN) scripts/benchmark.py refinement demo/case/case.toml --out demo/bench/refinement.csv --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
-
-# errors of the surface from CT beside scikit-image's, in demo/bench
-bench-surface: setup
-	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 
 # views against real photographs, beside the paper's method, in demo/evaluation, and in the light of the lens, in
 # demo/light; the poses of further frames, in demo/registration: EVALUATE_FLAGS="--bloster FOLDER --quick"; and what

@@ -23,7 +23,7 @@ from .case.loaded_case import load_case
 from .commands.render import own_command
 from .dataset.description import input_files
 from .dataset.option_arguments import merged_options, option_arguments
-from .dataset.options import LEFT, OPTIONS, RIGHT
+from .dataset.options import OPTIONS
 from .dataset.run.run_folder import Shard
 from .errors import InputError
 from .files.keys import nearest_name
@@ -45,11 +45,6 @@ def surface_from_ct(ct: Path | str, *, threshold_hu: float = DEFAULT_HU) -> Tria
         NIfTI, NRRD, MetaImage, or a folder of DICOM slices.
     threshold_hu
         Bone lies above it.
-
-    Raises
-    ------
-    InputError
-        The CT cannot be read, or holds no bone at this threshold.
     """
     volume = read_volume(Path(ct))
     check_threshold(volume, threshold_hu)
@@ -83,13 +78,6 @@ def make_case(
         An image in which 0 shows no surface.
     overwrite
         Replace another frame or surface in that folder.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used, or the inputs do not fit together.
-    RunError
-        A file cannot be written.
     """
     given = new_case.CaseInputs(
         surface=Path(surface),
@@ -122,11 +110,6 @@ def align_case(
         Also refine the pose against the image.
     click_sigma_px
         Standard deviation of the click noise, along each image axis.
-
-    Raises
-    ------
-    InputError
-        The landmarks determine no pose or belong to another surface, or, without landmarks, the refinement is refused.
     """
     if landmarks is not None:
         case = replace(case, landmarks=read_landmarks(Path(landmarks), mm_per_unit=case.mm_per_unit))
@@ -146,13 +129,6 @@ def colour_surface(case: Case, out: Path | str, *, colour: str = "texture") -> l
     ----------
     colour
         ``"texture"``, or ``"vertex"`` (not for OBJ).
-
-    Raises
-    ------
-    InputError
-        The case cannot be used, another ``colour``, or the file's name has another ending.
-    RunError
-        A file cannot be written.
     """
     if colour not in ("texture", "vertex"):
         raise InputError(f"colour_surface: colour: expected 'texture' or 'vertex', found {colour!r}")
@@ -173,13 +149,6 @@ def render_dataset(case: Case, out: Path | str, *, workers: int = 0, **options: 
     options
         Those of ``oneframe render`` with underscores, such as ``count=24`` or ``engine="raster"``; they go before
         those in the case file.
-
-    Raises
-    ------
-    InputError
-        An option or the case cannot be used.
-    RunError
-        The folder holds another dataset, or a file cannot be written. Finished views are kept.
     """
     where, known, folder = "render_dataset", (*OPTIONS, "for_training"), Path(out)
     for name, value in options.items():
@@ -189,10 +158,6 @@ def render_dataset(case: Case, out: Path | str, *, workers: int = 0, **options: 
             options[name] = os.fspath(value) if isinstance(value, os.PathLike) else value.item()
     chosen = merged_options(case.dataset, options, case.path, lit=case.light is not None, where=where)
     check_folder(folder, case.input_files() | input_files(case, chosen))
-    eyes = [(folder, chosen)]
-    if chosen.stereo_mm and chosen.eye == LEFT:
-        eyes.append((folder / RIGHT, replace(chosen, eye=RIGHT, video=False)))
-    for eye, own in eyes:
-        arguments = [str(case.path), f"--out={eye}", *option_arguments(own)]
-        job = Job(case, eye, own, Shard())
-        run(job, workers=workers, worker_command=[*own_command(), *arguments, "--worker"], stream=sys.stderr)
+    arguments = [str(case.path), f"--out={folder}", *option_arguments(chosen)]
+    command = [*own_command(), *arguments, "--worker"]
+    run(Job(case, folder, chosen, Shard()), workers=workers, worker_command=command, stream=sys.stderr)

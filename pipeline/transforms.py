@@ -38,6 +38,9 @@ ORTHONORMAL_TO_ROUNDING = 1e-14
 NOTED_DEVIATION = 1e-6
 """Largest entry of |R Rt - 1| that is corrected without a message: numbers of seven digits."""
 
+SAME_POSE = 1e-9
+"""Difference of numbers, absolute and relative, up to which two poses are the same."""
+
 CAM_FROM_OPENGL_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
 """The one axis flip: Blender's cameras and NeRF files have OpenGL axes, y up and looking along -z. Its own inverse."""
 
@@ -67,6 +70,11 @@ def rigid(rotation: np.ndarray | None = None, translation: np.ndarray | None = N
     return b_from_a
 
 
+def is_same_pose(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two poses ``(4, 4)`` are equal but for the rounding of other units, another frame or a text."""
+    return np.allclose(one, other, rtol=SAME_POSE, atol=SAME_POSE)
+
+
 def transform_points(b_from_a: np.ndarray, points_a: np.ndarray) -> np.ndarray:
     """``(N, 3)`` points in frame a -> ``(N, 3)`` in frame b."""
     rotation, translation = b_from_a[:3, :3].T, b_from_a[:3, 3]
@@ -86,13 +94,7 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
 
 
 def checked_matrix(values: object, size: int, where: str) -> np.ndarray:
-    """Copy the user's values into a ``(size, size)`` float64 matrix of finite numbers; ``where`` begins the message.
-
-    Raises
-    ------
-    InputError
-        Wrong shape, not numbers, not finite.
-    """
+    """Copy the user's values into a ``(size, size)`` float64 matrix of finite numbers; ``where`` begins the message."""
     try:
         if not isinstance(values, np.ndarray) and any(
             isinstance(each, str | bool) for each in np.array(values, object).flat
@@ -128,12 +130,6 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     Returns
     -------
     ``(4, 4)`` float64 rigid transform, and a message if the rotation had to be corrected, else ``None``.
-
-    Raises
-    ------
-    InputError
-        Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, a rotation that is off by
-        more than :data:`ORTHONORMAL_TOLERANCE`, or a translation beyond :data:`LONGEST_TRANSLATION`.
     """
     b_from_a = checked_matrix(matrix, 4, where)
     if not np.allclose(b_from_a[3], [0, 0, 0, 1], atol=1e-9):

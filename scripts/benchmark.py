@@ -2,9 +2,9 @@
 
     python scripts/benchmark.py TOPIC --out PATH [--quick] [--redraw]
 
-Topics: speed (against PyVista), chart (speed against accuracy), landmarks and refinement (accuracy of poses), surface
-(from CT), reader, evaluation (on published photographs), registration (of further frames), stability (where methods
-fail), training (what views are worth). TOPIC --help describes one.
+Topics: speed (against PyVista), chart (speed against accuracy), landmarks (accuracy of poses), evaluation (on published
+photographs), registration (of further frames), stability (where methods fail), training (what views are worth). TOPIC
+--help describes one.
 --quick only shows that it runs; --redraw draws the charts again from --out.
 """
 
@@ -21,15 +21,12 @@ import argparse
 from collections.abc import Sequence
 from importlib import import_module
 
-from oneframe.charts.page import require_matplotlib
 from oneframe.process.arguments import ArgumentParser
 from oneframe.process.command_line import run_script
 from oneframe.process.own_process import own_output
+from scripts.benchmarks.charts.page import require_matplotlib
 
-TOPICS = (
-    "speed", "chart", "landmarks", "refinement", "surface", "reader",
-    "evaluation", "registration", "stability", "training",
-)  # fmt: skip
+TOPICS = ("speed", "chart", "landmarks", "evaluation", "registration", "stability", "training")
 
 
 def main(argv: Sequence[str]) -> int:

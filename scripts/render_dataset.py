@@ -11,7 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from oneframe.commands import render
-from oneframe.process.arguments import run_command
+from oneframe.process.command import run_command
 from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":

@@ -31,8 +31,7 @@ def refinement(decimals: int = 15) -> Callable[..., Hashable]:
     return key
 
 
-def registration(registrar, grey, valid, near=None, guesses=()) -> Hashable:
-    """Key of :meth:`Registrar.register`: the aligned frame, the frame, the pose that may be near, and who guesses."""
-    source = registrar._views.source
-    arrays = registrar._pivot_model, source.image, source.cam_from_model, grey, valid
-    return registrar.camera, guesses, *(array.tobytes() for array in arrays), None if near is None else near.tobytes()
+def registration(registrar, frame, near=None) -> Hashable:
+    """Key of :meth:`Registrar.find`: the aligned frame, the frame, and the pose that may be near."""
+    arrays = registrar.pivot_model, registrar.source.image, registrar.cam_from_model, frame.image, frame.valid
+    return registrar.camera, *(array.tobytes() for array in arrays), None if near is None else near.tobytes()

@@ -13,6 +13,7 @@ import pytest
 import oneframe
 from oneframe.case.landmark_file import write_landmarks
 from oneframe.case.landmarks import Landmark
+from oneframe.case.pose_record import PoseRecord
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import transform_points
@@ -62,7 +63,7 @@ def test_a_case_from_a_ct(tmp_path):
     write_ply(tmp_path / "bone.ply", mesh)
     given = {"frame": tmp_path / "frame.png", "camera": tmp_path / "k.json"}
     case = oneframe.make_case(tmp_path / "case", surface=tmp_path / "bone.ply", **given)
-    assert case.alignment == {"method": "initial guess"}
+    assert case.alignment == PoseRecord("initial guess")
     assert len(oneframe.load_case(case).surface.mesh.faces) == len(mesh.faces)
     with pytest.raises(oneframe.InputError, match="does not exist"):
         oneframe.make_case(tmp_path / "other", surface=tmp_path / "no.ply", **given)

@@ -3,24 +3,26 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import IntProperty
+from bpy.props import IntProperty, StringProperty
 
 from ..class_registration import prop
 from ..pipeline.blender.alignment import surface_object
-from ..pipeline.case.alignment_record import OTHER_FRAME
 from ..pipeline.case.case_file import read_case
-from ..pipeline.case.case_queue import CHECKED
+from ..pipeline.case.case_queue import CHECKED, REFUSED
+from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
 from ..pipeline.errors import InputError, naming
-from ..setup import autosave
+from ..setup import history
 from ..setup.alignment_record import is_start
-from ..setup.case_in_scene import load_into_scene, unsaved_parts
-from ..setup.save_case import REPLACE, replaced_pose
-from ..setup.undone_saves import undoable
+from ..setup.case_in_scene import unsaved_parts
+from ..setup.save_case import REPLACE, checked_pose
 from ..state import camera_view, from_scene, pose_evidence
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, OperatorResult, Reporting, call
 from ..ui.question import ask_first
 from . import queued
+
+SETTLED = CHECKED, REFUSED
+"""States of frames of which nothing is left to do."""
 
 
 class _InQueue(Reporting):
@@ -56,7 +58,7 @@ class ONEFRAME_OT_queue_step(_InQueue):
 
 
 class ONEFRAME_OT_queue_unfinished(_InQueue):
-    """Save this case and open the next one whose pose nobody has checked: new, rough, in doubt or only aligned"""
+    """Save this case and open the next one that nobody has checked or refused: new, rough, in doubt or only aligned"""
 
     bl_label = "Next Unfinished"
     bl_options = {"UNDO"}
@@ -64,9 +66,9 @@ class ONEFRAME_OT_queue_unfinished(_InQueue):
     def run(self, context: bpy.types.Context) -> Messages:
         entries, here = queued.queue_of(context.scene), queued.position(context.scene)
         after = [*range(here + 1, len(entries)), *range(here)]
-        target = next((at for at in after if entries[at].state != CHECKED), None)
+        target = next((at for at in after if entries[at].state not in SETTLED), None)
         if target is None:
-            is_last = entries[here].state != CHECKED
+            is_last = entries[here].state not in SETTLED
             return ("this is the last frame that is not checked" if is_last else "all frames are checked",)
         # with its question
         call("queue_step", "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT", step=target - here)
@@ -90,27 +92,43 @@ class ONEFRAME_OT_queue_check(_InQueue):
         if is_start(scene):
             raise InputError("expected a pose that was aligned in this frame, found only a start; align it first")
         path = queued.queue_of(scene)[queued.position(scene)].path
-        with undoable(scene, path):
-            call("save_case", filepath=str(path), checked=True)
-        record, uncertainty = read_case(path).alignment, pose_evidence.remembered_uncertainty(scene)
-        pose_evidence.remember(scene, record, from_scene.cam_from_model(scene), uncertainty)
+        call("save_case", filepath=str(path), checked=True)
         if queued.position(scene) + 1 == len(queued.queue_of(scene)):
             return ("checked; this is the last frame of the queue",)
         call("queue_step")
         return ()
 
 
+class ONEFRAME_OT_queue_refuse(_InQueue):
+    """Refuse this frame, with a reason: it is not rendered. Or take it back"""
+
+    bl_label = "Refuse"
+    bl_options = {"UNDO"}
+
+    reason: str = prop(StringProperty, "Reason", "Why: blurred, a glove in front; empty takes the frame back")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        self.reason = context.scene.oneframe.refused
+        # Blender's own dialog calls execute
+        return context.window_manager.invoke_props_dialog(self, confirm_text="Save")  # type: ignore[return-value]
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        scene = context.scene
+        scene.oneframe.refused = self.reason.strip()
+        call("save_case", filepath=scene.oneframe.case_path)
+        return ("the frame is taken back" if not scene.oneframe.refused else "refused: it is not rendered",)
+
+
 def save_present(scene: bpy.types.Scene) -> None:
     """Save the scene's case to its file, unless only a start of its pose is new."""
     parts = unsaved_parts(scene)
     if parts and not (parts == ("pose",) and is_start(scene)):
-        with undoable(scene, from_scene.absolute_path(scene.oneframe.case_path)):
-            call("save_case", filepath=scene.oneframe.case_path)
+        call("save_case", filepath=scene.oneframe.case_path)
 
 
 def _question(scene: bpy.types.Scene) -> str:
     path = queued.present(scene)
-    return "" if path is None or bpy.app.background else replaced_pose(scene, path)
+    return "" if path is None or bpy.app.background else checked_pose(scene, path)
 
 
 def go_to(context: bpy.types.Context, path: Path) -> None:
@@ -122,16 +140,14 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     case = read_case(path, posed=False)
     spaces = [area.spaces.active for area in camera_view.views(context)]
     through = [space for space in spaces if space.region_3d.view_perspective == "CAMERA"]
-    load_into_scene(context, case)
-    autosave.offer(context, autosave.path_of(context.scene))
+    history.load(context, path)
     for space in through:  # the camera is a new one: Blender has left it
         space.region_3d.view_perspective = "CAMERA"
         camera_view.aim(scene, space)
     if case.posed or not case.mesh.samefile(mesh):
         return
-    record: dict[str, object] = {"method": OTHER_FRAME, "doubt": f"found in another frame ({name})"}
-    if was_start:
-        record = {"method": OTHER_FRAME, "doubt": "found in an earlier frame"}
+    origin = "an earlier frame" if was_start else f"another frame ({name})"
+    record = PoseRecord(OTHER_FRAME, doubt=f"found in {origin}")
     surface_object.set_pose(scene.oneframe.camera_object, from_scene.surface_of(scene), pose)
     pose_evidence.remember(scene, record, pose)
 

@@ -8,8 +8,7 @@ import bpy
 
 from ..pipeline.blender.colour.surface_colour import colour_record, put_colour
 from ..pipeline.case.loaded_case import LoadedCase
-from ..pipeline.colour.coverage import Coverage, coverage_of
-from ..pipeline.colour.reference_view import ReferenceView, baked_colour_of, colouring_view_of
+from ..pipeline.colour.reference_view import ReferenceView, baked_colour_of, reference_view
 from ..pipeline.colour.texture_atlas import TextureAtlas
 from ..pipeline.colour.vertex_colours import VertexColours, colour_vertices
 from ..state import from_scene
@@ -21,12 +20,12 @@ SEEN, BAKED = 0.1, 0.85
 
 @dataclass(frozen=True)
 class Colouring:
-    """The result: the surface that the frame saw, colours, those of the vertices, their coverage, and messages."""
+    """The surface that the frame saw, its colours, those of the vertices, the parts that they cover, and messages."""
 
     view: ReferenceView
     colour: VertexColours | TextureAtlas
     vertices: VertexColours
-    coverage: Coverage
+    coverage: tuple[float, float]
     messages: tuple[str, ...]
 
 
@@ -39,27 +38,25 @@ def coloured(loaded: LoadedCase, mode: Mode, report: Callable[[float], None]) ->
         No pixel of the frame shows the surface.
     """
     report(0.0)
-    view = colouring_view_of(loaded)
+    view = reference_view(loaded)
     colour, messages = baked_colour_of(view, mode, lambda fraction: report(SEEN + (BAKED - SEEN) * fraction))
     report(BAKED)
     vertices = colour_vertices(view.mesh, view.views) if isinstance(colour, TextureAtlas) else colour
     report((BAKED + 1) / 2)
-    return Colouring(view, colour, vertices, coverage_of(view, colour), (*view.messages, *messages))
+    return Colouring(view, colour, vertices, view.coverage(), (*view.messages, *messages))
 
 
 def put(scene: bpy.types.Scene, loaded: LoadedCase, found: Colouring) -> tuple[str, ...]:
     """Colour the surface object with a result; in Blender's main thread. Returns messages."""
     surface = from_scene.surface_of(scene)
     before = colour_record(surface)
-    messages = list(found.messages)
+    messages, (of_view, of_surface) = list(found.messages), found.coverage
     record = {
         "frame": str(loaded.case.image),
         "further": [str(each.image) for each in loaded.case.frames],
-        "cam_from_model": loaded.frame.cam_from_model.tolist(),
-        "of_view": found.coverage.of_view,
-        "of_surface": found.coverage.of_surface,
-        "mean_error": found.coverage.mean_error,
-        "max_error": found.coverage.max_error,
+        "pose": from_scene.pose_in_file(scene).tolist(),
+        "of_view": of_view,
+        "of_surface": of_surface,
         "messages": messages,
     }
     put_colour(
@@ -71,4 +68,8 @@ def put(scene: bpy.types.Scene, loaded: LoadedCase, found: Colouring) -> tuple[s
         record=record,
         vertices=found.vertices,
     )
-    return (*loaded.messages, *messages, found.coverage.summary())
+    return (
+        *loaded.messages,
+        *messages,
+        f"the frame colours {of_view:.1%} of the surface in its view, {of_surface:.1%} of the whole",
+    )

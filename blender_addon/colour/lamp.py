@@ -13,8 +13,8 @@ from ..pipeline.colour.lens_shading import lens_shading_of
 from ..pipeline.errors import InputError
 from ..pipeline.light.find_lamp import FoundLamp, find_lamp
 from ..pipeline.light.lens_light import PHYSICAL, LensLight
-from ..pipeline.registration.accepted_frames import AcceptedFrames, small_frames
-from ..pipeline.registration.register_frames import accepted_poses
+from ..pipeline.registration.pose_list import AcceptedFrames, small_frames
+from ..pipeline.registration.register import accepted_poses
 from ..setup.alignment_record import tool_and_date
 from ..state import from_scene
 from ..state.known_case import UNNAMED, keep_known, known_case, lamp_of

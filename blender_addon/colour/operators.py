@@ -11,6 +11,7 @@ from bpy.props import EnumProperty
 from ..class_registration import listening, prop
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
 from ..pipeline.errors import InputError
+from ..pipeline.transforms import is_same_pose
 from ..state import from_scene
 from ..state.camera_view import light_shape, spaces_of
 from ..state.known_case import further_frames
@@ -89,11 +90,11 @@ def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
     InputError
         There is no valid pose.
     """
-    pose, frame = from_scene.cam_from_model(scene), from_scene.absolute_path(scene.oneframe.frame_path)
+    frame = from_scene.absolute_path(scene.oneframe.frame_path)
     further = [str(each.image) for each in further_frames(scene)]
     if record["frame"] != str(frame) or record.get("further", []) != further:
         return True
-    return not np.array_equal(record["cam_from_model"], pose)
+    return not is_same_pose(np.array(record["pose"]), from_scene.pose_in_file(scene))
 
 
 def show_colour(surface: bpy.types.Object) -> None:

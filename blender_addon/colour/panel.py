@@ -1,4 +1,4 @@
-"""The panel Colour: projection, its coverage and accuracy, and the lamp at the lens."""
+"""The panel Colour: projection, its coverage, and the lamp at the lens."""
 
 from collections.abc import Iterable
 
@@ -15,7 +15,7 @@ from . import lamp, operators
 class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
     """Project the frame's colours on the surface"""
 
-    bl_label = "7  Colour"
+    bl_label = "6  Colour"
     bl_order = 8
     step = "colour"
 
@@ -48,8 +48,6 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
     rows = (
         ("Coloured in View", f"{record['of_view']:.1%}"),
         ("Seen in Total", f"{record['of_surface']:.1%}"),
-        ("Mean Difference to Frame", f"{record['mean_error']:.2f} / 255"),
-        ("Largest Difference", f"{record['max_error']:.1f} / 255"),
     )
     _draw_rows(layout, rows, 0.68)
     for message in record.get("messages", ()):

@@ -18,7 +18,7 @@ CONTACT_SHEET = "contact_sheet.png"
 class ONEFRAME_PT_dataset(StepPanel):
     """Render a dataset of posed views"""
 
-    bl_label = "8  Dataset"
+    bl_label = "7  Dataset"
     bl_order = 9
     step = "dataset"
 

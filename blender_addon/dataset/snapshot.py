@@ -6,10 +6,10 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.case.case_file import case_from_text, read_case
-from ..pipeline.case.case_update import update_case
-from ..pipeline.case.case_writer import case_text, encoded
+from ..pipeline.case.case_writer import case_text, encoded, write_case
+from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
-from ..pipeline.files.outputs import check_outputs, write_output, writing
+from ..pipeline.files.outputs import check_outputs, write_output
 from ..state import from_scene
 from ..state.known_case import keep_known, known_case
 from ..state.scene_files import check_lasting, forget_stamps, input_files
@@ -33,8 +33,7 @@ def save_settings(scene: bpy.types.Scene) -> None:
     if not scene.oneframe.case_path:
         return
     path, table = from_scene.absolute_path(scene.oneframe.case_path), from_scene.dataset_table(scene)
-    with writing(path):
-        update_case(path, replace(read_case(path, posed=False), dataset=table))
+    write_case(path, replace(read_case(path, posed=False), dataset=table))
     if (known := known_case(scene)) is not None:
         keep_known(scene, replace(known, dataset=table))
     forget_stamps()
@@ -64,7 +63,7 @@ def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
     """
     path = snapshot_path(out)
     # the record of the pose holds the date, and no view depends on it
-    case = replace(from_scene.case(scene, path), alignment={})
+    case = replace(from_scene.case(scene, path), alignment=UNKNOWN)
     check_lasting({name: file for name, file in case.input_files().items() if name != "case"})
     text = case_text(path, case, comment=COMMENT)
     case_from_text(text, path)

@@ -5,7 +5,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..pipeline.registration.report import COLOURS
+from ..pipeline.registration.verdict import COLOURS
 from ..ui.pane import Pane
 from ..ui.strokes import Strokes
 from . import found

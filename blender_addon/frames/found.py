@@ -21,20 +21,19 @@ from ..class_registration import at_end, listening
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
+from ..pipeline.case.pose_record import UNKNOWN, PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_atomically
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
-from ..pipeline.registration.colour_sources import Candidate, Candidates
-from ..pipeline.registration.pose_list import encoded_list, found_of, pose_entry
-from ..pipeline.registration.register import RegisteredFrame
-from ..pipeline.registration.register_frames import CaseRegistrar, RegistrationRun, colouring_frames, marked
-from ..pipeline.registration.report import registration_record
+from ..pipeline.registration.pose_list import encoded_list, pose_entry, registered_of, registration_record
+from ..pipeline.registration.register import RegisteredFrame, Registrar, RegistrationRun, marked
 from ..pipeline.registration.surface_check import SurfaceCheck
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame
+from ..state.recent import recent
 from ..state.scene_files import Stamp, forget_stamps, known_stamp
 from ..video import session, shown_frame
 from ..video.session import FilmSession
@@ -48,7 +47,7 @@ class Source(NamedTuple):
     """The aligned frame by which others are found: its name, the record of its pose, and surface and units."""
 
     name: str
-    record: dict[str, object]
+    record: PoseRecord
     mesh_from_model: np.ndarray
     mm_per_unit: float
 
@@ -65,22 +64,19 @@ class FoundFrames:
         Where they are kept; ``None`` before the case has a file, or where none can be written.
     frames
         Number in the film -> what was found, without the fit.
-    candidates
-        Frames of this session that may colour the surface, see :meth:`colouring`.
     change
         What the film no longer shows as the case's frame does.
     check
-        What the frames of this session tell of the surface.
+        What the frames of the latest run tell of the surface.
     """
 
     source: Source
     file: Path | None
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
-    candidates: Candidates = field(default_factory=Candidates)
     change: FilmChange | None = None
     check: SurfaceCheck | None = None
 
-    def register(self, registrar: CaseRegistrar, film: FilmSession, progress: Callable[[float], None]) -> None:
+    def register(self, registrar: Registrar, film: FilmSession, progress: Callable[[float], None]) -> None:
         """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
 
         Raises
@@ -91,12 +87,10 @@ class FoundFrames:
             The file cannot be written.
         """
         numbers = {score.index for score in film.scores.frames}
-        left = numbers - self.frames.keys()
-        if not left:
-            left, self.candidates = numbers, Candidates()
-        run, written_s = RegistrationRun(registrar, self.candidates, is_film=True), time.monotonic()
+        left = numbers - self.frames.keys() or numbers
+        run, written_s = RegistrationRun(registrar, is_film=True), time.monotonic()
         try:
-            with registrar.frames(film.path) as opened:
+            with registrar.reader.opened(film.path) as opened:
                 for frame in opened.frames:
                     if frame.number not in left:
                         continue
@@ -112,11 +106,7 @@ class FoundFrames:
         finally:
             self.frames |= marked(self.frames | run.judged(), self.change)
             self.write()
-        self.check = registrar.checked_surface(self.colouring())
-
-    def colouring(self) -> list[Candidate]:
-        """The frames that are accepted, and show the surface as the case's frame does."""
-        return colouring_frames(self.candidates, self.frames)
+        self.check = run.check_surface(self.frames)
 
     def write(self) -> None:
         """Keep them in their file.
@@ -167,6 +157,17 @@ def of(scene: bpy.types.Scene) -> FoundFrames | None:
         return None
 
 
+def film_of_case(scene: bpy.types.Scene) -> Path | None:
+    """The film of the case's frame, by its name: beside the frame or the case, in a folder above, or where it was."""
+    video = from_scene.video(scene)
+    if video is None:
+        return None
+    image, case = from_scene.absolute_path(scene.oneframe.frame_path), present(scene)
+    folders = [image.parent, *([case.parent, *case.parents[1:3]] if case is not None else [])]
+    places = (*(folder / video[0] for folder in folders), *(path for path in recent("films") if path.name == video[0]))
+    return next((path for path in places if known_stamp(path) != (0, 0)), None)
+
+
 def begun(scene: bpy.types.Scene, film: FilmSession) -> FoundFrames:
     """What is found from the present pose of the case's frame, to be continued.
 
@@ -190,8 +191,8 @@ def frame_at(scene: bpy.types.Scene, at: int) -> RegisteredFrame | None:
     return None if film is None or registered is None else registered.frames.get(film.scores.frames[at].index)
 
 
-def record_of(scene: bpy.types.Scene, number: int) -> dict[str, object]:
-    """The record of the pose that is found in a frame of the scene's film; nothing without one.
+def record_of(scene: bpy.types.Scene, number: int) -> PoseRecord:
+    """The record of the pose that is found in a frame of the scene's film; an empty one without one.
 
     Raises
     ------
@@ -201,7 +202,7 @@ def record_of(scene: bpy.types.Scene, number: int) -> dict[str, object]:
     film, registered = session.of(scene), of(scene)
     frame = None if registered is None else registered.frames.get(number)
     if film is None or registered is None or frame is None:
-        return {}
+        return UNKNOWN
     camera = from_scene.camera(scene).for_images(film.scores.info.size_wh, film.path.name)
     source = registered.source
     return registration_record(frame, camera, source.mesh_from_model, source.record, source.name, *tool_and_date())
@@ -222,7 +223,7 @@ def _found(place: _Place, mesh_from_model: np.ndarray, source: Callable[[], Sour
         frames, own = {}, source()
         try:
             entries = parsed_json(read_content(place.file, "a list of poses", most=LARGEST_FILE), place.file.name)
-            frames = found_of(entries, mesh_from_model, own.mm_per_unit)
+            frames = registered_of(entries, mesh_from_model, own.mm_per_unit)
         except (InputError, KeyError, TypeError, ValueError):
             # not of this version, or damaged: registered anew
             pass

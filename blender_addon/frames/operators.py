@@ -9,7 +9,7 @@ import numpy as np
 
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
-from ..pipeline.registration.register_frames import CaseRegistrar
+from ..pipeline.registration.register import Registrar
 from ..setup.alignment_record import is_start, pose_record
 from ..state import from_scene
 from ..state.scene_files import forget_stamps
@@ -59,7 +59,7 @@ class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
     def work(self, context: bpy.types.Context) -> Work:
         scene, self._film = context.scene, session.scored(context.scene)
         # may render: in the main thread
-        registrar = CaseRegistrar(recorded_case(scene))
+        registrar = Registrar(recorded_case(scene))
         self._found = found.begun(scene, self._film)
         scene.oneframe_video.visible = True
         shown_frame.restore(scene)

@@ -1,54 +1,108 @@
-"""The step Frames: the other frames of the film, the correction of the first pose."""
+"""The panel Frames: the other frames of the surface, as a queue with pictures and states, and those of the film."""
+
+from typing import Any
 
 import bpy
+import bpy.utils.previews
 
-from ..pipeline.case.alignment_record import FURTHER_FRAMES
-from ..setup.alignment_record import pose_record
+from ..case_queue import queued
+from ..class_registration import at_end
+from ..pipeline.case.case_queue import ALIGNED, CHECKED, DOUBTFUL, NEW, REFUSED, ROUGH
 from ..state import another_frame
 from ..ui.keymap import draw_key
 from ..ui.panel import AlignmentPanel, draw_text
-from ..ui.step_panel import StepPanel
 from ..video import session
 from ..video.session import FilmSession
 from . import found
-from .correct import record_text
 from .operators import is_aligned
 
+ICONS = {
+    NEW: "RADIOBUT_OFF",
+    ROUGH: "DOT",
+    ALIGNED: "RADIOBUT_ON",
+    CHECKED: "CHECKMARK",
+    DOUBTFUL: "ERROR",
+    REFUSED: "CANCEL",
+}
+"""State of a case -> its icon."""
+AROUND = 3
+"""Frames shown before and after the present one."""
 TEXT_LINES = 3
 """Of what is said of the frame in view: no button moves under the pointer, here and above, when a text changes."""
 
+_pictures: dict[str, Any] = {}
+"""One collection of previews, once a queue is drawn."""
 
-class ONEFRAME_PT_frames(AlignmentPanel, StepPanel):
-    """The other frames of the film"""
 
-    bl_label = "6  Frames"
-    bl_order = 7
-    step = "frames"
+class ONEFRAME_PT_frames(AlignmentPanel):
+    """The other frames of this surface, one after the other: of the queue, and of the film"""
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        scene, film = context.scene, session.of(context.scene)
+    bl_parent_id = "ONEFRAME_PT_case"
+    bl_label = "Frames"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
-        if not is_aligned(scene):
-            draw_text(layout, "The other frames are found by this one: align it first.", icon="INFO")
-            return
-        if film is None:
-            draw_text(layout, "Open the film of the frame, or another of the same surface and zoom.", icon="INFO")
-            layout.operator("oneframe.open_video", icon="FILE_MOVIE")
-            return
-        layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
-        _draw_found(layout, scene, film)
-        row = layout.split(factor=0.85, align=True)
-        row.operator("oneframe.case_frame", icon="LOOP_BACK")
-        draw_key(row, "oneframe.case_frame")
+        row = layout.row(align=True)
+        row.operator("oneframe.queue_frames", icon="ADD")
+        row.operator("oneframe.queue_video_frames", text="", icon="FILE_MOVIE")
+        row.operator("oneframe.queue_video_frames", text="Best", icon="FILE_MOVIE").best = True
+        if entries := queued.queue_of(scene):
+            _draw_queue(layout, scene, entries)
         layout.separator()
-        layout.operator("oneframe.correct_first_pose", icon="SNAP_ON")
-        record = pose_record(scene)
-        if record.get("method") == FURTHER_FRAMES:
-            draw_text(layout, f"Corrected: {record_text(record)}, if the surface is right.", icon="CHECKMARK")
+        film = session.of(scene)
+        if film is None:
+            _draw_closed_film(layout, scene)
+        elif not is_aligned(scene):
+            draw_text(layout, "The other frames are found by this one: align it first.", icon="INFO")
+        else:
+            _draw_film(layout, scene, film)
 
 
-def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
+def _draw_queue(layout: bpy.types.UILayout, scene: bpy.types.Scene, entries: tuple[queued.Queued, ...]) -> None:
+    here = queued.position(scene)
+    counts = {state: sum(entry.state == state for entry in entries) for state in ICONS}
+    layout.label(text=f"Frame {here + 1} of {len(entries)}, {counts.pop(CHECKED)} checked")
+    layout.label(text=", ".join(f"{count} {state}" for state, count in counts.items() if count))
+    column = layout.column(align=True)
+    first = max(0, min(here - AROUND, len(entries) - 2 * AROUND - 1))
+    for at, entry in list(enumerate(entries))[first : first + 2 * AROUND + 1]:
+        row = column.row(align=True)
+        row.template_icon(0 if entry.image is None else _picture(str(entry.image)), scale=1.6)
+        cell = row.column(align=True)
+        cell.scale_y = 1.6
+        icon = ICONS.get(entry.state, "CANCEL")
+        cell.operator("oneframe.queue_step", text=entry.path.parent.name, icon=icon, depress=at == here).step = (
+            at - here
+        )
+    if scene.oneframe.refused:
+        draw_text(layout, f"Refused: {scene.oneframe.refused}", icon="CANCEL")
+    for operator, text, icon, settings in (
+        ("queue_step", "Previous", "TRIA_UP", {"step": -1}),
+        ("queue_step", "Next", "TRIA_DOWN", {"step": 1}),
+        ("queue_check", "Checked", "CHECKMARK", {}),
+        ("queue_unfinished", "Next Unfinished", "FRAME_NEXT", {}),
+    ):
+        row = layout.row(align=True)
+        button = row.operator(f"oneframe.{operator}", text=text, icon=icon)
+        for name, value in settings.items():
+            setattr(button, name, value)
+        draw_key(row, f"oneframe.{operator}", **settings)
+    layout.operator("oneframe.queue_refuse", icon="CANCEL")
+
+
+def _draw_closed_film(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    if path := found.film_of_case(scene):
+        layout.operator("oneframe.open_video", text=f"Open {path.name}", icon="FILE_MOVIE").filepath = str(path)
+        return
+    draw_text(layout, "Open the film of the frame, or another of the same surface and zoom.", icon="INFO")
+    layout.operator("oneframe.open_video", icon="FILE_MOVIE")
+
+
+def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
     registered, frame = found.of(scene), found.frame_at(scene, film.shown)
+    layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
     if registered is not None:
         numbers = [score.index for score in film.scores.frames]
         count = sum(number in registered.frames for number in numbers)
@@ -71,3 +125,22 @@ def _draw_found(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSe
         reason = frame.verdict.reason
         text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."
     draw_text(layout, text, lines=TEXT_LINES)
+    row = layout.split(factor=0.85, align=True)
+    row.operator("oneframe.case_frame", icon="LOOP_BACK")
+    draw_key(row, "oneframe.case_frame")
+
+
+def _picture(name: str) -> int:
+    if not _pictures:
+        _pictures["queue"] = bpy.utils.previews.new()
+    known = _pictures["queue"]
+    picture = known[name] if name in known else known.load(name, name, "IMAGE")
+    return picture.icon_id
+
+
+def _forget() -> None:
+    if _pictures:
+        bpy.utils.previews.remove(_pictures.pop("queue"))
+
+
+PARTS = (at_end(_forget),)

@@ -13,10 +13,11 @@ from ..case_queue import queued
 from ..case_queue.adding import add_to_queue, added_text, first_case
 from ..class_registration import prop
 from ..pipeline.case.case_queue import NewFrame
+from ..pipeline.case.pose_record import UNKNOWN, PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
 from ..pipeline.poses.view_spread import spread_views
-from ..pipeline.registration.colour_sources import evenly
+from ..pipeline.registration.further_frames import evenly
 from ..pipeline.registration.verdict import ACCEPTED
 from ..pipeline.transforms import inverse_rigid
 from ..pipeline.video.frame_folder import write_frames_only
@@ -116,7 +117,7 @@ class ONEFRAME_OT_queue_found(AsksInBackground, _ToQueue, NeedsFound):
         if self.choice == EVERY:
             return numbers[:: self.every]
         if self.choice == EVENLY:
-            return [numbers[index] for index in evenly(len(numbers), self.count)]
+            return evenly(numbers, self.count)
         left = [number for number in numbers if number not in there]
         taken = [from_scene.cam_from_model(scene), *(poses[number] for number in there & poses.keys())]
         return [left[index] for index in spread_views([poses[number] for number in left], self.count, taken)]
@@ -141,12 +142,12 @@ def _found_poses(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
     }
 
 
-def _pose_of(scene: bpy.types.Scene, number: int) -> tuple[np.ndarray | None, dict[str, object]]:
-    """``cam_from_mesh`` and the record of the pose that is found for a frame; ``None`` and nothing without one."""
+def _pose_of(scene: bpy.types.Scene, number: int) -> tuple[np.ndarray | None, PoseRecord]:
+    """``cam_from_mesh`` and the record of the pose that is found for a frame; ``None`` and an empty one without."""
     registered = found.of(scene)
     frame = None if registered is None else registered.frames.get(number)
     if registered is None or frame is None or frame.cam_from_model is None:
-        return None, {}
+        return None, UNKNOWN
     return frame.cam_from_model @ inverse_rigid(registered.source.mesh_from_model), found.record_of(scene, number)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..state import another_frame, from_scene, workbench
-from ..state.landmarks import landmarks_model
+from ..state.landmarks import landmarks_model, points_model
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.keymap import LANDMARK_TOOL, active_tool
@@ -57,7 +57,7 @@ def add_landmarks(strokes: Strokes, context: bpy.types.Context) -> None:
 
 def _hidden(scene: bpy.types.Scene, view: LandmarkView, marks: list[Mark]) -> list[bool]:
     shown = [mark for mark in marks if mark.surface is not None]
-    points = np.array([scene.oneframe.landmarks[mark.index].point[:] for mark in shown], float).reshape(-1, 3)
+    points = points_model(scene)[[mark.index for mark in shown]]
     behind = [False] * len(marks)
     for mark, is_behind in zip(
         shown, view.hidden(scene, points, [mark.surface for mark in shown if mark.surface is not None]), strict=True

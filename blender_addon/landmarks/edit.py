@@ -6,7 +6,7 @@ import numpy as np
 from ..pipeline.alignment.manual.picking import Half, landmark_for, new_name
 from ..pipeline.errors import InputError
 from ..state import another_frame, events, from_scene, workbench
-from ..state.landmarks import landmarks_model
+from ..state.landmarks import landmarks_model, point_of_file
 
 
 def check_frame(scene: bpy.types.Scene) -> None:
@@ -57,7 +57,7 @@ def set_halves(
     """Set a landmark's surface point ``(3,)``, model frame, mm, its pixel ``(2,)`` or both, and notify listeners."""
     entry = scene.oneframe.landmarks[index]
     if point_model is not None:
-        entry.point, entry.has_point = point_model.tolist(), True
+        entry.point, entry.has_point = point_of_file(scene, point_model).tolist(), True
     if pixel is not None:
         entry.pixel, entry.has_pixel = pixel.tolist(), True
     events.landmarks_changed(scene)

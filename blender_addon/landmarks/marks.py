@@ -9,6 +9,7 @@ from bpy_extras import view3d_utils
 
 from ..pipeline.transforms import transform_points
 from ..state import from_scene
+from ..state.landmarks import points_model
 from ..ui import frame_view
 from ..ui.frame_view import FrameView
 
@@ -101,8 +102,7 @@ def world_from_model(scene: bpy.types.Scene) -> np.ndarray:
 def marks_of(scene: bpy.types.Scene, view: LandmarkView) -> list[Mark]:
     """The marks of all landmarks in a view."""
     entries = scene.oneframe.landmarks
-    points = np.array([entry.point[:] for entry in entries], float).reshape(-1, 3)
-    surface = view.region_from_model(scene, points)
+    surface = view.region_from_model(scene, points_model(scene))
     marks = []
     for index, entry in enumerate(entries):
         image = None

@@ -11,6 +11,7 @@ from ..pipeline.alignment.refinement.refine import explained
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks
 from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.surface.mesh import TriangleMesh
@@ -209,12 +210,11 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
             away = solve.departure(scene, solved)
             if away is None or not pose_evidence.is_refined(scene):
                 return self.execute(context)
-            record = pose_evidence.remembered(scene) or {}
+            record = pose_evidence.remembered(scene) or UNKNOWN
         except InputError as error:
             report_error(self, str(error))
             return {"CANCELLED"}
-        error_px = record.get("error_px")
-        off = f", off by about {format_two_digits(error_px)} px" if isinstance(error_px, float) else ""
+        off = "" if record.error_px is None else f", off by about {format_two_digits(record.error_px)} px"
         question = f"It comes from the image{off}. The landmarks' pose is up to {away.largest_px:.1f} px away."
         return self.ask(context, "Replace the Refined Pose?", question, "Solve")
 

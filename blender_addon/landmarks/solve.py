@@ -22,10 +22,11 @@ from ..pipeline.alignment.reprojection import twist_between
 from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
+from ..pipeline.case.pose_record import PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
 from ..state import events, from_scene, pose_evidence, workbench
-from ..state.landmarks import landmarks_model
+from ..state.landmarks import landmarks_model, points_model
 from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
@@ -145,12 +146,12 @@ def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
     """Index -> ``(2,)`` clicked minus projected pixel at the current pose, of all landmarks that have both points."""
     camera, pose = from_scene.camera(scene), from_scene.cam_from_model(scene)
-    found = {}
-    for index, entry in enumerate(scene.oneframe.landmarks):
-        if entry.has_point and entry.has_pixel:
-            seen = camera.project(transform_points(pose, np.array(entry.point[:], float)[None]))[0]
-            found[index] = np.array(entry.pixel[:], float) - seen
-    return found
+    shown = camera.project(transform_points(pose, points_model(scene)))
+    return {
+        index: np.array(entry.pixel[:], float) - seen
+        for index, (entry, seen) in enumerate(zip(scene.oneframe.landmarks, shown, strict=True))
+        if entry.has_point and entry.has_pixel
+    }
 
 
 def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
@@ -210,16 +211,14 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
     """
     pose = solved.doubtful[number]
     complete = complete_landmarks(landmarks_model(scene))
-    record: dict[str, object] = {"method": "landmarks", "pairs": len(complete), "rms_px": rms_px(scene, pose)}
     if len(solved.doubtful) > 1:
-        record["doubt"] = (
+        doubt = (
             f"{len(solved.doubtful)} poses fit the landmarks; this one is right with a probability of "
             f"{solved.probabilities[number]:.0%} by the clicks alone"
         )
     else:
-        record["doubt"] = "no pose fits the landmarks; this one comes nearest"
-    if explained is not None:
-        record["explained"] = explained
+        doubt = "no pose fits the landmarks; this one comes nearest"
+    record = PoseRecord("landmarks", doubt=doubt, pairs=len(complete), rms_px=rms_px(scene, pose), explained=explained)
     set_cam_from_model(scene, pose)
     pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
 
@@ -251,7 +250,7 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
     index = list(complete).index(held)
     pulled = pull_pins(points, pixels, camera, cam_from_model, pivot, held=index, radius_mm=radius_mm)
     set_cam_from_model(scene, pulled)
-    record = {"method": "pins", "pairs": len(points), "rms_px": rms_px(scene, pulled)}
+    record = PoseRecord("pins", pairs=len(points), rms_px=rms_px(scene, pulled))
     pose_evidence.remember(scene, record, pulled)
 
 

@@ -164,7 +164,9 @@ def is_taken(scene: bpy.types.Scene) -> bool:
         and not result.accepted
         and np.array_equal(from_scene.cam_from_model(scene), result.cam_from_model)
     )
-    return not is_start and "refused" in (pose_evidence.remembered(scene) or {})
+    if is_start or (record := pose_evidence.remembered(scene)) is None:
+        return False
+    return bool(record.refused)
 
 
 PARTS = (keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.alignment.refinement.verdict import Refinement
+from ..pipeline.case.pose_record import PoseRecord
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
@@ -23,7 +24,7 @@ TAKE = {"RET", "NUMPAD_ENTER"}
 """With Ctrl: takes a refused pose. It must not happen by a habit of the hand."""
 
 
-def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -> None:
+def take(scene: bpy.types.Scene, result: Refinement, start: PoseRecord) -> None:
     """Move the surface to the pose that a refinement has found, and record how; ``start``: of its initial pose."""
     set_cam_from_model(scene, result.found)
     remember_refined(scene, result, start)

@@ -3,31 +3,29 @@
 What is in doubt follows it in red. It draws only, and looks at no file that has not changed.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from ..case_queue.operators import SETTLED
 from ..case_queue.queued import position, queue_of
 from ..dataset import background_job
 from ..dataset.snapshot import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
-from ..pipeline.case.alignment_record import (
-    FOUND,
+from ..pipeline.case.pose_record import (
     FURTHER_FRAMES,
     INITIAL_GUESS,
     OTHER_FRAME,
     REGISTERED,
-    is_a_start,
+    PoseRecord,
 )
-from ..pipeline.case.case_queue import CHECKED
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
-from ..setup.case_in_scene import lately_saved, unsaved_parts
+from ..setup.case_in_scene import unsaved_parts
 from ..setup.open_case import task_lines
-from ..state import another_frame, from_scene, pose, pose_evidence, workbench
+from ..state import another_frame, from_scene, pose, workbench
 from ..state.events import areas
 from ..state.landmarks import landmarks_model
 from ..ui.keymap import binding
@@ -43,6 +41,8 @@ NAVIGATION_PX = 90.0
 """Width of Blender's navigation in the upper right corner of a view, at interface scale 1."""
 LARGEST_SHARE = 0.35
 """Of the view's height, for texts on top of it."""
+FEWEST_PINS = 3
+"""From which on pins hold the surface in all directions: a refinement begins near enough."""
 CONTRADICTION = 10.0
 """RMS of the pins in units of the click noise from which on they cannot be meant so."""
 
@@ -71,7 +71,7 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
     name = bpy.path.basename(settings.case_path or settings.frame_path) or "New case"
     if entries := queue_of(scene):
         name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
-    parts = unsaved_parts(scene, lately_saved)
+    parts = unsaved_parts(scene)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
     if (other := another_frame.seen(scene)) is not None:
         back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
@@ -90,29 +90,24 @@ def pose_text(scene: bpy.types.Scene) -> str:
         return f"Preview: {pose.previewed}"
     record = pose_record(scene)
     text, _ = kind_of(scene, record)
-    error_px = record.get("error_px")
-    if isinstance(error_px, float):
-        return f"{text}, off by {'at least' if 'refused' in record else 'about'} {format_two_digits(error_px)} px"
+    if record.error_px is not None:
+        return f"{text}, off by {'at least' if record.refused else 'about'} {format_two_digits(record.error_px)} px"
     rms_px = _rms_px(scene, record)
     return f"{text}, RMS of the pairs {rms_px:.2f} px" if np.isfinite(rms_px) else text
 
 
-def _rms_px(scene: bpy.types.Scene, record: Mapping[str, object]) -> float:
+def _rms_px(scene: bpy.types.Scene, record: PoseRecord) -> float:
     """The residual of the pairs at the shown pose, NaN if there are none."""
-    rms_px = record.get("rms_px")
-    if rms_px is None and complete_landmarks(landmarks_model(scene)):
-        rms_px = solve.rms_px(scene, from_scene.cam_from_model(scene))
-    return rms_px if isinstance(rms_px, float) else np.nan
+    if record.rms_px is None and complete_landmarks(landmarks_model(scene)):
+        return solve.rms_px(scene, from_scene.cam_from_model(scene))
+    return np.nan if record.rms_px is None else record.rms_px
 
 
-def kind_of(scene: bpy.types.Scene, record: Mapping[str, object]) -> tuple[str, str]:
+def kind_of(scene: bpy.types.Scene, record: PoseRecord) -> tuple[str, str]:
     """How a pose with this record was found, in words, and the icon for it."""
-    method = str(record.get("method", ""))
-    title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
-    if "refused" in record:
-        title, icon = "Taken although refused", "ERROR"
-    is_given = pose_evidence.remembered(scene) == {} and method == "manual"
-    return "Given by the case, origin unknown" if is_given else title, icon
+    if record.refused:
+        return "Taken although refused", "ERROR"
+    return KINDS.get(record.method, (record.method or "Given by the case, origin unknown", "QUESTION"))
 
 
 def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
@@ -132,16 +127,19 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return f"Refused: {found.objection}; add landmarks" if found.objection else found.message
     if len(solve.solution(scene).doubtful) > 1:
         return f"{binding('oneframe.other_pose') or 'Other Pose'}: the other pose"
-    if is_a_start(record) or "doubt" in record:
+    if record.is_start or record.doubt:
         return "Next: drag pins or pick landmarks"
-    if record.get("method") == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
+    if record.method == "pins" and _rms_px(scene, record) > CONTRADICTION * scene.oneframe.click_sigma_px:
         return "The pins contradict each other: move or delete the worst ones"
-    if record.get("method") not in FOUND:
+    if record.method == "pins" and (record.pairs or 0) < FEWEST_PINS:
+        return "Next: drag another pin, far from the first"
+    entries, is_settled = queue_of(scene), bool(record.checked or scene.oneframe.refused)
+    if not record.is_from_image and not is_settled:
         return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
-    if entries := queue_of(scene):
-        if not is_saved or entries[position(scene)].state != CHECKED:
+    if entries:
+        if not is_saved or not (is_settled or entries[position(scene)].state in SETTLED):
             return f"Next: {binding('oneframe.queue_check') or 'Checked'}, if it is right"
-        if any(entry.state != CHECKED for entry in entries):
+        if any(entry.state not in SETTLED for entry in entries):
             return f"Next: {binding('oneframe.queue_unfinished') or 'Next Unfinished'} goes to the next unfinished one"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
@@ -159,7 +157,7 @@ class StatusLine(Pane):
     @classmethod
     def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
         (line, in_doubt), task = status(context.scene), task_lines(context.scene)
-        is_refused = "refused" in pose_record(context.scene)
+        is_refused = bool(pose_record(context.scene).refused)
         low, high = uncovered_rectangle(context.area)
         margin, row = 10 * strokes.unit, STATUS_PX * strokes.unit
         at = np.array([low[0] + margin, high[1] - 16 * strokes.unit])

@@ -8,12 +8,10 @@ import bpy
 
 from ..landmarks import solve
 from ..pipeline import __version__
-from ..pipeline.alignment.pose_record import alignment_record, refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.case.alignment_record import INITIAL_GUESS, OTHER_FRAME, is_a_start
 from ..pipeline.case.case_file import Case
+from ..pipeline.case.pose_record import INITIAL_GUESS, OTHER_FRAME, UNKNOWN, PoseRecord
 from ..state import from_scene, pose_evidence
-from ..state.initial_pose import has_initial_pose
 from .operators import doubt_of_size
 
 
@@ -22,25 +20,24 @@ def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
     return replace(from_scene.case(scene, path), alignment=pose_record(scene))
 
 
-def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
-    """The table ``[alignment]`` of the case file."""
+def pose_record(scene: bpy.types.Scene) -> PoseRecord:
+    """The record of the pose for the case file."""
     tool, date = tool_and_date()
     record = pose_evidence.remembered(scene)
-    if record:
+    if record is not None and record != UNKNOWN:
         # pins and doubtful poses are recorded where the tool is not known; other records stay as they are
-        unsigned = record.get("method") == "pins" or "doubt" in record
-        return {"tool": tool, "date": date, **record} if unsigned else record
+        is_unsigned = not record.tool and (record.method == "pins" or record.doubt)
+        return replace(record, tool=tool, date=date) if is_unsigned else record
     solved = solve.solution(scene)
-    if solved.alignment is None or solve.departure(scene, solved) is not None:
-        if has_initial_pose(scene):
-            return {"method": INITIAL_GUESS}
-        return {"method": "manual", "tool": tool, "date": date}
-    return alignment_record(solved.alignment, tool, date)
+    if solved.alignment is not None and solve.departure(scene, solved) is None:
+        return solved.alignment.record(tool, date)
+    # unknown: given by the case, and not moved since
+    return PoseRecord("manual", tool, date) if record is None else record
 
 
 def is_start(scene: bpy.types.Scene) -> bool:
     """Whether nobody has aligned the pose in this frame."""
-    return is_a_start(pose_record(scene))
+    return pose_record(scene).is_start
 
 
 def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
@@ -53,21 +50,21 @@ def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
     """
     size, record = doubt_of_size(scene, from_scene.surface_extents(scene)), pose_record(scene)
     found = [] if size is None else [f"In doubt: {size.message}."]
-    if record.get("method") == INITIAL_GUESS:
+    if record.method == INITIAL_GUESS:
         found.append("The pose is an initial guess: nobody has aligned it with the frame.")
-    if record.get("method") == OTHER_FRAME:
-        origin = record.get("doubt", "found in another frame")
-        found.append(f"The pose was {origin}: nobody has aligned it with this one.")
-    elif "doubt" in record:
-        found.append(f"The pose is in doubt: {record['doubt']}.")
-    if "refused" in record:
-        found.append(f"The refinement was refused, and its pose taken all the same: {record['refused']}.")
+    if record.method == OTHER_FRAME:
+        found.append(f"The pose was {record.doubt or 'found in another frame'}: nobody has aligned it with this one.")
+    elif record.doubt:
+        found.append(f"The pose is in doubt: {record.doubt}.")
+    if record.refused:
+        found.append(f"The refinement was refused, and its pose taken all the same: {record.refused}.")
     return tuple(found)
 
 
-def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:
+def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: PoseRecord) -> None:
     """Store how a refinement has found its pose; ``start`` is the record of the initial one."""
-    record = refinement_record(refinement, start, *tool_and_date())
+    start = PoseRecord("manual") if start == UNKNOWN else start
+    record = refinement.record(start, *tool_and_date())
     uncertainty = refinement.uncertainty if refinement.verified else None
     pose_evidence.remember(scene, record, refinement.found, uncertainty)
 

@@ -8,11 +8,8 @@ from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene, workbench
-from ..ui.operator import ChosenFiles, OperatorResult, call
-from ..ui.question import Asking
+from ..ui.operator import ChosenFiles, Reporting, call
 from ..video.operators import VIDEOS
-from .case_in_scene import unsaved_text
-from .open_case import ANSWER, QUESTION
 from .operators import CAMERAS, IMAGES, MESHES
 
 LANDMARKS = "*.csv"
@@ -24,15 +21,11 @@ def extensions(glob: str) -> tuple[str, ...]:
     return tuple(glob.replace("*", "").split(";"))
 
 
-class ONEFRAME_OT_drop_files(Asking, ChosenFiles):
+class ONEFRAME_OT_drop_files(Reporting, ChosenFiles):
     """Open the dropped files: a case, the frame, K, the surface and structures, landmarks"""
 
     bl_label = "Open in OneFrame"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        question = unsaved_text(context.scene) if any(map(_is_case, self.chosen_files())) else ""
-        return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
 
     def run(self, context: bpy.types.Context) -> None:
         paths = self.chosen_files()

@@ -1,4 +1,4 @@
-"""Operators that open a case, or the sample; first they ask, if the present case has what its file lacks."""
+"""Operators that open a case, or the sample."""
 
 import shutil
 from functools import lru_cache
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 
 from ..class_registration import at_end, prop
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
@@ -17,12 +17,11 @@ from ..pipeline.transforms import transform_points
 from ..state import from_scene
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose
+from ..state.recent import own_folder
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.keymap import binding
-from ..ui.operator import Messages, OpensFile, OperatorResult, call
-from ..ui.question import Asking, ask_first
-from . import autosave
-from .case_in_scene import load_into_scene, unsaved_text
+from ..ui.operator import Messages, OpensFile, OperatorResult, Reporting, call
+from . import history
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """The sample in the built extension; a checkout has none."""
@@ -33,37 +32,22 @@ TRUE, UNALIGNED = "case.toml", "unaligned.toml"
 COMPARED = 20_000
 """Vertices at which the poses are compared where the frame shows them: a drag draws this again and again."""
 
-QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
-
 
 class ONEFRAME_OT_open_case(OpensFile):
-    """Open a case file: frame, K, surface, structures, pose and landmarks"""
+    """Open a case file: frame, K, surface, structures, pose and landmarks; the history keeps the present one's pose"""
 
     bl_label = "Open Case"
 
     filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
-    discard: bool = prop(
-        BoolProperty,
-        "Discard Changes",
-        "Open the case even if the present one has changes that its file lacks",
-        options={"SKIP_SAVE", "HIDDEN"},
-    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not self.discard and (question := unsaved_text(context.scene)):
-            ask_first((QUESTION, question, ANSWER), "open_case", discard=True, filepath=self.filepath)
-            return {"CANCELLED"}
         return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
-        case = read_case(path, posed=False)
-        if self.discard:
-            autosave.forget(context.scene)
-        loaded = load_into_scene(context, case)
+        loaded = history.load(context, path)
         show_shape(context)
         look_through_camera(context)
-        autosave.offer(context, autosave.path_of(context.scene))
         width, height = loaded.case.camera.size_wh
         return (
             *loaded.messages,
@@ -71,17 +55,13 @@ class ONEFRAME_OT_open_case(OpensFile):
         )
 
 
-class ONEFRAME_OT_open_sample(Asking):
+class ONEFRAME_OT_open_sample(Reporting):
     """Open the sample case: a drilled temporal bone with its frame, K and structures, to be aligned"""
 
     bl_label = "Open Sample Case"
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        question = unsaved_text(context.scene)
-        return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
-
     def run(self, context: bpy.types.Context) -> None:
-        call("open_case", filepath=str(copied_sample(autosave.own_folder("sample")) / UNALIGNED), discard=True)
+        call("open_case", filepath=str(copied_sample(own_folder("sample")) / UNALIGNED))
 
 
 def copied_sample(folder: Path) -> Path:

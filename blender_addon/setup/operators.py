@@ -41,7 +41,7 @@ from ..ui.operator import (
 )
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
-CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.npy;*.txt;*.pkl;*.pickle"
+CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.txt"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
 SURFACES = f"{MESHES};{RECORD}"
@@ -84,13 +84,13 @@ class ONEFRAME_OT_clear_pose(_OfAnotherFrame):
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
-        set_initial_pose(scene, from_scene.surface_of(scene))
+        set_initial_pose(scene)
         replace_landmarks(scene, ())
         scene.oneframe.aligned_path = ""
 
 
 class ONEFRAME_OT_load_camera(OpensFile):
-    """Load K: a case file, JSON, OpenCV YAML, BOP camera.json, COLMAP cameras.txt, NumPy, Vision6D pickle"""
+    """Load K: a case file, JSON, YAML of OpenCV, ROS or Kalibr, BOP camera.json, COLMAP cameras.txt"""
 
     bl_label = "Load K"
 
@@ -105,7 +105,7 @@ class ONEFRAME_OT_load_camera(OpensFile):
         # of another size, the panel offers to rescale it, as it does when the frame is loaded after K
         camera = fit.camera if fit.rescaled is None or found.size is None else found.camera(found.size)
         to_scene.set_camera(context, camera, found.distortion_for(camera))
-        return *found.messages, *fit.messages
+        return fit.messages
 
 
 class ONEFRAME_OT_set_camera(Reporting):

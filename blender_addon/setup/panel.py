@@ -1,15 +1,19 @@
 """The panel Case, in which the steps of the work are, and the step Set up: frame, K, surface and structures."""
 
+from contextlib import suppress
+
 import bpy
 
 from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_doubts import size_text
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene, workbench
+from ..state.recent import recent
 from ..state.to_scene import frame_warnings
 from ..state.workbench import OPEN, next_step
 from ..ui.panel import SidebarPanel, draw_text
 from ..ui.step_panel import PartPanel, StepPanel
+from . import history
 from .alignment_record import doubts
 
 
@@ -31,6 +35,12 @@ class ONEFRAME_PT_case(SidebarPanel):
 
 
 def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    with suppress(InputError):
+        if text := history.later_text(scene):
+            draw_text(layout, text, icon="RECOVER_LAST")
+            layout.operator("oneframe.restore", icon="LOOP_BACK").number = 0
+    if history.is_changed_elsewhere(scene):
+        draw_text(layout, "Another window or program has saved this case since: open it again.", icon="ERROR")
     step = next_step(scene)
     if step:
         draw_text(layout, step, icon="INFO")
@@ -42,6 +52,9 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         if workbench.existing() not in (None, scene):
             layout.operator("oneframe.enter_workbench", icon="WORKSPACE")
         layout.operator("oneframe.open_sample", icon="HELP")
+        for path in recent("cases"):
+            name = f"{path.parent.name}/{path.name}"
+            layout.operator("oneframe.open_case", text=name, icon="FILE_TEXT").filepath = str(path)
     for message in frame_warnings(scene):
         draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
@@ -55,6 +68,26 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         except InputError as error:
             draw_text(layout, str(error), icon="ERROR")
             layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")
+
+
+class ONEFRAME_PT_history(SidebarPanel):
+    """The poses that the case had"""
+
+    bl_parent_id = "ONEFRAME_PT_case"
+    bl_label = "History"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        try:
+            entries = history.listed(context.scene)
+        except InputError as error:
+            draw_text(self.layout, str(error), icon="ERROR")
+            return
+        column = self.layout.column(align=True)
+        for number, entry in enumerate(entries):
+            row = column.row(align=True)
+            row.label(text=entry.text)
+            row.operator("oneframe.restore", text="", icon="LOOP_BACK").number = number
 
 
 class ONEFRAME_PT_setup(StepPanel):

@@ -1,29 +1,33 @@
-"""The operators that save the case, alone or with all of its files, and one page about its alignment."""
+"""The operator that saves the case, alone or with all of its files."""
 
 import datetime
+import getpass
 import os
 from dataclasses import replace
 from pathlib import Path
 
 import bpy
-import numpy as np
 from bpy.props import BoolProperty, StringProperty
 
 from ..class_registration import prop
-from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, is_found
-from ..pipeline.case.case_file import Case, read_case
-from ..pipeline.case.case_update import other_inputs, update_case
-from ..pipeline.case.case_writer import case_output, write_case
+from ..pipeline.case.case_changes import other_inputs
+from ..pipeline.case.case_file import read_case
+from ..pipeline.case.case_history import add_to_history, history_path
+from ..pipeline.case.case_writer import case_output, case_text, write_case
 from ..pipeline.errors import InputError
-from ..state import from_scene
+from ..pipeline.files.outputs import writing
+from ..pipeline.transforms import is_same_pose
+from ..state import from_scene, pose_evidence
 from ..state.events import redraw
 from ..state.known_case import known_case, remember_file
 from ..state.scene_files import forget_stamps, input_files, saved, usual_folder
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, SavesFile
 from ..ui.question import ask_first
-from . import autosave
-from .alignment_record import doubts, recorded_case
+from . import history
+from .alignment_record import recorded_case
 from .kept_files import keep_beside
+
+REPLACE = "Replace the Checked Pose?"
 
 
 class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
@@ -44,12 +48,8 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         "Copy frame, surface and structures into the case's folder, as far as they lie elsewhere",
         options={"SKIP_SAVE"},
     )
-
-    replace: bool = prop(
-        BoolProperty, "Replace", "Replace a case of another frame or surface", options={"SKIP_SAVE", "HIDDEN"}
-    )
-    in_doubt: bool = prop(
-        BoolProperty, "In Doubt", "Save without asking about what is in doubt", options={"SKIP_SAVE", "HIDDEN"}
+    is_answered: bool = prop(
+        BoolProperty, "Answered", "Replace a checked pose without asking", options={"SKIP_SAVE", "HIDDEN"}
     )
     checked: bool = prop(
         BoolProperty, "Checked", "Note in the case that you have checked its pose", options={"SKIP_SAVE", "HIDDEN"}
@@ -58,11 +58,6 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         settings = context.scene.oneframe
         known = bpy.path.abspath(settings.case_path)
-        replaced = replaced_pose(context.scene, Path(known)) if known and not self.save_as else ""
-        if not self.in_doubt and (doubtful := " ".join(filter(None, (replaced, *_doubts(context.scene))))):
-            texts = (REPLACE, doubtful, "Replace") if replaced else ("Save in Doubt?", doubtful, "Save")
-            ask_first(texts, "save_case", save_as=self.save_as, in_doubt=True)
-            return {"CANCELLED"}
         usual = usual_folder(context.scene) / "case.toml"
         if usual.exists():
             # another one's, whose folder is not the place for copies
@@ -75,34 +70,46 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()
+        forget_stamps()
         from_scene.check_mesh_unedited(scene)
         # before any file is copied
         case_output(path)
-        other, before = " and ".join(_other_case(scene, path)), input_files(scene)
-        if other and not self.replace:
-            if self.options.is_invoke and not bpy.app.background:
-                question = f"{path.name} is the case of {other}. Replace it by the present one?"
-                settings = {"filepath": str(path), "collect": self.collect, "replace": True}
-                ask_first(("Replace Another Case?", question, "Replace"), "save_case", "EXEC_DEFAULT", **settings)
-                return ()
+        before, is_tied = input_files(scene), _is_tied(scene, path)
+        if other := " and ".join(_other_case(scene, path)):
             raise InputError(
                 f"{path}: expected no file or a case of this frame and surface, found one of {other}; "
                 "choose another name"
             )
-        is_asked = self.options.is_invoke and not bpy.app.background and not self.in_doubt
-        if is_asked and not other and (question := replaced_pose(scene, path)):
-            settings = {"filepath": str(path), "collect": self.collect, "in_doubt": True}
+        is_asked = self.options.is_invoke and not bpy.app.background and not self.is_answered
+        if is_asked and (question := checked_pose(scene, path)):
+            settings = {"filepath": str(path), "collect": self.collect, "is_answered": True}
             ask_first((REPLACE, question, "Replace"), "save_case", "EXEC_DEFAULT", **settings)
             return ()
-        is_own = self.replace or _is_tied(scene, path)
-        kept = keep_beside(scene, path.parent, collect=self.collect, replace=is_own)
-        case = _with_kept_record(recorded_case(scene, path))
+        case = recorded_case(scene, path)
+        if is_tied and history.is_changed_elsewhere(scene):
+            with writing(history_path(path)):
+                add_to_history(path, case, case_text(path, case))
+            return (
+                f"{path.name} was saved by another window or program since it was opened here: yours is a further "
+                "entry of its history, and not in the file. Open the case again to see both",
+            )
+        unnamed = None if is_tied else history.place_of(scene)
+        kept = keep_beside(scene, path.parent, collect=self.collect, replace=is_tied)
+        # its files may be copies now
+        case = recorded_case(scene, path)
         if self.checked:
-            case = replace(case, alignment=case.alignment | {"checked": datetime.date.today().isoformat()})
-        (write_case if other else update_case)(path, case)
-        autosave.forget(scene)
-        remember_file(scene, read_case(path))
+            day = f"{datetime.date.today().isoformat()}, {getpass.getuser()}"
+            case = replace(case, alignment=replace(case.alignment, checked=day))
+        write_case(path, case)
+        in_file = read_case(path)
+        remember_file(scene, in_file)
+        if self.checked:
+            uncertainty = pose_evidence.remembered_uncertainty(scene)
+            pose_evidence.remember(scene, case.alignment, from_scene.cam_from_model(scene), uncertainty)
         forget_stamps()
+        history.note(scene)
+        if unnamed is not None and "case" not in before:
+            history.carry_over(unnamed, in_file)
         for keep in saved:
             keep(scene)
         redraw()
@@ -112,30 +119,16 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
 
 
-REPLACE = "Replace the Pose?"
-
-
-def replaced_pose(scene: bpy.types.Scene, path: Path) -> str:
-    """The question before hands replace a pose in a case file that was found in the image or checked; else empty."""
+def checked_pose(scene: bpy.types.Scene, path: Path) -> str:
+    """The question before a pose that a person has checked is replaced in a case file by another one; else empty."""
     try:
-        saved, case = read_case(path), recorded_case(scene, path)
+        in_file, pose = read_case(path), from_scene.cam_from_mesh(scene)
     except InputError:
         return ""  # there is no file, or saving says what is wrong with the pose
-    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh)
-    if is_same or not is_found(saved.alignment) or case.alignment.get("method") in FOUND:
+    if not in_file.alignment.checked or is_same_pose(in_file.cam_from_mesh, pose):
         return ""
-    how = "checked" if "checked" in saved.alignment else "found in the image or other frames"
     name = f"{path.parent.name}/{path.name}"
-    return (
-        f"The pose in {name} was {how}, the one in view was not. Replace it? The case's history keeps what is replaced."
-    )
-
-
-def _doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
-    try:
-        return doubts(scene)
-    except InputError:
-        return ()  # saving says what is wrong with the pose
+    return f"The pose in {name} was checked ({in_file.alignment.checked}). Replace it by the one in view?"
 
 
 def _is_tied(scene: bpy.types.Scene, path: Path) -> bool:
@@ -147,20 +140,10 @@ def _is_tied(scene: bpy.types.Scene, path: Path) -> bool:
 def _other_case(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
     """What would be lost in a file that holds another case: its frame, its surface; see :func:`.other_inputs`.
 
-    The scene's own file may name those that it had when it was read or written: a mask or a drill has changed them.
+    The scene's own file may name those that it had when it was read or written: a mask has changed them.
     """
     case = from_scene.case(scene, path)
     other = other_inputs(path, case)
     if other and _is_tied(scene, path) and (known := known_case(scene)):
         return other_inputs(path, replace(case, image=known.image, mesh=known.mesh))
     return other
-
-
-def _with_kept_record(case: Case) -> Case:
-    """The case with the record of its file, or with none if that has none, while the pose is the file's."""
-    try:
-        saved = read_case(case.path)
-    except InputError:
-        return case
-    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh) and case.alignment.get("method") != OTHER_FRAME
-    return replace(case, alignment=saved.alignment) if is_same else case

@@ -7,12 +7,11 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ..pipeline.blender.bridge.data_blocks import absolute_path, set_exact
-from ..pipeline.case.alignment_record import OTHER_FRAME, is_a_start
+from ..pipeline.blender.bridge.data_blocks import absolute_path
+from ..pipeline.case.pose_record import OTHER_FRAME, UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.images.image_reader import read_image
 from . import events, from_scene, pose_evidence
-from .initial_pose import has_initial_pose
 
 
 class SeenFrame(NamedTuple):
@@ -57,7 +56,7 @@ def leave_frame(scene: bpy.types.Scene, image: np.ndarray, valid: np.ndarray) ->
             settings.aligned_path = ""
     elif settings.frame_path and not is_same and _is_aligned(scene):
         settings.aligned_path = settings.frame_path
-        set_exact(from_scene.surface_of(scene), pose_evidence.LEFT_POSE, from_scene.cam_from_model(scene))
+        pose_evidence.leave(scene)
     return is_same
 
 
@@ -70,7 +69,7 @@ def keep_pose(scene: bpy.types.Scene) -> None:
         There is no pose.
     """
     record, pose = pose_evidence.remembered(scene), from_scene.cam_from_model(scene)
-    if record is not None and record.get("method") == OTHER_FRAME:
+    if record is not None and record.method == OTHER_FRAME:
         pose_evidence.remember(scene, record, pose)
     scene.oneframe.aligned_path = ""
     with events.muted():
@@ -95,10 +94,8 @@ def _shows(path: str, image: np.ndarray, valid: np.ndarray) -> bool:
 def _is_aligned(scene: bpy.types.Scene) -> bool:
     """Whether somebody has aligned the present frame: there are image points, or a pose that is no guess."""
     try:
-        pose_is_guess = has_initial_pose(scene)
-        record = pose_evidence.remembered(scene) or {}
+        is_start = (pose_evidence.remembered(scene) or UNKNOWN).is_start
     except InputError:
         # nothing is set up, or the sidebar says what is wrong with the pose
         return False
-    pose_is_guess |= is_a_start(record)
-    return not pose_is_guess or any(entry.has_pixel for entry in scene.oneframe.landmarks)
+    return not is_start or any(entry.has_pixel for entry in scene.oneframe.landmarks)

@@ -101,14 +101,15 @@ def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def cam_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
-    """``(4, 4)`` the current pose in the frame of the mesh file, mm; that of the known case until the surface moves.
+    """``(4, 4)`` the current pose in the frame of the mesh file, mm. Errors are those of :func:`cam_from_model`."""
+    return cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene)))
 
-    Errors are those of :func:`cam_from_model`.
-    """
-    found = cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene)))
-    known = known_case(scene)
-    is_known = known is not None and known.posed and np.allclose(found, known.cam_from_mesh, rtol=1e-12, atol=1e-9)
-    return known.cam_from_mesh if known is not None and is_known else found
+
+def pose_in_file(scene: bpy.types.Scene) -> np.ndarray:
+    """The same in the units of the mesh file, as in a case file."""
+    pose = cam_from_mesh(scene)
+    pose[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
+    return pose
 
 
 def distortion(scene: bpy.types.Scene) -> Distortion | None:
@@ -165,6 +166,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         dataset=dataset_table(scene),
         landmarks=landmarks,
         video=video(scene),
+        refused=settings.refused,
         object_name=None if known is None else known.object_name,
         light=lamp_of(scene),
     )
@@ -185,10 +187,7 @@ def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
         if key in ("rna_type", "name"):
             continue
         value = getattr(options, key)
-        given = read.get(key)
-        if declared.type == "FLOAT" and isinstance(given, int | float) and np.float32(given) == np.float32(value):
-            table[key] = given
-        elif key in read or value != declared.default:
+        if key in read or value != declared.default:
             table[key] = shortest(value) if declared.type == "FLOAT" else value
     return table
 

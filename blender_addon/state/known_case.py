@@ -1,6 +1,6 @@
-"""The case as its file has it, in one text of the scene: as it was read or written.
+"""What a case has and the scene no property for: further frames, lamp, the surface's name, options of other programs.
 
-What the scene itself holds in other frames or in single precision is the file's while it is the same but for that.
+It is the text of the case as it was read or written. Its units are the scene's, and its lengths are in them.
 """
 
 from dataclasses import replace
@@ -23,7 +23,7 @@ UNNAMED = Path("/case.toml")
 def known_case(scene: bpy.types.Scene) -> Case | None:
     """The case of the scene's file, or what of it still holds for another frame or surface; ``None`` for none."""
     text = scene.oneframe.case_text
-    return _parsed(text, _place(scene)) if text else None
+    return _parsed(f'units = "{scene.oneframe.units}"\n{text}', _place(scene)) if text else None
 
 
 def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:
@@ -55,8 +55,9 @@ def remember_file(scene: bpy.types.Scene, case: Case) -> None:
 
 
 def keep_known(scene: bpy.types.Scene, case: Case) -> None:
-    """Keep a case as that of the scene's file, see :func:`known_case`."""
-    scene.oneframe.case_text = case_text(_place(scene), case)
+    """Keep a case, in the scene's units, as that of the scene's file, see :func:`known_case`."""
+    # the first line has the units
+    scene.oneframe.case_text = case_text(_place(scene), case).partition("\n")[2]
 
 
 def part_from_case(scene: bpy.types.Scene, *, surface: bool = False) -> None:

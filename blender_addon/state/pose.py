@@ -14,7 +14,8 @@ from . import from_scene
 previewed = ""
 """Label of the operator whose pose is previewed now: it is not the case's until the user takes it."""
 
-PIVOT = "oneframe_pivot_model"
+PIVOT = "oneframe_pivot"
+"""Custom property of the surface: the pivot and its radius, in the frame and units of the mesh file."""
 PIVOT_DRIFT = 0.1
 """The stored pivot is kept while it projects near the centre of the visible surface: within this fraction of the
 frame's size. With a new pivot at each step, steps back and forth would not cancel."""
@@ -38,16 +39,19 @@ def pivot_of(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
         return np.zeros(3), surface_object.radius_of(surface) / 2
     stored = exact(surface, PIVOT)
     if stored is not None and stored.shape == (4,):
-        points_cam = transform_points(pose, np.stack([stored[:3], centre]))
-        drift = np.diff(camera.project(points_cam), axis=0)[0] / max(camera.size_wh)
-        if np.abs(drift).max() < PIVOT_DRIFT:
-            return stored[:3], float(stored[3])
+        kept_mm = MM_PER_UNIT[scene.oneframe.units] * stored
+        pivot = kept_mm[:3] - surface_object.mesh_from_model_of(surface)[:3, 3]
+        drift = np.diff(camera.project(transform_points(pose, np.stack([pivot, centre]))), axis=0)[0]
+        if np.abs(drift).max() < PIVOT_DRIFT * max(camera.size_wh):
+            return pivot, float(kept_mm[3])
     return centre, visible.radius_mm(centre)
 
 
 def keep_pivot(scene: bpy.types.Scene, pivot_model: np.ndarray, radius_mm: float) -> None:
     """Store the pivot of a move, so that the move back rotates about the same point."""
-    set_exact(from_scene.surface_of(scene), PIVOT, np.array([*pivot_model, radius_mm]))
+    surface = from_scene.surface_of(scene)
+    pivot_mesh = pivot_model + surface_object.mesh_from_model_of(surface)[:3, 3]
+    set_exact(surface, PIVOT, np.array([*pivot_mesh, radius_mm]) / MM_PER_UNIT[scene.oneframe.units])
 
 
 def set_cam_from_model(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:

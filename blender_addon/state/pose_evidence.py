@@ -1,8 +1,8 @@
 """What the present pose rests on, as far as it was found by something other than the landmarks: kept with its pose.
 
-The record is a table ``[alignment]`` (:mod:`oneframe.case.alignment_record`). It is stored in the surface together with
-the pose that it is about, and holds while the surface has exactly that pose: it survives undo and .blend files, and no
-movement of the surface can leave it stale.
+The record (:class:`.PoseRecord`) is stored with the pose that it is
+about, in the frame and units of the mesh file, and holds while the surface has that pose: it survives undo, .blend
+files and other units, and no movement of the surface can leave it stale.
 """
 
 import json
@@ -13,58 +13,36 @@ import bpy
 import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
-from ..pipeline.blender.bridge.data_blocks import exact, set_exact
-from ..pipeline.case.alignment_record import FOUND, OTHER_FRAME, scaled_record
-from ..pipeline.transforms import inverse_rigid, transform_points
+from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
+from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
+from ..pipeline.transforms import inverse_rigid, is_same_pose, transform_points
 from . import from_scene
-
-EVIDENCE, POSE = "oneframe_evidence", "oneframe_evidence_pose"
-"""Custom properties of the surface: the record and the uncertainty as JSON, and the exact pose."""
-LEFT_POSE = "oneframe_left_pose"
-"""Custom property of the surface: the pose that it had when another frame came."""
 
 
 def remember(
     scene: bpy.types.Scene,
-    record: dict[str, object],
+    record: PoseRecord,
     cam_from_model: np.ndarray,
     uncertainty: PoseUncertainty | None = None,
 ) -> None:
     """Store what a pose ``(4, 4)``, mm, rests on; an empty record: it was given, nobody knows how it was found."""
-    _store(from_scene.surface_of(scene), record, cam_from_model, uncertainty)
+    _store(scene, record, cam_from_model, uncertainty)
 
 
-def rescale(surface: bpy.types.Object, factor: float) -> None:
-    """Follow a surface that was scaled about the camera's centre: its pixels, and so what the pose rests on, stay."""
-    stored, pose = _read(surface)
-    if stored is None or pose is None:
-        return
-    pose[:3, 3] *= factor
-    record, uncertainty = scaled_record(stored["record"], factor), _uncertainty(stored)
-    if uncertainty is not None:
-        uncertainty = uncertainty.scaled(factor)
-        if "weakest" in record:
-            # its words are rounded: from the numbers, not from the words before
-            record["weakest"] = uncertainty.weakest
-    _store(surface, record, pose, uncertainty)
+def leave(scene: bpy.types.Scene) -> None:
+    """Note that another frame comes: from now on the present pose is that of the frame before."""
+    pose, stored = from_scene.cam_from_model(scene), _stored(scene)
+    _store(scene, None if stored is None else stored[0], pose, None if stored is None else stored[1], is_left=True)
 
 
-def reframe(surface: bpy.types.Object, old_from_new: np.ndarray) -> None:
-    """Follow a change of the frame ``model``; ``old_from_new`` is ``(4, 4)``, mm."""
-    left = exact(surface, LEFT_POSE)
-    if left is not None:
-        set_exact(surface, LEFT_POSE, left @ old_from_new)
-    stored, pose = _read(surface)
-    if stored is None or pose is None:
-        return
-    uncertainty = _uncertainty(stored)
-    if uncertainty is not None:
-        pivot = transform_points(inverse_rigid(old_from_new), uncertainty.pivot_model[None])[0]
-        uncertainty = replace(uncertainty, pivot_model=pivot)
-    _store(surface, stored["record"], pose @ old_from_new, uncertainty)
+def record_of(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> PoseRecord | None:
+    """What is stored about a pose ``(4, 4)``, mm, of the surface; ``None`` if nothing is."""
+    stored = _stored_about(scene, cam_from_model)
+    return None if stored is None else stored[0]
 
 
-def remembered(scene: bpy.types.Scene) -> dict[str, object] | None:
+def remembered(scene: bpy.types.Scene) -> PoseRecord | None:
     """The record of the present pose, ``None`` if there is none.
 
     Raises
@@ -72,11 +50,7 @@ def remembered(scene: bpy.types.Scene) -> dict[str, object] | None:
     InputError
         There is no pose.
     """
-    if _is_left(scene):
-        name = bpy.path.basename(scene.oneframe.aligned_path)
-        return {"method": OTHER_FRAME, "doubt": f"found in another frame ({name})"}
-    stored = _stored(scene)
-    return None if stored is None else stored["record"]
+    return record_of(scene, from_scene.cam_from_model(scene))
 
 
 def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
@@ -87,8 +61,8 @@ def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
     InputError
         There is no pose.
     """
-    stored = None if _is_left(scene) else _stored(scene)
-    return None if stored is None else _uncertainty(stored)
+    stored = _stored(scene)
+    return None if stored is None else stored[1]
 
 
 def is_refined(scene: bpy.types.Scene) -> bool:
@@ -100,54 +74,64 @@ def is_refined(scene: bpy.types.Scene) -> bool:
         There is no pose.
     """
     record = remembered(scene)
-    return record is not None and record.get("method") in FOUND
-
-
-def _is_left(scene: bpy.types.Scene) -> bool:
-    """Whether the present pose is that of another frame, and nobody has moved the surface in this one."""
-    left = exact(from_scene.surface_of(scene), LEFT_POSE)
-    if left is None or not scene.oneframe.aligned_path:
-        return False
-    return np.array_equal(left, from_scene.cam_from_model(scene))
-
-
-def _stored(scene: bpy.types.Scene) -> dict[str, Any] | None:
-    """What is stored about the present pose."""
-    stored, pose = _read(from_scene.surface_of(scene))
-    return stored if pose is not None and np.array_equal(pose, from_scene.cam_from_model(scene)) else None
-
-
-def _read(surface: bpy.types.Object) -> tuple[dict[str, Any] | None, np.ndarray | None]:
-    """Record and uncertainty, and the pose ``(4, 4)`` that they are about."""
-    text, pose = surface.get(EVIDENCE), exact(surface, POSE)
-    return (json.loads(text) if isinstance(text, str) else None), pose
+    return record is not None and record.is_from_image
 
 
 def _store(
-    surface: bpy.types.Object,
-    record: dict[str, object],
+    scene: bpy.types.Scene,
+    record: PoseRecord | None,
     cam_from_model: np.ndarray,
     uncertainty: PoseUncertainty | None,
+    *,
+    is_left: bool = False,
 ) -> None:
-    numbers = None if uncertainty is None else uncertainty_table(uncertainty)
-    surface[EVIDENCE] = json.dumps({"record": record, "uncertainty": numbers})
-    set_exact(surface, POSE, cam_from_model)
+    mesh_from_model, numbers = mesh_from_model_of(from_scene.surface_of(scene)), None
+    if uncertainty is not None:
+        pivot = transform_points(mesh_from_model, uncertainty.pivot_model)
+        numbers = {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in asdict(replace(uncertainty, pivot_model=pivot)).items()
+        }
+    scene.oneframe.evidence = json.dumps(
+        {
+            "mm_per_unit": MM_PER_UNIT[scene.oneframe.units],
+            "cam_from_mesh": (cam_from_model @ inverse_rigid(mesh_from_model)).tolist(),
+            "record": None if record is None else record.table(),
+            "uncertainty": numbers,
+            "is_left": is_left,
+        }
+    )
 
 
-def _uncertainty(stored: dict[str, Any]) -> PoseUncertainty | None:
-    return None if stored["uncertainty"] is None else uncertainty_from(stored["uncertainty"])
+def _stored(scene: bpy.types.Scene) -> tuple[PoseRecord | None, PoseUncertainty | None] | None:
+    return _stored_about(scene, from_scene.cam_from_model(scene))
 
 
-def uncertainty_table(uncertainty: PoseUncertainty) -> dict[str, Any]:
-    """An uncertainty for JSON."""
-    return {
-        key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in asdict(uncertainty).items()
-    }
-
-
-def uncertainty_from(table: dict[str, Any]) -> PoseUncertainty:
-    """From :func:`uncertainty_table`."""
-    numbers: dict[str, Any] = {
-        key: np.array(value) if isinstance(value, list) else float(value) for key, value in table.items()
-    }
-    return PoseUncertainty(**numbers)
+def _stored_about(
+    scene: bpy.types.Scene, cam_from_model: np.ndarray
+) -> tuple[PoseRecord | None, PoseUncertainty | None] | None:
+    """Record and uncertainty (model frame) of a pose, if what is stored is about it."""
+    settings = scene.oneframe
+    if not settings.evidence:
+        return None
+    stored: dict[str, Any] = json.loads(settings.evidence)
+    mesh_from_model = mesh_from_model_of(from_scene.surface_of(scene))
+    factor, pose = MM_PER_UNIT[settings.units] / stored["mm_per_unit"], np.array(stored["cam_from_mesh"])
+    pose[:3, 3] *= factor
+    if not is_same_pose(pose, cam_from_model @ inverse_rigid(mesh_from_model)):
+        return None
+    if stored["is_left"] and settings.aligned_path:
+        name = bpy.path.basename(settings.aligned_path)
+        return PoseRecord(OTHER_FRAME, doubt=f"found in another frame ({name})"), None
+    if stored["record"] is None:
+        return None
+    record, uncertainty = PoseRecord.of_table(stored["record"], "the record of the pose").scaled(factor), None
+    if stored["uncertainty"] is not None:
+        numbers: dict[str, Any] = {
+            key: np.array(value) if isinstance(value, list) else float(value)
+            for key, value in stored["uncertainty"].items()
+        }
+        scaled = PoseUncertainty(**numbers).scaled(factor)
+        pivot = transform_points(inverse_rigid(mesh_from_model), scaled.pivot_model)
+        uncertainty = replace(scaled, pivot_model=pivot)
+    return record, uncertainty

@@ -50,7 +50,11 @@ class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
     )
     has_point: bool = prop(BoolProperty, description="The point on the surface has been picked")
     point: Sequence[float] = prop(
-        FloatVectorProperty, "Surface Point", "Point on the surface in the frame model, mm", size=3, precision=4
+        FloatVectorProperty,
+        "Surface Point",
+        "Point on the surface, frame and units of the mesh file",
+        size=3,
+        precision=4,
     )
     has_pixel: bool = prop(BoolProperty, description="The point in the frame has been picked")
     pixel: Sequence[float] = prop(
@@ -141,6 +145,11 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         description="The frame in which pose and image points were found, if it is another one than the present",
         subtype="FILE_PATH",
         options={"HIDDEN"},
+    )
+    refused: str = prop(StringProperty, "Refused", "Why the frame is refused; empty unless it is")
+    evidence: str = prop(StringProperty, description="What the pose rests on (JSON)", options={"HIDDEN"})
+    began_at_guess: bool = prop(
+        BoolProperty, description="The surface began at a pose that was computed without the frame", options={"HIDDEN"}
     )
     units: str = prop(EnumProperty, "Units", "Unit of the mesh files", items=UNITS, default="mm")
     camera: ONEFRAME_PG_camera = prop(PointerProperty, type=ONEFRAME_PG_camera)

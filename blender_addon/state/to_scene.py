@@ -2,18 +2,18 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import astuple, replace
+from dataclasses import astuple
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ..pipeline.blender.alignment import alignment_scene, surface_object
-from ..pipeline.blender.bridge.data_blocks import absolute_path, exact, set_exact
-from ..pipeline.blender.colour.surface_colour import rescale_colour
+from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.camera.distortion import Distortion, checked_distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.case_writer import UNIT_OF
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import reading
@@ -21,13 +21,12 @@ from ..pipeline.images.image_check import may_have_alpha
 from ..pipeline.surface.mesh import Ball, TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, rigid
-from . import from_scene, pose_evidence, workbench
+from . import from_scene, workbench
 from .another_frame import leave_frame
 from .camera_view import look_through_camera, show_shape
-from .initial_pose import FOCUS, INITIAL_POSE, is_initial, set_focus, set_initial_pose
+from .initial_pose import is_initial, set_focus, set_initial_pose
 from .known_case import part_from_case, remember_file
-from .landmarks import landmarks_mesh, replace_landmarks
-from .pose import PIVOT
+from .landmarks import replace_landmarks
 
 Colour = tuple[float, float, float]
 """sRGB, 0..1."""
@@ -41,12 +40,14 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     case, settings = loaded.case, scene.oneframe
     if settings.case_path != str(case.path.resolve()):
         part_from_case(scene)
+    settings.units = UNIT_OF[case.mm_per_unit]
     remember_file(scene, case)
     settings.frame_path = str(case.image.resolve())
     settings.frame_size = case.camera.size_wh
-    settings.units = next(unit for unit, factor in MM_PER_UNIT.items() if factor == case.mm_per_unit)
-    settings.property_unset("aligned_path")
+    for name in ("aligned_path", "began_at_guess"):
+        settings.property_unset(name)
     settings.video_text = json.dumps(case.video) if case.video else ""
+    settings.refused = case.refused
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
     objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
@@ -88,6 +89,7 @@ def set_frame(
         settings.video_text = json.dumps(video) if video else ""
     if settings.frame_path != str(path.resolve()):
         part_from_case(scene)
+        settings.refused = ""
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
     if settings.camera_object is None:
@@ -165,8 +167,8 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
     camera_object = settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
     _remember_camera(scene, camera, distortion)
     if surface is not None and pose is not None:
-        if is_initial(surface, pose):
-            set_initial_pose(scene, surface)
+        if is_initial(scene, pose):
+            set_initial_pose(scene)
         else:
             surface_object.set_pose(camera_object, surface, pose)
             alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
@@ -195,8 +197,8 @@ def set_surface(
     surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(path.resolve())
     settings.surface, settings.units = surface, units
     settings.property_unset("aligned_path")
-    set_focus(surface, focus)
-    set_initial_pose(scene, surface)
+    set_focus(scene, focus)
+    set_initial_pose(scene)
     replace_landmarks(scene, ())
     show_shape(context)
     look_through_camera(context)
@@ -226,48 +228,13 @@ def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Co
 
 
 def rescale(context: bpy.types.Context, units: str) -> None:
-    """Read the files' numbers in another unit: surface, structures, landmarks and pose scale about the camera.
-
-    The picture stays the same; colours stay on the surface, and the pose rests on what it did.
-    """
-    scene = context.scene
-    settings = scene.oneframe
+    """Read the files' numbers in another unit: all scales about the camera's centre, so the picture stays the same."""
+    scene, settings = context.scene, context.scene.oneframe
     camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
-    pose = surface_object.pose_of(camera_object, surface).copy()
-    landmarks = landmarks_mesh(scene)
-    factor = MM_PER_UNIT[units] / MM_PER_UNIT[settings.units]
-    for scaled in (surface, *surface.children):
-        if scaled.type == "MESH":
-            surface_object.scale_mesh(scaled, factor)
-    focus = exact(surface, FOCUS)
-    if focus is not None:
-        set_exact(surface, FOCUS, focus * factor)
-    for name in (surface_object.OFFSET, INITIAL_POSE, pose_evidence.LEFT_POSE):
-        matrices = exact(surface, name)
-        if matrices is not None and matrices.shape[-2:] == (4, 4):
-            matrices[..., :3, 3] *= factor
-            set_exact(surface, name, matrices)
-    pivot = exact(surface, PIVOT)
-    if pivot is not None:
-        set_exact(surface, PIVOT, pivot * factor)
-    for child in surface.children:
-        child.location = [value * factor for value in child.location]
-    pose[:3, 3] *= factor
-    surface_object.set_pose(camera_object, surface, pose)
-    if camera_object is not None:
-        alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
-    pose_evidence.rescale(surface, factor)
-    rescale_colour(surface, factor)
-    # its numbers stay, as those of the surface's file do
-    settings.case_text = settings.case_text.replace(f'"{settings.units}"', f'"{units}"', 1)
+    surface_object.scale(camera_object, surface, MM_PER_UNIT[units] / MM_PER_UNIT[settings.units])
     settings.units = units
-    moved = []
-    for mark in landmarks:
-        if mark.point is not None:
-            x, y, z = mark.point
-            mark = replace(mark, point=(x * factor, y * factor, z * factor))
-        moved.append(mark)
-    replace_landmarks(scene, tuple(moved))
+    if camera_object is not None:
+        alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), from_scene.cam_from_model(scene))
 
 
 def relink_surface(context: bpy.types.Context, path: Path) -> None:
@@ -279,24 +246,13 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
 
 def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh) -> None:
     """Replace the surface by another version of it (frame of its file, mm); pose, landmarks and structures stay."""
-    scene = context.scene
-    camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
-    pose = surface_object.pose_of(camera_object, surface)
-    was_initial = is_initial(surface, pose)
-    landmarks = landmarks_mesh(scene)
-    mesh_from_old = surface_object.mesh_from_model_of(surface)
-    mesh_from_new = rigid(translation=given.vertices.mean(axis=0))
-    old_from_new = inverse_rigid(mesh_from_old) @ mesh_from_new
-    surface_object.replace_mesh(surface, given.moved(-mesh_from_new[:3, 3]), mesh_from_new)
-    for child in surface.children:
-        shift = old_from_new[:3, 3]
-        child.location = [value - offset for value, offset in zip(child.location, shift, strict=True)]
-    surface_object.set_pose(camera_object, surface, pose @ old_from_new)
-    pose_evidence.reframe(surface, old_from_new)
+    camera_object, surface = from_scene.present_camera(context.scene), from_scene.surface_of(context.scene)
+    model_from_mesh = inverse_rigid(surface_object.mesh_from_model_of(surface))
+    cam_from_mesh = surface_object.pose_of(camera_object, surface) @ model_from_mesh
+    mesh_from_model = rigid(translation=given.vertices.mean(axis=0))
+    surface_object.replace_mesh(surface, given.moved(-mesh_from_model[:3, 3]), mesh_from_model)
+    surface_object.set_pose(camera_object, surface, cam_from_mesh @ mesh_from_model)
     surface.oneframe.mesh_path = str(path.resolve())
-    if was_initial:
-        set_exact(surface, INITIAL_POSE, pose @ old_from_new)
-    replace_landmarks(scene, landmarks)
 
 
 def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: Distortion | None) -> None:

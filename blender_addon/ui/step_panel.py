@@ -15,7 +15,7 @@ from ..pipeline.errors import InputError
 from ..state import from_scene, pose_evidence, workbench
 from .panel import SidebarPanel
 
-STEPS = ("ct", "setup", "view", "move", "landmarks", "refine", "frames", "colour", "dataset")
+STEPS = ("ct", "setup", "view", "move", "landmarks", "refine", "colour", "dataset")
 """In the order of the work."""
 
 

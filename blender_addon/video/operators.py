@@ -11,6 +11,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.video import SUFFIXES
 from ..pipeline.video.frame_folder import film_notes
 from ..state import camera_view, from_scene, workbench
+from ..state.recent import remember
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Available, Messages, Needs, Reporting
 from ..view.zoom import fit_soon
@@ -56,6 +57,7 @@ class ONEFRAME_OT_open_video(OpensInBackground):
         shown_frame.restore(scene)
         settings = scene.oneframe_video
         settings.path, settings.every, settings.from_s, settings.to_s = self._key
+        remember("films", Path(settings.path))
         settings.visible = True
         return _begin(context, scene, result)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..case.case_file import Case
 from ..case.loaded_case import LoadedCase, check_pose, frame_overlay, load_case
+from ..case.pose_record import UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..transforms import inverse_rigid
 from .landmarks.align_landmarks import (
@@ -18,7 +19,6 @@ from .landmarks.align_landmarks import (
 )
 from .landmarks.degeneracy import UndeterminedPose
 from .landmarks.picture import marked
-from .pose_record import alignment_record, refinement_record
 from .refinement.refine import refine_pose
 from .refinement.verdict import Refinement
 from .report import pose_lines, pose_table, refinement_table, report_lines, report_table
@@ -136,7 +136,7 @@ def align_case(
             messages = (*messages, f"{refusal}; the refinement starts from the pose of the case")
         else:
             # the landmarks are in the frame of the mesh file, and so is the pose
-            loaded = loaded.posed(alignment.estimate.cam_from_model, alignment_record(alignment, tool, date))
+            loaded = loaded.posed(alignment.estimate.cam_from_model, alignment.record(tool, date))
             check_pose(loaded.case, loaded.surface.mesh, loaded.frame.cam_from_model)
     if refine:
         frame, model_from_mesh = loaded.frame, inverse_rigid(loaded.surface.mesh_from_model)
@@ -146,7 +146,9 @@ def align_case(
             taken = " --take-refused takes what it has found." if refinement.can_be_taken else ""
             raise InputError(f"{case.path.name}: {refinement.message}{taken}")
         if refinement.accepted or took_refused:
-            record = refinement_record(refinement, loaded.case.alignment or {"method": "manual"}, tool, date)
+            initial = loaded.case.alignment
+            initial = PoseRecord("manual") if initial == UNKNOWN else initial
+            record = refinement.record(initial, tool, date)
             loaded = loaded.posed(refinement.found @ model_from_mesh, record)
     found = alignment.estimate.messages if alignment is not None and not took_refused else ()
     return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..case.alignment_record import ENTRY_SHAPES
+from ..case.pose_record import PoseRecord
 from ..files.numbers import format_two_digits
 from ..transforms import cross_matrices, inverse_rigid, transform_points
 from .confidence_region import f_quantile
 from .reprojection import jacobian_at, twist_between
 
 REGION_LEVEL = 0.95
-
-ENTRY = tuple(ENTRY_SHAPES)
 
 _DIRECTIONS = (
     "shift to the left or right ± {} mm",
@@ -25,11 +23,6 @@ _DIRECTIONS = (
     "yaw about the image's vertical axis ± {}°",
     "roll about the view ray ± {}°",
 )
-
-
-def has_entry(record: Mapping[str, object]) -> bool:
-    """Whether a record holds all of :meth:`PoseUncertainty.entry`."""
-    return all(key in record for key in ENTRY)
 
 
 @dataclass(frozen=True)
@@ -71,20 +64,20 @@ class PoseUncertainty:
     @classmethod
     def stated(
         cls,
-        record: Mapping[str, Any],
+        record: PoseRecord,
         points_model: np.ndarray,
         cam_from_model: np.ndarray,
         mesh_from_model: np.ndarray,
     ) -> "PoseUncertainty | None":
-        """That of the pose ``(4, 4)`` of a case, as the record of its alignment states it; ``None`` if it states none.
+        """That of the pose ``(4, 4)`` of a case, as its record states it; ``None`` if it states none.
 
-        If it has no :meth:`entry`: by the standard deviations, about the mean of ``(N, 3)`` points of the surface.
+        Without a covariance: by the standard deviations, about the mean of ``(N, 3)`` points of the surface.
         """
-        if has_entry(record):
-            return cls.of_entry(record, cam_from_model, mesh_from_model)
-        if "standard_deviation_mm" not in record or "standard_deviation_deg" not in record:
+        if record.has_covariance:
+            return cls.of_entry(record.table(), cam_from_model, mesh_from_model)
+        if record.standard_deviation_mm is None or record.standard_deviation_deg is None:
             return None
-        deviations = np.array([*record["standard_deviation_mm"], *np.radians(record["standard_deviation_deg"])])
+        deviations = np.array([*record.standard_deviation_mm, *np.radians(record.standard_deviation_deg)])
         return cls.about_points(points_model.mean(axis=0), np.diag(deviations**2), points_model, cam_from_model)
 
     @classmethod
@@ -92,14 +85,18 @@ class PoseUncertainty:
         cls, entry: Mapping[str, Any], cam_from_model: np.ndarray, mesh_from_model: np.ndarray
     ) -> "PoseUncertainty":
         """From :meth:`entry`, for the pose ``(4, 4)``."""
-        covariance, pivot, radius = (np.array(entry[key], float) for key in ENTRY)
-        pivot = transform_points(inverse_rigid(mesh_from_model), pivot)
-        return cls(pivot, covariance, np.inf, np.nan, float(radius), transform_points(cam_from_model, pivot))
+        pivot = transform_points(inverse_rigid(mesh_from_model), np.array(entry["pivot_mesh_mm"], float))
+        covariance, radius = np.array(entry["covariance_mm_rad"], float), float(entry["radius_mm"])
+        return cls(pivot, covariance, np.inf, np.nan, radius, transform_points(cam_from_model, pivot))
 
-    def entry(self, mesh_from_model: np.ndarray) -> dict[str, object]:
-        """What lists of poses and records keep, to be had back by :meth:`of_entry`: the keys are :data:`ENTRY`."""
+    def entry(self, mesh_from_model: np.ndarray) -> dict[str, Any]:
+        """What lists of poses and :class:`.PoseRecord` keep, to be had back by :meth:`of_entry`."""
         pivot = transform_points(mesh_from_model, self.pivot_model)
-        return dict(zip(ENTRY, (self.covariance.tolist(), pivot.tolist(), self.radius_mm), strict=True))
+        return {
+            "covariance_mm_rad": tuple(map(tuple, self.covariance.tolist())),
+            "pivot_mesh_mm": tuple(pivot.tolist()),
+            "radius_mm": self.radius_mm,
+        }
 
     @property
     def translation_mm(self) -> np.ndarray:
@@ -155,16 +152,16 @@ class PoseUncertainty:
             "pivot": transform_points(mesh_from_model, self.pivot_model).tolist(),
             "covariance": self.covariance.tolist(),
             "degrees_of_freedom": self.dof,
-            **self.record(),
+            **self.deviations(),
+            "weakest": self.weakest,
             "weakest_twist": self.weakest_twist.tolist(),
         }
 
-    def record(self) -> dict[str, object]:
-        """What the record of an alignment in a case file keeps of it."""
+    def deviations(self) -> dict[str, Any]:
+        """The standard deviations that a :class:`.PoseRecord` keeps."""
         return {
-            "standard_deviation_deg": self.rotation_deg.tolist(),
-            "standard_deviation_mm": self.translation_mm.tolist(),
-            "weakest": self.weakest,
+            "standard_deviation_deg": tuple(self.rotation_deg.tolist()),
+            "standard_deviation_mm": tuple(self.translation_mm.tolist()),
         }
 
     def scaled(self, factor: float) -> "PoseUncertainty":

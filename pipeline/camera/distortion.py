@@ -44,13 +44,7 @@ class Distortion:
 
 
 def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Distortion | None:
-    """Check coefficients from the user for a camera; all zeros give ``None``. ``where`` names their place in messages.
-
-    Raises
-    ------
-    InputError
-        Not five finite numbers (or four, with k3 = 0), or a model that folds the image inside the frame.
-    """
+    """Check coefficients from the user for a camera; all zeros give ``None``. ``where`` is their place in messages."""
     try:
         given: list[object] = [] if isinstance(values, str) else list(values)  # type: ignore[call-overload]
         if any(isinstance(value, str | bool) for value in given):

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
+from .calibration import Calibration, calibration_of
 from .calibration_content import content_table
 from .distortion import Distortion, checked_distortion
-from .intrinsics_table import Calibration, calibration_of
 from .pinhole import PinholeCamera
 
 _ANY_SIZE = (65536, 65536)
@@ -32,8 +32,6 @@ class CameraFile:
         (width, height) of the images that K is for; ``None`` if the file does not say.
     distortion
         k1, k2, p1, p2, k3; ``None`` if there is none.
-    messages
-        What was corrected.
     """
 
     path: Path
@@ -43,7 +41,6 @@ class CameraFile:
     cy: float
     size: tuple[int, int] | None
     distortion: tuple[float, float, float, float, float] | None
-    messages: tuple[str, ...] = ()
 
     def camera(self, size_wh: tuple[int, int]) -> PinholeCamera:
         """The camera with this K, unchanged, for images of (width, height); see :mod:`oneframe.camera.plausibility`."""
@@ -51,27 +48,14 @@ class CameraFile:
         return PinholeCamera.from_matrix(k, size=size_wh, where=f"{self.path.name}: K")
 
     def distortion_for(self, camera: PinholeCamera) -> Distortion | None:
-        """The distortion for a camera of this file, ``None`` if there is none.
-
-        Raises
-        ------
-        InputError
-            See :func:`oneframe.camera.distortion.checked_distortion`.
-        """
+        """The distortion for a camera of this file, ``None`` if there is none."""
         if self.distortion is None:
             return None
         return checked_distortion(self.distortion, camera, f"{self.path.name}: distortion")
 
 
 def read_camera(path: Path) -> CameraFile:
-    """Read intrinsics from any of the formats of :mod:`.calibration_content`.
-
-    Raises
-    ------
-    InputError
-        No file, another format, damaged content, no camera or several that differ, an invalid K (see
-        :meth:`.PinholeCamera.from_matrix`), a distortion other than OpenCV's with five coefficients.
-    """
+    """Read intrinsics from any of the formats of :mod:`.calibration_content`."""
     path = Path(path)
     content = content_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path)
     found = calibration_of(content, path.name)
@@ -97,18 +81,15 @@ def typed_camera(
         k1, k2, p1, p2 and k3, which may be left out.
     name
         Stands for the file's name in messages.
-
-    Raises
-    ------
-    InputError
-        An invalid K (see :meth:`.PinholeCamera.from_matrix`), or another number of coefficients.
     """
     if distortion is not None and len(distortion) not in (4, 5):
         raise InputError(f"{name}: expected a distortion k1 k2 p1 p2 [k3], found {len(distortion)} numbers")
     fx, fy, cx, cy = focal_and_centre
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
     size_wh = None if size is None else (float(size[0]), float(size[1]))
-    return _camera_file(Path(name), Calibration("", matrix, size_wh, tuple(distortion or ()), "center"), name)
+    coefficients = (*(distortion or ()), *[0.0] * 5)[:5]
+    given = coefficients if any(coefficients) else ()
+    return _camera_file(Path(name), Calibration("", matrix, size_wh, given, "center"), name)
 
 
 def _camera_file(path: Path, found: Calibration, where: str) -> CameraFile:
@@ -123,18 +104,5 @@ def _camera_file(path: Path, found: Calibration, where: str) -> CameraFile:
         camera.cx,
         camera.cy,
         size=None if found.size is None else camera.size_wh,
-        distortion=_coefficients(found, path.name),
-        messages=tuple(f"{path.name}: {message}" for message in found.messages),
+        distortion=found.distortion or None,  # type: ignore[arg-type]
     )
-
-
-def _coefficients(found: Calibration, where: str) -> tuple[float, float, float, float, float] | None:
-    if not any(found.distortion):
-        return None
-    k1, k2, p1, p2, k3, *more = (*found.distortion, *[0.0] * 5)
-    if any(more):
-        raise InputError(
-            f"{where}: expected a distortion of five coefficients [k1, k2, p1, p2, k3], found {len(found.distortion)}; "
-            "undistort the frame with OpenCV, and give the K of the result"
-        )
-    return float(k1), float(k2), float(p1), float(p2), float(k3)

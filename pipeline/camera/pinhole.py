@@ -62,12 +62,6 @@ class PinholeCamera:
             Where K has (0, 0): the "center" of the top-left pixel, or its "corner".
         where
             Names the place in messages.
-
-        Raises
-        ------
-        InputError
-            Wrong shape, not finite, focal length not positive, skew, a last row other than 0 0 1, a size that is not
-            two positive integers, or a principal point more than about five image sizes off the centre.
         """
         matrix = checked_matrix(k, 3, where)
         if not np.allclose(matrix[2], [0, 0, 1]) or matrix[1, 0] != 0:
@@ -173,13 +167,7 @@ class PinholeCamera:
         return self.resized(max(round(self.width * factor), 1), max(round(self.height * factor), 1))
 
     def for_images(self, size_wh: tuple[int, int], name: str) -> "PinholeCamera":
-        """The camera for images of the same picture in another size; ``name`` is theirs, for the message.
-
-        Raises
-        ------
-        InputError
-            They have other proportions.
-        """
+        """The camera for images of the same picture in another size; ``name`` is theirs, for the message."""
         across, down = size_wh[0] / self.width, size_wh[1] / self.height
         if abs(across / down - 1) > LARGEST_RATIO_ERROR:
             raise InputError(

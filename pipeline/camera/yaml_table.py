@@ -45,18 +45,12 @@ _Loader.add_multi_constructor("", _untagged)
 
 
 def yaml_table(text: str, where: str) -> object:
-    """The content of a YAML text as dictionaries, lists, numbers and strings.
-
-    Raises
-    ------
-    InputError
-        Not YAML, or too deep or too much.
-    """
+    """The content of a YAML text as dictionaries, lists, numbers and strings."""
     # OpenCV's first line, "%YAML:1.0", is no directive of YAML
     text = re.sub(r"\A\s*%YAML[^\n]*", "", text).expandtabs()
     try:
         # ROS ends what it prints with "---"
-        documents = [part for part in yaml.load_all(text, _Loader) if part is not None]
+        documents = [part for part in yaml.load_all(text, _Loader) if part]
         table = documents[0] if len(documents) == 1 else documents
         _check_values(table, {})
         check_levels(table)

@@ -19,18 +19,18 @@ from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
 from ..light.lens_light import LensLight, checked_lens_light
-from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
+from ..poses.pose_file import POSE_KEY
 from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
-from .alignment_record import checked_alignment_record
 from .frame import UnreadFrame
 from .landmarks import Landmark, checked_name, landmarks_from_tables
+from .pose_record import UNKNOWN, PoseRecord
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "frame": (("image",), ("video", "video_frame")),
+    "frame": (("image",), ("video", "video_frame", "refused")),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
     "surface": (("mesh",), ("name",)),
-    "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
+    "pose": ((POSE_KEY,), ()),
     "structures": (("name", "mesh"), ("color",)),
     "frames": (("image", POSE_KEY), ("camera",)),
 }
@@ -80,9 +80,11 @@ class Case:
     landmarks
         Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
-        Origin of the pose: see :mod:`oneframe.case.alignment_record`.
+        Origin of the pose: see :mod:`oneframe.case.pose_record`.
     video
         Origin of the frame: the name of the film that it was taken from, and its number there, from 0.
+    refused
+        Why a person has refused the frame, which is not rendered then; else empty.
     light
         The lamp at the lens, or ``None`` if none is known.
     """
@@ -100,8 +102,9 @@ class Case:
     object_name: str | None = None
     messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
-    alignment: dict[str, object] = field(default_factory=dict)
+    alignment: PoseRecord = UNKNOWN
     video: tuple[str, int] | None = None
+    refused: str = ""
     posed: bool = True
     light: LensLight | None = None
 
@@ -112,13 +115,7 @@ class Case:
 
     @property
     def lens_light(self) -> LensLight:
-        """The lamp at the lens, for views in its light.
-
-        Raises
-        ------
-        InputError
-            None is known.
-        """
+        """The lamp at the lens, for views in its light."""
         if self.light is None:
             raise InputError(
                 f"{self.path.name}: expected the lamp at the lens, a table [light], found none; "
@@ -137,11 +134,6 @@ def read_case(path: Path | str, *, posed: bool = True) -> Case:
     """Read and check a case file.
 
     ``posed`` is whether it must have a pose: not before the alignment.
-
-    Raises
-    ------
-    InputError
-        The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
     path = Path(path)
     case = case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
@@ -153,10 +145,7 @@ def read_case(path: Path | str, *, posed: bool = True) -> Case:
 
 
 def case_from_text(text: str | bytes, path: Path) -> Case:
-    """Check a case from the text of its file; file names in it are relative to the folder of ``path``.
-
-    Errors are those of :func:`read_case`.
-    """
+    """Check a case from the text of its file; file names in it are relative to the folder of ``path``."""
     name = path.name
     table = parsed_toml(text, name)
     check_keys(
@@ -172,8 +161,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     messages: list[str] = []
     if "pose" in table:
         pose = _table(table, "pose", name)
-        key = pose_key(pose, f"{name}: [pose] ")
-        cam_from_mesh, messages = _pose(pose[key], mm_per_unit, f"{name}: [pose] {key}")
+        cam_from_mesh, messages = _pose(pose[POSE_KEY], mm_per_unit, f"{name}: [pose] {POSE_KEY}")
     frames = []
     listed = _tables(table.get("frames", []), "frames", name)
     if len(listed) >= MOST_FRAMES:
@@ -206,21 +194,16 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
             mm_per_unit=mm_per_unit,
             pixel_origin=camera.get("pixel_origin", "center"),
         ),
-        alignment=checked_alignment_record(table.get("alignment", {}), f"{name}: [alignment]"),
+        alignment=PoseRecord.of_table(table.get("alignment", {}), f"{name}: [alignment]"),
         video=_video(frame, f"{name}: [frame]"),
+        refused=_text(frame.get("refused", ""), f"{name}: [frame] refused"),
         posed="pose" in table,
         light=_light(table, name),
     )
 
 
 def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion | None]:
-    """The camera of a table ``[camera]`` with valid keys; pixel origin at the centre of the top-left pixel.
-
-    Raises
-    ------
-    InputError
-        See :meth:`.PinholeCamera.from_matrix` and :func:`oneframe.camera.distortion.checked_distortion`.
-    """
+    """The camera of a table ``[camera]`` with valid keys; pixel origin at the centre of the top-left pixel."""
     camera = PinholeCamera.from_matrix(
         table["K"], size=table["size"], pixel_origin=table.get("pixel_origin", "center"), where=f"{where} K"
     )
@@ -258,6 +241,12 @@ def _light(table: dict, name: str) -> LensLight | None:
     if not isinstance(table["light"], dict):
         raise InputError(f"{name}: expected a table [light], found {table['light']!r}")
     return checked_lens_light(table["light"], f"{name}: [light]")
+
+
+def _text(value: object, where: str) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{where}: expected text, found {value!r}")
+    return value
 
 
 def _object_name(value: object, where: str) -> str | None:

@@ -57,13 +57,7 @@ class KeptFile:
 
 
 def folder_outputs(folder: Path, structures: Iterable[str]) -> list[Path]:
-    """The files of a new case, to be checked before any work; the structures are given by their names.
-
-    Raises
-    ------
-    InputError
-        Two structures would have one file.
-    """
+    """The files of a new case, to be checked before any work; the structures are given by their names."""
     names: dict[str, str] = {}
     for name in structures:
         other = names.setdefault(structure_file(name).casefold(), name)
@@ -73,13 +67,7 @@ def folder_outputs(folder: Path, structures: Iterable[str]) -> list[Path]:
 
 
 def kept_mesh(path: Path, target: Path) -> KeptFile:
-    """A mesh as a file of the folder: byte by byte if it holds nothing else, or else as a new PLY in the same units.
-
-    Raises
-    ------
-    InputError
-        No usable mesh.
-    """
+    """A mesh as a file of the folder: byte by byte if it holds nothing else, or else as a new PLY in the same units."""
     data = read_content(path, "a mesh")
     if not _BARE_PLY.match(data):
         data = encoded_ply(read_mesh(path)[0], space=stated_space(path))
@@ -87,13 +75,7 @@ def kept_mesh(path: Path, target: Path) -> KeptFile:
 
 
 def kept_case(case: Case) -> KeptFile:
-    """The case file of a folder.
-
-    Raises
-    ------
-    InputError
-        The case could not be read back.
-    """
+    """The case file of a folder."""
     text = case_text(case.path, case)
     data = encoded(case.path, text)
     case_from_text(data, case.path)
@@ -104,13 +86,6 @@ def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path]) -> None:
     """Write files of a folder, in their order; those that are already there stay.
 
     ``inputs`` is what was read, by what it is.
-
-    Raises
-    ------
-    InputError
-        One would replace an input.
-    RunError
-        One cannot be written.
     """
     fresh = [file for file in files if not file.is_there]
     check_outputs([file.path for file in fresh], inputs)
@@ -152,13 +127,7 @@ def remove_unnamed(folder: Path, replaced: Iterable[Path] = (), *, inputs: Itera
 
 
 def check_new(files: Iterable[KeptFile], instead: str) -> None:
-    """Check that files of the folder are new or already hold this: else they would be those of another case.
-
-    Raises
-    ------
-    InputError
-        One holds something else; the message ends with what to do ``instead``.
-    """
+    """Check that files of the folder are new or already hold this: else they would be those of another case."""
     for file in files:
         if file.path.exists() and not file.is_there:
             raise InputError(f"{file.path}: expected no such file or that of this case, found another one; {instead}")

@@ -1,155 +1,127 @@
-"""The poses that a case file had before: what is saved over a pose never ends it.
+"""The history of a case: every pose that a person or a solver settled, with all that the case was then.
 
-``case.history.json`` beside ``case.toml`` holds the last five with their records and K, and no names of files. Every
-way of writing a case file keeps it: :func:`.write_case` and :func:`.update_case`.
+``case.history.jsonl`` beside ``case.toml`` has a line of JSON for each, with its time and the text of the case. Lines
+are added, each by one write, and the older ones left alone: several programs lose nothing of each other, and a kill
+loses at most the line that is being written. Whatever replaces a case file keeps what it said, see :func:`.write_case`.
 """
 
 import datetime
 import json
-from collections.abc import Mapping
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..camera.distortion import Distortion
-from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
-from ..files.content import LARGEST_TEXT, read_content
-from ..files.keys import check_keys
+from ..files.content import LARGEST_FILE, read_content, write_bytes_atomically
 from ..files.tables import parsed_json
-from ..poses.pose_file import POSE_KEY
-from ..transforms import checked_rigid
-from .alignment_record import checked_alignment_record, is_a_start, is_found
-from .case_file import Case, checked_camera
+from .case_file import Case, case_from_text
 
-MOST = 5
-SUFFIX = ".history.json"
+SUFFIX = ".history.jsonl"
+MOST, KEPT = 400, 200
+"""Lines beyond which the older ones go, and how many are left then; poses that were found or checked go last."""
 
 
 @dataclass(frozen=True)
-class EarlierPose:
-    """A pose that a case file had.
+class EarlierCase:
+    """A case as it was.
 
     Attributes
     ----------
-    replaced
-        When another one took its place: day and time in ISO 8601.
-    mm_per_unit
-        Of the case then.
-    camera, distortion
-        K for which the pose was found, and its distortion.
-    cam_from_mesh
-        4x4, mm.
-    alignment
-        Its record, see :mod:`oneframe.case.alignment_record`, without the name of a frame.
+    time
+        When, in ISO 8601.
+    case
+        What it was.
     """
 
-    replaced: str
-    mm_per_unit: float
-    camera: PinholeCamera
-    distortion: Distortion | None
-    cam_from_mesh: np.ndarray
-    alignment: Mapping[str, object]
+    time: str
+    case: Case
 
     @property
     def text(self) -> str:
-        """How it was found, how sure it is, and when it was replaced."""
-        record = self.alignment
-        words = [str(record.get("method", "of unknown origin"))]
-        words += [f"checked {record['checked']}"] if "checked" in record else []
-        words += [f"off by about {record['error_px']:.2g} px"] if "error_px" in record else []
-        words += [f"in doubt: {record[key]}" for key in ("doubt", "refused") if key in record]
-        return f"{', '.join(words)}; replaced {self.replaced.replace('T', ' ')}"
-
-    def put_back(self, case: Case) -> Case:
-        """The case at this pose, with its K.
-
-        Raises
-        ------
-        InputError
-            The case has another frame size or unit by now.
-        """
-        if (self.camera.size_wh, self.mm_per_unit) != (case.camera.size_wh, case.mm_per_unit):
-            raise InputError(
-                f"{case.path.name}: expected the frame size and the units of the earlier pose, "
-                f"{self.camera.width}x{self.camera.height} px and {self.mm_per_unit:g} mm, found "
-                f"{case.camera.width}x{case.camera.height} px and {case.mm_per_unit:g} mm; set them back first"
-            )
-        return replace(
-            case, camera=self.camera, distortion=self.distortion, cam_from_mesh=self.cam_from_mesh, posed=True,
-            alignment=dict(self.alignment),
-        )  # fmt: skip
+        """When it was, how its pose was found, and how sure that is."""
+        record = self.case.alignment
+        words = [record.method or "of unknown origin"]
+        words += [f"checked {record.checked}"] if record.checked else []
+        words += [] if record.error_px is None else [f"off by about {record.error_px:.2g} px"]
+        words += [f"in doubt: {doubt}" for doubt in (record.doubt, record.refused) if doubt]
+        return f"{self.time.replace('T', ' ')}: {', '.join(words)}"
 
 
 def history_path(path: Path) -> Path:
-    """The file of the earlier poses of a case file."""
+    """The file of a case's history."""
     return path.with_suffix(SUFFIX)
 
 
-def earlier_poses(path: Path) -> tuple[EarlierPose, ...]:
-    """The poses that a case file had, the latest first; none without a history.
+def earlier_cases(path: Path, most: int = MOST) -> tuple[EarlierCase, ...]:
+    """What the case of a file was, the latest first; nothing without a history."""
+    found, lines = [], _lines(path)
+    for number in range(len(lines), max(len(lines) - most, 0), -1):
+        where = f"{history_path(path).name}: line {number}"
+        try:
+            entry = _entry(lines[number - 1])
+            found.append(EarlierCase(entry["time"], case_from_text(entry["case"], path)))
+        except InputError as error:
+            raise InputError(f"{where}: expected an earlier case, {error}; delete the line") from None
+    return tuple(found)
+
+
+def add_to_history(path: Path, case: Case, text: str) -> None:
+    """Add a case, with its text, to the history of a file; not twice, and not if nobody has aligned it.
 
     Raises
     ------
-    InputError
-        Its history is damaged.
+    OSError
+        The history cannot be written.
     """
+    if not case.posed or case.alignment.is_start:
+        return
+    file = history_path(path)
+    try:
+        lines = _lines(path)
+        if any(_case_text_of(line) == text for line in lines):
+            return
+    except InputError:
+        lines = []  # whatever is in it stays
+    line = json.dumps({"time": datetime.datetime.now().isoformat(timespec="seconds"), "case": text}) + "\n"
+    if len(lines) >= MOST:
+        write_bytes_atomically(file, "".join(f"{each}\n" for each in _kept(path, lines)).encode() + line.encode())
+        return
+    # one write: what another program adds meanwhile comes before or after it, and half a line of a kill ends there
+    with file.open("ab") as opened:
+        opened.write(f"\n{line}".encode())
+
+
+def _lines(path: Path) -> list[str]:
     file = history_path(path)
     if not file.exists():
-        return ()
-    entries = parsed_json(read_content(file, "earlier poses of a case", most=LARGEST_TEXT), file.name)
-    if not isinstance(entries, list):
-        raise InputError(
-            f"{file}: expected a list of earlier poses, found {type(entries).__name__}; move the file away"
-        )
-    return tuple(_checked(entry, f"{file.name}: number {number}") for number, entry in enumerate(entries, start=1))
+        return []
+    content = read_content(file, "the history of a case", most=LARGEST_FILE)
+    return [line for line in content.decode(errors="replace").split("\n") if line.strip()]
 
 
-def with_replaced(path: Path, before: Case, after: Case) -> dict[Path, bytes]:
-    """The history to write before a case file is replaced: none if its pose stays, or if nobody had found it.
-
-    The last five are kept; if others pushed it out, the latest one that was found in the image or checked is the fifth.
-
-    Raises
-    ------
-    InputError
-        The history is damaged.
-    """
-    is_same = after.posed and np.array_equal(before.cam_from_mesh, after.cam_from_mesh)
-    if not before.posed or is_a_start(before.alignment) or is_same:
-        return {}
-    now = datetime.datetime.now().isoformat(timespec="seconds")
-    record = {key: value for key, value in before.alignment.items() if key != "start_frame"}
-    pose = before.cam_from_mesh
-    replaced = EarlierPose(now, before.mm_per_unit, before.camera, before.distortion, pose, record)
-    poses = [replaced]
-    for each in earlier_poses(path):
-        if not (np.array_equal(each.cam_from_mesh, pose) and each.alignment == record):
-            poses.append(each)
-    oldest = poses[MOST - 1 :]
-    poses[MOST - 1 :] = [each for each in oldest if is_found(each.alignment)][:1] or oldest[:1]
-    return {history_path(path): ("[\n" + ",\n".join(map(_text, poses)) + "\n]\n").encode()}
+def _entry(line: str) -> dict[str, str]:
+    entry: Any = parsed_json(line.encode(), "it")
+    if not isinstance(entry, dict) or not all(isinstance(entry.get(key), str) for key in ("time", "case")):
+        raise InputError(f"found {line[:60]!r}")
+    return entry
 
 
-def _text(pose: EarlierPose) -> str:
-    camera = {"size": pose.camera.size_wh, "K": pose.camera.k.tolist()}
-    if pose.distortion is not None:
-        camera["distortion"] = astuple(pose.distortion)
-    table = {"replaced": pose.replaced, "mm_per_unit": pose.mm_per_unit, "camera": camera}
-    return json.dumps({**table, POSE_KEY: pose.cam_from_mesh.tolist(), "alignment": pose.alignment})
+def _case_text_of(line: str) -> str:
+    try:
+        return _entry(line)["case"]
+    except InputError:
+        return ""
 
 
-def _checked(entry: Any, where: str) -> EarlierPose:
-    if not isinstance(entry, Mapping) or not isinstance(entry.get("camera"), Mapping):
-        raise InputError(f"{where}: expected an earlier pose with its camera, found {entry!r}")
-    check_keys(entry, ("replaced", "mm_per_unit", "camera", POSE_KEY, "alignment"), (), f"{where}: ")
-    check_keys(entry["camera"], ("size", "K"), ("distortion",), f"{where}: camera ")
-    return EarlierPose(
-        str(entry["replaced"]),
-        float(entry["mm_per_unit"]),
-        *checked_camera(entry["camera"], f"{where}: camera"),
-        checked_rigid(entry[POSE_KEY], f"{where}: {POSE_KEY}")[0],
-        checked_alignment_record(entry["alignment"], f"{where}: alignment"),
-    )
+def _kept(path: Path, lines: list[str]) -> list[str]:
+    """The lines that stay when there are too many."""
+    oldest, latest = lines[: -KEPT // 2], lines[-KEPT // 2 :]
+    found = [line for line in oldest if _is_found(path, line)]
+    return [*found[-KEPT // 2 :], *latest]
+
+
+def _is_found(path: Path, line: str) -> bool:
+    try:
+        return case_from_text(_entry(line)["case"], path).alignment.is_settled
+    except InputError:
+        return False

@@ -5,23 +5,22 @@ state of a case is what its file says; nothing else keeps a record.
 """
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..files.outputs import writing
 from ..images.image_check import check_image_file, image_size
-from .alignment_record import FOUND, INITIAL_GUESS, OTHER_FRAME
 from .case_file import Case, read_case
 from .case_folder import CASE, keep_files, kept_case
-from .case_update import update_case
+from .case_writer import write_case
+from .pose_record import INITIAL_GUESS, OTHER_FRAME, UNKNOWN, PoseRecord
 
-NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL = "new", "rough", "aligned", "checked", "doubtful"
+NEW, ROUGH, ALIGNED, CHECKED, DOUBTFUL, REFUSED = "new", "rough", "aligned", "checked", "doubtful", "refused"
 """No pose yet, or a first guess; a pose by pins, by hand or of unknown origin; from landmarks, the image or other
-frames; looked at by a person; with a doubt that nobody has checked."""
+frames; looked at by a person; with a doubt that nobody has checked; refused by a person."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class NewFrame:
     image: Path
     video: tuple[str, int] | None = None
     cam_from_mesh: np.ndarray | None = None
-    alignment: Mapping[str, object] = field(default_factory=dict)
+    alignment: PoseRecord = UNKNOWN
 
 
 def queued_cases(folder: Path) -> tuple[Path, ...]:
@@ -50,14 +49,15 @@ def queued_cases(folder: Path) -> tuple[Path, ...]:
 def state_of(case: Case) -> str:
     """How far the work on a case is."""
     record = case.alignment
-    if not case.posed or record.get("method") == INITIAL_GUESS:
+    if case.refused:
+        return REFUSED
+    if not case.posed or record.method == INITIAL_GUESS:
         return NEW
-    if "checked" in record:
+    if record.checked:
         return CHECKED
-    method = record.get("method")
-    if ("doubt" in record and method != OTHER_FRAME) or "refused" in record:
+    if (record.doubt and record.method != OTHER_FRAME) or record.refused:
         return DOUBTFUL
-    return ALIGNED if method in ("landmarks", *FOUND) else ROUGH
+    return ALIGNED if record.is_from_image or record.method == "landmarks" else ROUGH
 
 
 def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Path]:
@@ -77,36 +77,19 @@ def add_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Pat
     Returns
     -------
     The case files of these frames, old and new.
-
-    Raises
-    ------
-    InputError
-        See :func:`cases_of_frames`; nothing is written then.
-    RunError
-        A file cannot be written.
     """
     cases = cases_of_frames(folder, like, frames)
     fresh = [case for case in cases if not case.path.exists()]
     keep_files([kept_case(case) for case in fresh], {"frame": like.image, "surface": like.mesh})
     for case in cases:
         if case.posed and state_of(present := read_case(case.path, posed=False)) == NEW:
-            with writing(case.path):
-                update_case(
-                    case.path,
-                    replace(present, cam_from_mesh=case.cam_from_mesh, posed=True, alignment=case.alignment),
-                )
+            posed = replace(present, cam_from_mesh=case.cam_from_mesh, posed=True, alignment=case.alignment)
+            write_case(case.path, posed)
     return [case.path for case in cases]
 
 
 def cases_of_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> list[Case]:
-    """The cases that :func:`add_frames` writes, as far as they do not exist; frames of one image have one.
-
-    Raises
-    ------
-    InputError
-        Two images would have one case, a case of that name is one of another image, or an image has other proportions
-        than K.
-    """
+    """The cases that :func:`add_frames` writes, as far as they do not exist; frames of one image have one."""
     by_image = {os.path.realpath(frame.image): frame for frame in frames}
     cases = [_case_of(frame, folder, like) for frame in by_image.values()]
     paths = {case.path for case in cases} | ({like.path} if like.path.parent.parent == folder else set())
@@ -124,19 +107,13 @@ def _case_of(frame: NewFrame, folder: Path, like: Case) -> Case:
     pose = frame.cam_from_mesh
     return replace(
         like, path=path, image=image, camera=camera, video=frame.video, frames=(), landmarks=(),
-        posed=pose is not None, cam_from_mesh=like.cam_from_mesh if pose is None else pose,
-        alignment=dict(frame.alignment),
+        refused="", posed=pose is not None, cam_from_mesh=like.cam_from_mesh if pose is None else pose,
+        alignment=frame.alignment,
     )  # fmt: skip
 
 
 def case_name(image: Path) -> str:
-    """The name of the case of a frame in a queue, its folder's.
-
-    Raises
-    ------
-    InputError
-        The name of the image begins with a dot: the folder would be hidden, or no folder of the queue.
-    """
+    """The name of the case of a frame in a queue, its folder's."""
     if image.name.startswith("."):
         raise InputError(f"{image}: expected a name that does not begin with a dot, for a case; rename the image")
     return image.stem

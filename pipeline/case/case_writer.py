@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import write_files_atomically
+from ..files.content import write_bytes_atomically
 from ..files.numbers import MM_PER_UNIT, length_text
 from ..files.outputs import check_outputs, writing
 from ..poses.pose_file import POSE_KEY
-from .alignment_record import checked_alignment_record
+from ..transforms import is_same_pose
 from .case_file import Case, Structure, case_from_text, read_case
-from .case_history import history_path, with_replaced
+from .case_history import add_to_history
 from .frame import UnreadFrame
 from .landmarks import Landmark
 
@@ -28,7 +28,7 @@ UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
     """Write a case as TOML, whole or not at all.
 
-    A pose that is replaced goes into the file's history; that of another frame or surface ends.
+    A pose that is replaced goes into the file's history.
 
     Numbers are read back to the last bit, colours of structures as 8-bit codes. File names are relative to the folder
     of ``path``, not of ``case.path``, unless a file is on another drive.
@@ -41,14 +41,6 @@ def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
         The case; its ``messages`` are not written.
     comment
         Lines for the beginning of the file.
-
-    Raises
-    ------
-    InputError
-        Another extension; a file of the case; or a case that could not be
-        read back, such as one with two landmarks of one name or a number that is not finite.
-    RunError
-        The file cannot be written.
     """
     path = Path(path)
     check_outputs([case_output(path)], {name: file for name, file in case.input_files().items() if name != "case"})
@@ -56,12 +48,10 @@ def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
     data = encoded(path, text)
     case_from_text(text, path)
     before = _present(path)
-    is_other = before is not None and _files(before) != _files(case)
-    history = {} if before is None or is_other else with_replaced(path, before, case)
     with writing(path):
-        write_files_atomically({**history, path: data})
-    if is_other:
-        history_path(path).unlink(missing_ok=True)
+        if before is not None and _is_replaced(before, case):
+            add_to_history(path, before, case_text(path, before))
+        write_bytes_atomically(path, data)
 
 
 def _present(path: Path) -> Case | None:
@@ -71,18 +61,14 @@ def _present(path: Path) -> Case | None:
         return None
 
 
-def _files(case: Case) -> tuple[str, str]:
-    return os.path.realpath(case.image), os.path.realpath(case.mesh)
+def _is_replaced(before: Case, after: Case) -> bool:
+    """Whether a case loses its pose by another one, or what is known of it."""
+    is_kept = after.posed and is_same_pose(before.cam_from_mesh, after.cam_from_mesh)
+    return not is_kept or before.alignment != after.alignment or before.image != after.image
 
 
 def encoded(path: Path, text: str) -> bytes:
-    """The bytes of a case file.
-
-    Raises
-    ------
-    InputError
-        A name in it is no Unicode.
-    """
+    """The bytes of a case file."""
     try:
         return text.encode()
     except UnicodeEncodeError:
@@ -90,13 +76,7 @@ def encoded(path: Path, text: str) -> bytes:
 
 
 def case_output(path: Path) -> Path:
-    """The name of a case file to write, checked.
-
-    Raises
-    ------
-    InputError
-        Another extension.
-    """
+    """The name of a case file to write, checked."""
     if path.suffix.lower() != ".toml":
         raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; choose another name")
     return path
@@ -107,7 +87,7 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     folder = path.parent
     blocks = [
         [*(f"# {line}" for line in comment.splitlines()), f'units = "{UNIT_OF[case.mm_per_unit]}"'],
-        ["[frame]", f"image = {_file(case.image, folder)}", *_pairs(_video_keys(case))],
+        ["[frame]", f"image = {_file(case.image, folder)}", *_pairs(_frame_keys(case))],
         _camera_lines(case),
         ["[surface]", f"mesh = {_file(case.mesh, folder)}", *_pairs(_given(name=case.object_name))],
     ]
@@ -116,9 +96,8 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         axes = "# OpenCV axes (x right, y down, z forward), frame of the mesh file"
         blocks.append(["[pose]", axes, f"{POSE_KEY} = {rows}"])
     blocks += [_frame_lines(frame, case, folder) for frame in case.frames]
-    if case.alignment:
-        alignment_record = checked_alignment_record(case.alignment, f"{path.name}: [alignment]")
-        blocks.append(["[alignment]", *_pairs(alignment_record)])
+    if record := case.alignment.table():
+        blocks.append(["[alignment]", *_pairs(record)])
     if case.light is not None:
         blocks.append(["[light]", *_pairs({**case.light.law, **case.light.origin})])
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
@@ -128,8 +107,9 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
 
 
-def _video_keys(case: Case) -> dict[str, object]:
-    return {} if case.video is None else dict(zip(("video", "video_frame"), case.video, strict=True))
+def _frame_keys(case: Case) -> dict[str, object]:
+    video = {} if case.video is None else dict(zip(("video", "video_frame"), case.video, strict=True))
+    return {**video, **({"refused": case.refused} if case.refused else {})}
 
 
 def _given(**values: object) -> dict[str, object]:

@@ -49,39 +49,21 @@ class Frame:
         return float(1 - self.shown.mean())
 
     def with_mask(self, path: Path) -> "Frame":
-        """The frame without what a mask's file hides, in addition to what its own alpha hides.
-
-        Raises
-        ------
-        InputError
-            No image without losses; an image in colour; one of another size; or one that hides all that is left.
-        """
+        """The frame without what a mask's file hides, in addition to what its own alpha hides."""
         if path.is_file() and read_content(path, "a mask", path.name).startswith(JPEG_SIGNATURE):
             raise InputError(f"{path.name}: expected a mask, found a JPEG, which blurs its zeros; make it as PNG")
         mask = shown_by_mask(*read_image(path, path.name), path.name)
         return replace(self, shown=joined_mask(self.shown, mask, self.name, path.name), mask=path)
 
     def encoded(self) -> bytes:
-        """The frame as the PNG of a case folder.
-
-        Raises
-        ------
-        InputError
-            It hides everything, or its values are not those of 8 or 16 bits.
-        """
+        """The frame as the PNG of a case folder."""
         if not self.shown.any():
             raise InputError(f"{self.name}: expected a frame that shows something, its alpha is 0 everywhere")
         return encoded_frame(self.colours, self.shown, self.name)
 
 
 def read_frame(path: Path) -> Frame:
-    """Read a frame.
-
-    Raises
-    ------
-    InputError
-        No usable image; see :func:`.read_image`.
-    """
+    """Read a frame."""
     return Frame(path, *read_image(path, path.name))
 
 
@@ -127,10 +109,7 @@ class PosedFrame:
 
 
 def load_posed_frame(frame: UnreadFrame, mesh_from_model: np.ndarray, *, name: str) -> PosedFrame:
-    """Read and undistort a posed frame; ``name`` begins messages.
-
-    Errors are those of :func:`load_frame`.
-    """
+    """Read and undistort a posed frame; ``name`` begins messages."""
     image, valid = load_frame(frame.image, frame.camera, frame.distortion, name=name)
     return PosedFrame(image, valid, frame.camera, frame.cam_from_mesh @ mesh_from_model, path=frame.image)
 
@@ -143,11 +122,6 @@ def load_frame(
     Returns
     -------
     ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it has no image.
-
-    Raises
-    ------
-    InputError
-        The image cannot be read, or its size differs from the camera's.
     """
     image, valid = read_image(path, f"{name}: [frame] image {path.name}")
     height, width = image.shape[:2]

@@ -29,12 +29,6 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
     """Read landmarks, points in mm: JSON if the file begins with a bracket, else CSV.
 
     ``mm_per_unit`` is the factor from the unit of the points, that of the mesh file, to millimetres.
-
-    Raises
-    ------
-    InputError
-        The file or its header is missing, a number is missing or malformed, or a name occurs twice; the message names
-        the line.
     """
     path = Path(path)
     text = decoded(read_content(path, "a file with landmarks", most=LARGEST_TEXT))

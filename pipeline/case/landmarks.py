@@ -63,11 +63,6 @@ def landmarks_from_tables(
     Returns
     -------
     Points in mm, pixels with (0, 0) at the centre of the top-left pixel.
-
-    Raises
-    ------
-    InputError
-        An unknown or missing key, a value of the wrong kind, a number that is not finite, a name that occurs twice.
     """
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{where}: expected a list of tables with name, surface and pixel, found {entries!r}")
@@ -89,10 +84,7 @@ def landmarks_from_tables(
 def landmark_from_table(
     entry: Mapping[str, Any], place: str, *, mm_per_unit: float = 1.0, pixel_origin: PixelOrigin = "center"
 ) -> Landmark:
-    """Check one landmark; ``place`` begins the messages. Strips white space around the name.
-
-    Errors are those of :func:`landmarks_from_tables`.
-    """
+    """Check one landmark; ``place`` begins the messages. Strips white space around the name."""
     check_keys(entry, ("name",), ("surface", "pixel", "enabled"), place)
     name, point, pixel = checked_name(entry["name"], place), None, None
     if "surface" in entry:

@@ -17,10 +17,10 @@ from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..surface.structure_colour import OTHER
 from ..transforms import inverse_rigid, rigid, transform_points
-from .alignment_record import INITIAL_GUESS
 from .case_file import Case, Structure
 from .case_writer import UNIT_OF
 from .frame import PosedFrame, load_posed_frame
+from .pose_record import INITIAL_GUESS, PoseRecord
 from .surface_doubts import FARTHEST_MM, NEAREST_MM, extents_of, precision_doubts, size_doubt
 
 MAX_EXTENT_RATIO = 200.0
@@ -61,7 +61,7 @@ class LoadedCase:
         """The frame that the case file names: overlays show it, poses are drawn around its own."""
         return self.frames[0]
 
-    def posed(self, cam_from_mesh: np.ndarray, record: dict[str, object]) -> "LoadedCase":
+    def posed(self, cam_from_mesh: np.ndarray, record: PoseRecord) -> "LoadedCase":
         """The case with another pose ``(4, 4)``, mm, of its frame, and the record of how it was found."""
         case = replace(self.case, cam_from_mesh=cam_from_mesh, alignment=record)
         pose = cam_from_mesh @ self.surface.mesh_from_model
@@ -72,11 +72,6 @@ class LoadedCase:
 
         White ones are context, such as the dura and the ear canal, and would hide the nerve; they are shown where no
         structure has another colour.
-
-        Raises
-        ------
-        InputError
-            There is no structure of a name in ``only``.
         """
         structures = self.surface.structures
         names = [structure.name for structure, _ in structures]
@@ -101,17 +96,11 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         The case.
     aligned
         False accepts any pose, and puts an initial guess in the place of none: use it before the alignment.
-
-    Raises
-    ------
-    InputError
-        A file cannot be used; the image's size differs from the camera's; or, for an aligned case, the surface is
-        behind the camera, outside the frame or at an implausible distance.
     """
     mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
     if not case.posed and not aligned:
         guess = initial_pose(mesh, case.camera) @ inverse_rigid(mesh_from_model)
-        case = replace(case, cam_from_mesh=guess, posed=True, alignment={"method": INITIAL_GUESS})
+        case = replace(case, cam_from_mesh=guess, posed=True, alignment=PoseRecord(INITIAL_GUESS))
         messages = [*messages, "the case has no pose and begins with an initial guess"]
     frames = tuple(load_posed_frame(frame, mesh_from_model, name=case.path.name) for frame in case.every_frame)
     cam_from_model = case.cam_from_mesh @ mesh_from_model
@@ -136,11 +125,6 @@ def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarr
     Returns
     -------
     The surface in the model frame, mm; ``mesh_from_model`` (4x4, mm); and messages about what was dropped.
-
-    Raises
-    ------
-    InputError
-        No usable mesh.
     """
     given, messages = read_mesh(path)
     given = given.scaled(mm_per_unit)
@@ -156,13 +140,7 @@ def check_poses(case: Case, mesh: TriangleMesh, frames: Sequence[PosedFrame]) ->
 
 
 def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
-    """Check that a pose (4x4, mm) shows the surface (model frame) to the frame's camera, at a plausible distance.
-
-    Raises
-    ------
-    InputError
-        It does not.
-    """
+    """Check that a pose (4x4, mm) shows the surface (model frame) to the frame's camera, at a plausible distance."""
     name = case.path.name
     points_cam = transform_points(cam_from_model, mesh.vertices)
     depth = points_cam[:, 2]

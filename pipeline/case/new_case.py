@@ -22,7 +22,6 @@ from ..projection.initial_pose import initial_pose
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..transforms import inverse_rigid, rigid
-from .alignment_record import INITIAL_GUESS
 from .case_file import Case, Structure, read_case
 from .case_folder import (
     CASE,
@@ -41,6 +40,7 @@ from .case_folder import (
 from .case_queue import NewFrame, cases_of_frames
 from .frame import Frame
 from .loaded_case import LoadedCase, check_pose, frame_overlay, load_case
+from .pose_record import INITIAL_GUESS, PoseRecord
 from .surface_doubts import extents_of, place_doubt, size_doubt, size_text
 from .surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
 
@@ -96,13 +96,6 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     Yields
     ------
     What it holds, and what is doubtful.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used, the inputs do not fit together, or an output must not be replaced.
-    RunError
-        A file cannot be written.
     """
     surface = _surface(given)
     inputs = given.files(surface)
@@ -115,7 +108,6 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
         "" if distortion is None else ", with distortion"
     )
-    yield from (f"note: {message}" for message in given.camera.messages)
     yield from (f"warning: {message}" for message in doubts)
 
     mesh, messages = read_mesh(surface.mesh)
@@ -238,7 +230,7 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
         focus = replace(focus, centre=focus.centre - centre)
     cam_from_model = initial_pose(model, case.camera, focus)
     found = replace(
-        case, cam_from_mesh=cam_from_model @ inverse_rigid(mesh_from_model), alignment={"method": INITIAL_GUESS}
+        case, cam_from_mesh=cam_from_model @ inverse_rigid(mesh_from_model), alignment=PoseRecord(INITIAL_GUESS)
     )
     return found, ["pose: an initial guess, not aligned"]
 

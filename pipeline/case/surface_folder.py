@@ -51,13 +51,7 @@ class SurfaceFolder:
 
 
 def write_meshes(folder: Path, surface: TriangleMesh, structures: Mapping[str, TriangleMesh]) -> dict[str, Path]:
-    """Write the surface and the structures in their colours; gives their files by name, the surface's as ``""``.
-
-    Raises
-    ------
-    RunError
-        A file cannot be written.
-    """
+    """Write the surface and the structures in their colours; gives their files by name, the surface's as ``""``."""
     paths = {"": folder / SURFACE} | {name: folder / structure_file(name) for name in structures}
     for name, path in paths.items():
         mesh, shades = surface, None
@@ -83,13 +77,7 @@ def focus_table(focus: Ball) -> dict[str, object]:
 
 
 def read_surface_folder(folder: Path) -> SurfaceFolder:
-    """Read the record of a folder.
-
-    Raises
-    ------
-    InputError
-        There is no record, or it is none.
-    """
+    """Read the record of a folder."""
     path = folder / RECORD
     if not path.exists():
         raise InputError(

@@ -21,13 +21,6 @@ def open_scheduler(address: str, *, insecure: bool = False) -> Iterator[Client]:
     """A client of the scheduler at an address, with the certificates of Dask's configuration.
 
     ``insecure`` takes a scheduler of another machine that admits anyone.
-
-    Raises
-    ------
-    InputError
-        The value is no address, or it is not secure.
-    RunError
-        There is no scheduler at the address.
     """
     _check_address(address, insecure=insecure)
     # whatever matters to the user is said in OneFrame's words

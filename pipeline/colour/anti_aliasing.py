@@ -27,7 +27,6 @@ from ..projection.rendered_view import RenderedView
 from ..transforms import transform_points
 from .footprint_filter import averaged, mean_over_pixels
 from .source_view import SourceView
-from .texture_atlas import TextureAtlas
 
 MISSED, UNSEEN, OBSERVED = 0, 1, 2
 """What a ray meets: no surface, surface that the frame did not see, surface that it saw."""
@@ -52,22 +51,18 @@ def footprint_scale(
     return float(at_frame * max(view_mm / frame_mm, 1e-6))
 
 
-def filtered_image(colour: TextureAtlas | SourceView, source: SourceView, side: int) -> tuple[np.ndarray, float]:
-    """The frame or atlas, averaged over squares of ``side`` texels; alpha marks the border of the observed region.
+def filtered_image(source: SourceView, side: int) -> tuple[np.ndarray, float]:
+    """The frame, averaged over squares of ``side`` pixels; alpha marks the border of the observed region.
 
     Returns
     -------
     ``(H, W, 4)`` float32, and the place of its squares: see :func:`.averaged`.
     """
-    if isinstance(colour, TextureAtlas):
-        texels, known = colour.image, colour.observed
-        border = edge_pixels(known.astype(np.float32), known, source.camera)
-    else:
-        texels, surface = colour.continued
-        known = surface > 0
-        depth_mm = np.divide(1.0, surface, out=np.zeros_like(surface), where=known)
-        border = edge_pixels(depth_mm, known, colour.camera)
-    rgb, place = averaged(texels, known, side)
+    image, surface = source.continued
+    known = surface > 0
+    depth_mm = np.divide(1.0, surface, out=np.zeros_like(surface), where=known)
+    border = edge_pixels(depth_mm, known, source.camera)
+    rgb, place = averaged(image, known, side)
     return np.concatenate([rgb, border[..., None]], axis=2), place
 
 

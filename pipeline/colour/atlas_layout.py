@@ -169,11 +169,6 @@ def pack_rectangles(sizes: np.ndarray, layer_size: np.ndarray, max_size: int) ->
     Returns
     -------
     ``(R, 2)`` int top-left corners, and the (width, height) of the atlas.
-
-    Raises
-    ------
-    InputError
-        The atlas would be wider or higher than ``max_size``.
     """
     order = np.argsort(-sizes[:, 1], kind="stable")
     ends = np.cumsum(sizes[order, 0])

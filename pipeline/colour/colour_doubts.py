@@ -1,7 +1,6 @@
 """What makes the colours of a run worse than the frame's: a pose that is off, views too near or too far."""
 
-from collections.abc import Mapping
-
+from ..case.pose_record import PoseRecord
 from ..files.numbers import format_two_digits
 
 MAX_STATED_ERROR_PX = 1.0
@@ -15,13 +14,13 @@ view is 15/255 off (measured there too)."""
 
 MAX_REDUCTION = 8.0
 """Pixels of the frame, along a side, in one of a view with one ray: beyond it, views of detail down to the frame's
-pixel are more than 3/255 off the mean over the pixel (``benchmark.py stability``)."""
+pixel are more than 3/255 off the mean over the pixel."""
 
 
-def pose_doubt(alignment: Mapping[str, object]) -> str:
+def pose_doubt(record: PoseRecord) -> str:
     """A message if the record of the pose states an error of more than :data:`MAX_STATED_ERROR_PX`; else empty."""
-    error_px = alignment.get("error_px")
-    if not isinstance(error_px, int | float) or not error_px > MAX_STATED_ERROR_PX:
+    error_px = record.error_px
+    if error_px is None or not error_px > MAX_STATED_ERROR_PX:
         return ""
     return (
         f"[alignment] states that the surface is off by about {format_two_digits(error_px)} px in the frame: colours "

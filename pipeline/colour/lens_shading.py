@@ -193,13 +193,7 @@ def lit_by_lamp(
 
 
 def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading:
-    """The light at the lens of a case.
-
-    Raises
-    ------
-    InputError
-        The case has no such light, or it is not before the surface.
-    """
+    """The light at the lens of a case."""
     light, name = loaded.case.lens_light, loaded.case.path.name
     depths = [_small_depth_mm(loaded.surface.mesh, frame) for frame in loaded.frames]
     nearest = min(float(depth[depth > 0].min(initial=np.inf)) for depth in depths)

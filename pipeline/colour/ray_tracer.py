@@ -26,7 +26,6 @@ from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
 from .lens_shading import CornerNormals, lit_by_lamp, shown_codes
 from .shading import ColouredSurface, ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
-from .texture_atlas import TextureAtlas
 from .vertex_colours import NEUTRAL, VertexColours
 
 BLOCK = 1 << 15
@@ -79,8 +78,8 @@ class _Painter:
         self.shader: ImageShader | VertexShader | None = None
         if isinstance(colour, VertexColours):
             self.shader = VertexShader(mesh, colour)
-        elif colour is not None and self.source is not None:
-            self.shader = ImageShader(mesh, colour, self.source)
+        elif colour is not None:
+            self.shader = ImageShader(colour)
 
     def colours(
         self, frame: tuple[np.ndarray, np.ndarray], rays: _Rays, scale: float | None, texel_share: float
@@ -133,11 +132,6 @@ class RayTracer:
         """Prepare what the views share.
 
         ``samples`` are rays in each pixel at an edge; ``rays`` are Embree's if left out.
-
-        Raises
-        ------
-        InputError
-            Rays cannot be cast here.
         """
         mesh, colours, self._unseen = surface.mesh, surface.colours, surface.unseen
         self._mesh, self._camera, self._rays = mesh, camera, rays or MeshRays(mesh)
@@ -146,7 +140,7 @@ class RayTracer:
         self._pattern = pixel_pattern(samples)
         self._light = surface.light
         self._normals = None if surface.light is None else CornerNormals(mesh)
-        by_place = self._unseen is not None or any(isinstance(each, VertexColours | TextureAtlas) for each in colours)
+        by_place = self._unseen is not None or any(isinstance(each, VertexColours) for each in colours)
         self._by_rays = by_place or len(mesh.faces) > FACES_A_PIXEL * camera.width * camera.height
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:

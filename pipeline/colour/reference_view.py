@@ -1,9 +1,9 @@
 """The reference view: the frames of a case as sources of colour, and the surface that each saw.
 
-Coloured surfaces take that surface from a z-buffer in double precision, or from rays where it reaches behind a camera;
-datasets take it from a render. The depths agree to the rounding of single precision, except at the few pixels whose
-centre lies on the outline of a surface to that rounding. A colour depends on the depth only through the question
-whether the frame saw its point, so the colours are the same.
+Coloured surfaces take that surface from a z-buffer in double precision; datasets take it from a render. The depths
+agree to the rounding of single precision, except at the few pixels whose centre lies on the outline of a surface to
+that rounding. A colour depends on the depth only through the question whether the frame saw its point, so the colours
+are the same.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..images.pixel_values import grown
 from ..light.exposure import matched_exposures
-from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import central_point
-from ..projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
+from ..projection.z_buffer import inverse_depth_map, is_within_limits, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, transform_points
 from .fill import filled_colours
@@ -36,6 +36,9 @@ STEP = 0.05
 WHITE = 0.96
 """Code value of all channels from which a pixel is a highlight: the lamp's reflection, not the surface's colour."""
 
+Look = Callable[[ColouredSurface, PinholeCamera, np.ndarray], RenderedView]
+"""How a surface looks from a pose (4x4, mm)."""
+
 
 @dataclass(frozen=True)
 class ReferenceView:
@@ -51,8 +54,8 @@ class ReferenceView:
         ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
     messages
         Messages for the user.
-    raster
-        The z-buffer of the first view, if it comes from one.
+    view_part
+        Part 0..1 of the surface in the case's own frame that it colours: front sides inside its mask.
     light
         The light at the lens if the images of ``views`` are without it: albedos.
     """
@@ -61,7 +64,7 @@ class ReferenceView:
     views: tuple[SourceView, ...]
     pivot_model: np.ndarray
     messages: tuple[str, ...]
-    raster: DepthRaster | None = None
+    view_part: float
     light: LensShading | None = None
 
     @property
@@ -72,6 +75,12 @@ class ReferenceView:
     def observed(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
         """``(N, 3)`` surface points and their unit face normals -> ``(N,)`` bool: a frame saw them."""
         return np.any([view.observed(points_model, normals_model) for view in self.views], axis=0)
+
+    def coverage(self) -> tuple[float, float]:
+        """:attr:`view_part`, and the part 0..1 of the whole surface's area that the frames saw."""
+        areas = np.linalg.norm(self.mesh.face_cross, axis=1)
+        seen = self.observed(self.mesh.face_centres, self.mesh.face_normals)
+        return self.view_part, float(areas[seen].sum() / areas.sum())
 
 
 def limited_to_incidence(reference: ReferenceView, max_incidence_deg: float) -> ReferenceView:
@@ -89,103 +98,74 @@ def without_highlights(reference: ReferenceView, frames: Sequence[PosedFrame]) -
     return replace(reference, views=tuple(views))
 
 
-def can_rasterise(loaded: LoadedCase) -> bool:
-    """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind a frame's camera."""
-    mesh = loaded.surface.mesh
-    return all(is_within_limits(mesh, frame.camera, frame.cam_from_model) for frame in loaded.frames)
+def nearest_surface(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
+    """The bare surface by a z-buffer, which needs no Embree, or by rays where it reaches behind the camera."""
+    mesh = surface.mesh
+    if not is_within_limits(mesh, camera, cam_from_model):
+        return traced_surface(surface, camera, cam_from_model)
+    raster = rasterise_depth(mesh, camera, cam_from_model)
+    shown = raster.face >= 0
+    front = np.zeros(shown.shape, np.uint8)
+    front[shown] = mesh.front_facing(camera_centre(cam_from_model), raster.face[shown])
+    colour = np.zeros((*shown.shape, 3), np.float32)
+    return RenderedView(colour, raster.depth_mm.astype(np.float32), front, np.zeros(shown.shape, bool))
 
 
-def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
-    """The reference view from a z-buffer, if :func:`can_rasterise`; runs without Blender, so it may run in a thread.
+def traced_surface(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
+    """The surface as the views of ``raster`` show it."""
+    return RayTracer(surface, camera).render(cam_from_model)
 
-    Raises
-    ------
-    InputError
-        No pixel of a frame shows the surface.
+
+def reference_view(loaded: LoadedCase, look: Look = nearest_surface, light: LensShading | None = None) -> ReferenceView:
+    """What the frames of a case saw of its surface.
+
+    Parameters
+    ----------
+    loaded
+        The case.
+    look
+        Shows the bare surface at each frame's pose.
+    light
+        The light at the lens, which is taken out of the frames; ``look`` must know light then.
     """
-    mesh = loaded.surface.mesh
-    rasters = [rasterise_depth(mesh, frame.camera, frame.cam_from_model) for frame in loaded.frames]
-    depths_mm = [raster.depth_mm.astype(np.float32) for raster in rasters]
-    raster, shown = rasters[0], rasters[0].face >= 0
-    front = np.zeros(shown.shape, dtype=bool)
-    front[shown] = mesh.front_facing(camera_centre(loaded.frame.cam_from_model), raster.face[shown])
-    return view_of_depths(loaded, depths_mm, front, raster)
-
-
-def traced_view_of(loaded: LoadedCase, light: LensShading | None = None) -> ReferenceView:
-    """The reference view from rays, as the views of ``raster`` are; without Blender too.
-
-    A light at the lens is taken out of the frames.
-
-    Raises
-    ------
-    InputError
-        No pixel of a frame shows the surface, or there is no Embree.
-    """
-    surface = ColouredSurface(loaded.surface.mesh, light=light)
-    rays = MeshRays(surface.mesh)
-    seen = [RayTracer(surface, frame.camera, rays=rays).render(frame.cam_from_model) for frame in loaded.frames]
-    return view_of_renders(loaded, seen, light)
-
-
-def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
-    """The reference view of coloured surfaces: from a z-buffer where possible, otherwise from rays.
-
-    Raises
-    ------
-    InputError
-        No pixel of a frame shows the surface, or it needs rays and there is no Embree.
-    """
-    return rasterised_view_of(loaded) if can_rasterise(loaded) else traced_view_of(loaded)
-
-
-def view_of_renders(
-    loaded: LoadedCase, seen: Sequence[RenderedView], light: LensShading | None = None
-) -> ReferenceView:
-    """The reference view from the bare surface rendered at each frame's pose, in a light that is taken out of them."""
-    said: list[str] = []
+    name, mesh, said = loaded.case.path.name, loaded.surface.mesh, []
+    surface = ColouredSurface(mesh, light=light)
+    seen = [look(surface, frame.camera, frame.cam_from_model) for frame in loaded.frames]
     if light is not None:
         said = lens_doubts(loaded, seen[0])
         loaded = without_light(loaded, seen, light.curve)
-    view = view_of_depths(loaded, [each.depth_mm for each in seen], seen[0].observed)
-    return replace(view, messages=(*view.messages, *said), light=light)
-
-
-def view_of_depths(
-    loaded: LoadedCase, depths_mm: Sequence[np.ndarray], front: np.ndarray, raster: DepthRaster | None = None
-) -> ReferenceView:
-    """The views of a surface with these depths (0 without surface); the first shows its front side where ``front``."""
-    mesh, messages = loaded.surface.mesh, []
-    name = loaded.case.path.name
     views = []
-    for frame, depth_mm in zip(loaded.frames, depths_mm, strict=True):
-        views.append(SourceView(**vars(frame), inverse_depth=inverse_depth_map(depth_mm, frame.valid)))
+    for frame, view in zip(loaded.frames, seen, strict=True):
+        views.append(SourceView(**vars(frame), inverse_depth=inverse_depth_map(view.depth_mm, frame.valid)))
         if not views[-1].inverse_depth.any():
             which = "" if frame is loaded.frame else f" {frame.path.name}"
             raise InputError(
                 f"{name}: expected the surface in the frame{which}, no pixel shows it; align the pose first"
             )
-    depth_mm = depths_mm[0]
-    shown = depth_mm > 0
-    part = front[shown].mean()
-    if part < 0.5:
-        mesh = mesh.flipped()
-        messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
+    depth_mm = seen[0].depth_mm
+    shown, front = depth_mm > 0, seen[0].observed
+    front_part = front[shown].mean()
+    if front_part < 0.5:
+        mesh, front = mesh.flipped(), ~front
+        said.insert(0, f"{name}: the frame sees the back of {1 - front_part:.0%} of the surface; flipped its faces")
+    view_part = float((front & loaded.frame.valid)[shown].mean())
     pivot_model = central_point(depth_mm * loaded.frame.valid, loaded.frame.camera, loaded.frame.cam_from_model)
-    return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(messages), raster)
+    return ReferenceView(mesh, matched_exposures(views), pivot_model, tuple(said), view_part, light)
 
 
 def colours_of(reference: ReferenceView, mode: str) -> tuple[list[SurfaceColour], list[str]]:
-    """The surface's colour from each frame in a mode (``projective``, ``texture``, ``vertex``), and messages.
+    """The surface's colour from each frame in a mode (``projective``, ``vertex``), and messages.
 
-    In all modes the frame's view tells which points it saw.
+    In both the frame's view tells which points it saw.
     """
     if mode == "projective":
         return list(reference.views), []
+    if mode != "vertex":
+        raise ValueError(f"expected the colour mode projective or vertex, found {mode!r}")
     colours: list[SurfaceColour] = []
     said: list[str] = []
     for view in reference.views:
-        colour, messages = baked_colour_of(replace(reference, views=(view,)), mode)
+        colour, messages = vertex_colours_of(replace(reference, views=(view,)))
         colours.append(replace(colour, source=view))
         said += messages
     return colours, said

@@ -1,4 +1,4 @@
-"""The colours of surface points in the three colour modes, by the rule of :mod:`oneframe.colour.source_view`.
+"""The colours of surface points in both colour modes, by the rule of :mod:`oneframe.colour.source_view`.
 
 It is what the material of :mod:`oneframe.blender.render.material` computes at a shaded point, for many points at once.
 """
@@ -14,10 +14,9 @@ from .anti_aliasing import filtered_image
 from .footprint_filter import squares_for
 from .lens_shading import LensShading
 from .source_view import SourceView
-from .texture_atlas import COVERED_LEAST, TextureAtlas
 from .vertex_colours import VertexColours
 
-SurfaceColour = VertexColours | TextureAtlas | SourceView
+SurfaceColour = VertexColours | SourceView
 
 
 @dataclass(frozen=True)
@@ -122,33 +121,31 @@ def _mixed(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarr
 
 
 class ImageShader:
-    """Colours from the frame, or from a texture baked from it."""
+    """Colours from the frame."""
 
-    def __init__(self, mesh: TriangleMesh, colour: SourceView | TextureAtlas, source: SourceView) -> None:
-        self._mesh, self._colour, self._source = mesh, colour, source
+    def __init__(self, source: SourceView) -> None:
+        self._source = source
         image, surface = source.continued
-        self._surface = Texels(surface)
-        self._known = Texels(colour.observed) if isinstance(colour, TextureAtlas) else self._surface
-        whole = colour.premultiplied() if isinstance(colour, TextureAtlas) else np.dstack([image, surface])
-        self._image = Texels(whole)
+        self._surface, self._image = Texels(surface), Texels(np.dstack([image, surface]))
         self._filtered: dict[int, tuple[Texels, float]] = {}
 
     def exact(self, points: Points, texel_share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """``(N, 3)`` colours, see :data:`.CastRays` for the share; ``(N,)`` bool: the frame saw the point."""
-        x, y = self._place(points)
-        rgb, own = self._own(self._image.between(x, y), points)
+        texels = self._image.between(points.x, points.y)
+        rgb, own = texels[:, :3], _is_same(texels[:, 3], points, self._source)
         if texel_share > 0:
-            texel, same = self._own(self._image.nearest(x, y), points)
-            rgb = rgb + (np.float32(texel_share) * same)[:, None] * (texel - rgb)
-        return rgb, self._seen(own, points)
+            nearest = self._image.nearest(points.x, points.y)
+            same = _is_same(nearest[:, 3], points, self._source)
+            rgb = rgb + (np.float32(texel_share) * same)[:, None] * (nearest[:, :3] - rgb)
+        return rgb, own & points.may_be_seen
 
     def filtered(self, points: Points, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same, with means over pixels of this scale; ``(N,)`` bool: seen, but near the border of what was."""
-        x, y = self._place(points)
-        _, own = self._own(self._known.between(x, y), points)
+        x, y = points.x, points.y
+        seen = _is_same(self._surface.between(x, y)[:, 0], points, self._source) & points.may_be_seen
         side, offset = squares_for(scale)
         if side not in self._filtered:
-            image, place = filtered_image(self._colour, self._source, side)
+            image, place = filtered_image(self._source, side)
             self._filtered[side] = Texels(image), place
         texels, place = self._filtered[side]
         total = texels.between(x - np.float32(place + offset), y - np.float32(place + offset))
@@ -159,30 +156,7 @@ class ImageShader:
                 # with the fourth channel: numpy is slow along an axis of three
                 total += texels.between(*shifted)
             total *= np.float32(0.25)
-        seen = self._seen(own, points)
         return total[:, :3], seen, seen & border
-
-    def _place(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
-        """Columns and rows of the points in the image."""
-        if isinstance(self._colour, SourceView):
-            return points.x, points.y
-        u, v = corner_means(self._colour.uv[points.hits.face], points.hits).T
-        width, height = self._image.width, self._image.height
-        return (u * width - 0.5).astype(np.float32), ((1 - v) * height - 0.5).astype(np.float32)
-
-    def _own(self, texels: np.ndarray, points: Points) -> tuple[np.ndarray, np.ndarray]:
-        """Colours of lookups, and whether they are of the point's own surface."""
-        alpha = texels[:, -1]
-        if isinstance(self._colour, SourceView):
-            return texels[:, :-1], _is_same(alpha, points, self._source)
-        own = alpha > COVERED_LEAST
-        return texels[:, :-1] / np.where(own, alpha, np.float32(1))[:, None], own
-
-    def _seen(self, own: np.ndarray, points: Points) -> np.ndarray:
-        seen = own & points.may_be_seen
-        if isinstance(self._colour, TextureAtlas):
-            seen &= _is_same(self._surface.between(points.x, points.y)[:, 0], points, self._source)
-        return seen
 
 
 class VertexShader:

@@ -6,9 +6,8 @@ Faces that would read texels of another surface (across a depth step, or behind 
 is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch. Several
 frames have an atlas each, of the faces that those before did not see, in one image.
 
-Every texel has a flag: whether the frame saw its point of the surface. A lookup is the mean over its observed texels.
-Renders ask the reference view whether the point itself was seen. Without that, a lookup counts as observed if all
-texels of non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
+Every texel has a flag: whether the frame saw its point of the surface. A lookup counts as observed if all texels of
+non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -30,9 +29,6 @@ MAX_SIZE = 16384
 
 MAX_SLOPE = 16.0
 """Steepest extrapolation of a face's plane beyond its edges: depth step per texel, in pixel footprints."""
-
-COVERED_LEAST = 1e-3
-"""Least weight of observed texels in a lookup: below it, single precision tells too little of their colour."""
 
 OBSERVED_LEAST = 0.9999
 """If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
@@ -68,9 +64,6 @@ class TextureAtlas:
         Number of faces that the frame saw not at all, partly, and fully.
     separate_charts
         Number of faces with a separate rectangle.
-    source
-        The view that tells which points of the faces were seen, among those whose lookup has an observed texel.
-        ``None``: points are if all texels are.
     """
 
     uv: np.ndarray
@@ -78,12 +71,6 @@ class TextureAtlas:
     observed: np.ndarray
     faces_seen: tuple[int, int, int]
     separate_charts: int
-    source: SourceView | None = None
-
-    def premultiplied(self) -> np.ndarray:
-        """``(h, w, C + 1)`` image times flag, and flag: interpolated and divided, the mean over observed texels."""
-        flag = self.observed[..., None]
-        return np.concatenate([self.image * flag, flag], axis=2)
 
     def summary(self) -> str:
         """For the user: size and coverage."""
@@ -160,11 +147,6 @@ def bake_atlas(
         ``(V, 3)`` colours of the vertices for what the frames did not see; ``None``: :data:`NEUTRAL`.
     step
         Called often; what it raises ends the work.
-
-    Raises
-    ------
-    InputError
-        The atlas would be larger than ``max_size`` texels in width or height.
     """
     if len(views) == 1:
         return _baked(mesh, views, seen_faces[0], unseen, max_size, step)

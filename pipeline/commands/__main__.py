@@ -8,7 +8,8 @@ from typing import Any
 from .. import __version__
 from ..errors import InputError
 from ..files.keys import nearest_name
-from ..process.arguments import ArgumentParser, run_command
+from ..process.arguments import ArgumentParser
+from ..process.command import run_command
 from ..process.command_line import run_script
 
 COMMANDS = (
@@ -33,13 +34,7 @@ def main() -> None:
 
 
 def dispatch(argv: Sequence[str]) -> int:
-    """Run a command, and give its exit code.
-
-    Raises
-    ------
-    InputError
-        No command or an unknown one; the command raises its own errors.
-    """
+    """Run a command, and give its exit code."""
     if argv and argv[0] in COMMANDS:
         # reads what is no plain PNG
         from .. import blender  # noqa: F401

@@ -1,14 +1,14 @@
 """The command ``oneframe align``."""
 
-import argparse
 import datetime
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
+from ..process.command import option, positional, switch
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ EPILOG = """examples:
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
   %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
-  %(prog)s case.toml --restore                  (which poses the file had before; --restore 1: take the last one back)
+  %(prog)s case.toml --restore                  (the poses of its history; --restore 1: take the last one back)
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
 frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
@@ -30,41 +30,30 @@ decides between poses that fit equally well. Exit code 2: the pairs do not deter
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface, and a rough pose or none")
-    method = parser.add_argument_group("method")
-    method.add_argument(
-        "--landmarks",
-        "--pairs",
-        metavar="FILE",
-        type=Path,
-        help="landmarks as CSV or JSON (default: those of the case)",
-    )
-    method.add_argument(
-        "--click-sigma-px", metavar="X", type=float, default=2.0,
-        help="standard deviation of the click noise along each image axis, in px (default %(default)g)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "frame, camera, surface, and a rough pose or none")
+    landmarks: Path | None = option("FILE", "landmarks as CSV or JSON (default: those of the case)")
+    click_sigma_px: float = option(
+        "X", "standard deviation of the click noise along each image axis, in px (default %(default)g)", 2.0
     )  # fmt: skip
-    method.add_argument(
-        "--refine", action="store_true",
-        help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
+    refine: bool = switch(
+        "refine the pose against the image, from the pose of the landmarks or, without any, of the case"
     )  # fmt: skip
-    method.add_argument(
-        "--take-refused", action="store_true",
-        help="take the pose that the refinement has found even if it refuses it; look at --picture",
+    take_refused: bool = switch("take the pose that the refinement has found even if it refuses it; look at --picture")
+    restore: int | None = option(
+        "N", "list the poses of the case's history, or make the case what it was at number N; what it is goes there",
+        const=0,
     )  # fmt: skip
-    method.add_argument(
-        "--restore", metavar="N", type=int, nargs="?", const=0,
-        help="list the poses that the case file had before, or take number N back; the present one is kept in its turn",
-    )  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, help="write the case with the new pose and the landmarks")
-    output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
-    output.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
-    output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
+    out: Path | None = option("FILE", "write the case with the new pose and the landmarks")
+    overwrite: bool = switch("let --out replace a case of another frame or surface")
+    json: Path | None = option("FILE", "write pose, residuals and covariance")
+    picture: Path | None = option("FILE", "write the frame with overlay and residuals (PNG)")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Align the case, print the report and write the requested files."""
     if arguments.restore is not None:
         _restore(arguments)
@@ -89,10 +78,10 @@ def run(arguments: argparse.Namespace) -> None:
     _write(arguments, aligned, output)
 
 
-def _checked_case(arguments: argparse.Namespace) -> "Case":
+def _checked_case(arguments: Arguments) -> "Case":
     """The case, once it is sure that the outputs replace nothing that they should not."""
+    from ..case.case_changes import check_replaced
     from ..case.case_file import read_case
-    from ..case.case_update import check_replaced
     from ..case.case_writer import case_output
     from ..files.outputs import check_outputs
 
@@ -105,7 +94,7 @@ def _checked_case(arguments: argparse.Namespace) -> "Case":
     return case
 
 
-def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO) -> None:
+def _write(arguments: Arguments, aligned: "AlignedCase", output: TextIO) -> None:
     """Write the requested files."""
     from ..case.case_writer import write_case
     from ..files.outputs import made_folder, write_output, writing
@@ -126,27 +115,22 @@ def _write(arguments: argparse.Namespace, aligned: "AlignedCase", output: TextIO
         output.write(f"aligned case: {arguments.out}\n")
 
 
-def _restore(arguments: argparse.Namespace) -> None:
-    """List the earlier poses of the case file, or take one back."""
-    from ..case.case_file import read_case
-    from ..case.case_history import earlier_poses
-    from ..case.case_update import update_case
-    from ..files.outputs import writing
+def _restore(arguments: Arguments) -> None:
+    """List what the case file was before, or take it back."""
+    from ..case.case_history import earlier_cases
+    from ..case.case_writer import write_case
 
     chosen = ("landmarks", "refine", "take_refused", "out", "json", "picture")
     if others := [name for name in chosen if getattr(arguments, name)]:
         raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
     path, number, output = arguments.case, arguments.restore, own_output()
-    case, poses = read_case(path, posed=False), earlier_poses(path)
+    earlier = earlier_cases(path)
     if not number:
-        output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(poses, start=1)))
-        output.write("" if poses else f"{path}: no pose has been replaced in it\n")
+        output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(earlier, start=1)))
+        output.write("" if earlier else f"{path}: it has no history\n")
         return
-    if not 1 <= number <= len(poses):
-        found = f"an earlier pose from 1 to {len(poses)}" if poses else "a case with earlier poses"
-        raise InputError(f"{path}: --restore: expected {found}, found {number if poses else 'none'}")
-    restored = poses[number - 1].put_back(case)
-    with writing(path):
-        update_case(path, restored)
-    is_same = (restored.camera, restored.distortion) == (case.camera, case.distortion)
-    output.write(f"{path}: the pose {'' if is_same else 'and its K '}as before: {poses[number - 1].text}\n")
+    if not 1 <= number <= len(earlier):
+        found = f"an earlier pose from 1 to {len(earlier)}" if earlier else "a case with a history"
+        raise InputError(f"{path}: --restore: expected {found}, found {number if earlier else 'none'}")
+    write_case(path, earlier[number - 1].case)
+    output.write(f"{path}: as it was: {earlier[number - 1].text}\n")

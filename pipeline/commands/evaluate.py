@@ -1,10 +1,10 @@
 """The command ``oneframe evaluate``."""
 
-import argparse
 import sys
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 
-from ..process.arguments import at_least
+from ..process.command import option, positional
 from ..process.own_process import own_output
 
 ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
@@ -20,30 +20,26 @@ photograph, summary.md and figure.png. FID and KID need --inception: the documen
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
-    parser.add_argument(
-        "photographs", metavar="PHOTOGRAPHS.json", type=Path,
-        help="photographs taken with the same camera, and their poses",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "frame, camera, surface and pose")
+    photographs: Path = positional("PHOTOGRAPHS.json", "photographs taken with the same camera, and their poses")
+    more: tuple[tuple[Path, Path], ...] = option(
+        ("CASE.toml", "PHOTOGRAPHS.json"), "another case and its photographs; may be repeated", (), each=True,
+        flag="--case",
     )  # fmt: skip
-    parser.add_argument(
-        "--case", dest="more", metavar=("CASE.toml", "PHOTOGRAPHS.json"), type=Path, nargs=2, action="append",
-        default=[], help="another case and its photographs; may be repeated",
+    methods: tuple[str, ...] | None = option(
+        "METHOD", "what to compare (default: ours in both colour modes, Eevee, and the paper's method where its "
+        "renderer is installed)"
     )  # fmt: skip
-    parser.add_argument(
-        "--methods", metavar="METHOD", nargs="+", help="what to compare (default: ours in three colour modes, Eevee, "
-        "and the paper's method where its renderer is installed)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--inception", metavar="FILE.onnx", type=Path, help="InceptionV3 up to its 2048 features, for FID and KID"
-    )
-    parser.add_argument("--seed", metavar="N", type=at_least(0), default=0, help="of resampling (default %(default)s)")
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+    inception: Path | None = option("FILE.onnx", "InceptionV3 up to its 2048 features, for FID and KID")
+    seed: int = option("N", "of resampling (default %(default)s)", 0, least=0)
+    out: Path = option("DIR", "folder to write", MISSING)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Write the evaluation and report its summary."""
     from ..blender.render.engines import RENDERERS
     from ..evaluation.evaluation_files import evaluation_run, run_evaluation
@@ -52,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
     prepared = evaluation_run(
-        [(arguments.case, arguments.photographs), *map(tuple, arguments.more)],
+        [(arguments.case, arguments.photographs), *arguments.more],
         arguments.out,
         methods,
         seed=arguments.seed,

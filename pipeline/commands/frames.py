@@ -1,10 +1,10 @@
 """The command ``oneframe frames``."""
 
-import argparse
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 
-from ..errors import InputError, RunError
-from ..process.arguments import at_least
+from ..errors import InputError
+from ..process.command import option, positional
 from ..process.own_process import own_output
 
 ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."
@@ -14,58 +14,37 @@ EPILOG = """examples:
   %(prog)s long.mp4 --out frames --every 5
 
 Every frame is scored by its sharpness, exposure, glare and motion, and by how much of the view metal and gloves cover,
-by their colour. The best frames are written twice: as decoded, and with alpha 0
-where they show no tissue (instruments, glare, the black around a microscope's circle). Both can be the frame of a
-case; look at contact_sheet.png first. scores.csv has a line for each frame; scores.png, which needs matplotlib, plots
-them over time.
+by their colour. The best frames are written twice: as decoded, and with alpha 0 where they show no tissue (instruments,
+glare, the black around a microscope's circle). Both can be the frame of a case; look at contact_sheet.png first.
+scores.csv has a line for each frame.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("video", metavar="VIDEO", type=Path, help="a video: MP4, MOV, MKV, WebM, AVI, ...")
-    selection = parser.add_argument_group("selection")
-    selection.add_argument(
-        "--count",
-        metavar="N",
-        type=at_least(1),
-        default=5,
-        help="number of frames to write at most (default %(default)s)",
-    )
-    film = parser.add_argument_group("film")
-    film.add_argument(
-        "--every", metavar="N", type=at_least(1), default=1, help="score only every N-th frame (default %(default)s)"
-    )
-    film.add_argument(
-        "--from", metavar="S", type=at_least(0, float), default=0.0, dest="from_s", help="start at this time in s"
-    )
-    film.add_argument(
-        "--to", metavar="S", type=at_least(0, float), dest="to_s", help="end at this time in s (default: the end)"
-    )
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    video: Path = positional("VIDEO", "a video: MP4, MOV, MKV, WebM, AVI, ...")
+    count: int = option("N", "number of frames to write at most (default %(default)s)", 5, least=1)
+    every: int = option("N", "score only every N-th frame (default %(default)s)", 1, least=1)
+    from_s: float = option("S", "start at this time in s", 0.0, least=0, flag="--from")
+    to_s: float | None = option("S", "end at this time in s (default: the end)", least=0, flag="--to")
+    out: Path = option("DIR", "folder to write", MISSING)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Score the film, write the best frames and report them."""
     if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
         raise InputError(
             f"command line: --to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}"
         )
-    from ..charts.page import chart_path, require_matplotlib
-    from ..charts.score_chart import score_chart
     from ..progress import ShareProgress
     from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
     from ..video.frame_scores import best_frames, score_frames
 
     output = own_output()
     video, out = arguments.video, arguments.out
-    charts = [chart_path(out / TABLE)]
-    try:
-        require_matplotlib()
-    except RunError:
-        charts = []
-    check_frame_folder(out, video, charts)
+    check_frame_folder(out, video)
     with ShareProgress("of the film", stream=output) as shown:
         scores = score_frames(
             video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=shown.reach
@@ -78,10 +57,5 @@ def run(arguments: argparse.Namespace) -> None:
     if written:
         output.write(f"frames beside what is masked in them: {out / SHEET}\n")
     output.write(f"scores of all frames: {out / TABLE}\n")
-    if charts:
-        drawn = score_chart(scores.frames, [frame.score for frame in written], out / TABLE)
-        output.write(f"scores over time: {drawn}\n")
-    else:
-        output.write("note: no chart of the scores, which needs matplotlib; run pip install matplotlib\n")
     if not written:
         raise InputError(f"{video.name}: expected a frame that shows something sharply, found none; see {out / TABLE}")

@@ -1,19 +1,18 @@
 """The command ``oneframe light``."""
 
-import argparse
 import datetime
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .. import __version__
 from ..errors import InputError
-from ..images.transfer import TRANSFERS
+from ..process.command import choice, option, positional, switch
 from ..process.own_process import own_output
 
 ABOUT = "Find the lamp at the lens, which moves with it, from the shading of the frame and of registered ones."
 EPILOG = """examples:
   %(prog)s case.toml registered                           (a folder of images, as oneframe register left it)
-  %(prog)s case.toml registered --video surgery.mp4 --picture lamp.png
+  %(prog)s case.toml registered --video surgery.mp4
   %(prog)s case.toml registered --out lit.toml            (leave case.toml as it is)
   %(prog)s case.toml                                      (from the frames of the case alone)
 
@@ -24,44 +23,36 @@ frames do not tell; nothing is written.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="the aligned case")
-    parser.add_argument(
-        "frames", metavar="FRAMES", type=Path, nargs="?",
-        help="the folder that oneframe register wrote (default: the frames of the case alone)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "the aligned case")
+    frames: Path | None = positional(
+        "FRAMES", "the folder that oneframe register wrote (default: the frames of the case alone)", None
     )  # fmt: skip
-    parser.add_argument("--video", metavar="FILE", type=Path, help="the video, if FRAMES are of one")
-    parser.add_argument(
-        "--transfer", choices=TRANSFERS,
-        help="what the frames' code values are (default: as the case has it, else srgb)",
+    video: Path | None = option("FILE", "the video, if FRAMES are of one")
+    transfer: str | None = choice(
+        "what the frames' code values are (default: as the case has it, else srgb)", choices=("srgb", "bt709", "linear")
     )  # fmt: skip
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, help="write the case here, not over CASE.toml")
-    output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
-    output.add_argument(
-        "--picture", metavar="FILE", type=Path,
-        help="write the frame, its shading by the lamp, and the frame without it, side by side (PNG)",
-    )  # fmt: skip
+    out: Path | None = option("FILE", "write the case here, not over CASE.toml")
+    overwrite: bool = switch("let --out replace a case of another frame or surface")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Find the lamp, write it into the case and report what it explains."""
     if arguments.video and not arguments.frames:
         raise InputError("command line: --video: expected FRAMES with it, the folder that oneframe register wrote")
+    from ..case.case_changes import check_replaced
     from ..case.case_file import read_case
-    from ..case.case_update import check_replaced, update_case
     from ..case.case_writer import case_output, write_case
     from ..case.loaded_case import load_case
-    from ..files.outputs import check_outputs, made_folder, write_output, writing
-    from ..images.pixel_values import to_uint8
-    from ..images.png import encode_png
+    from ..files.outputs import check_outputs, made_folder
     from ..light.find_lamp import find_lamp
-    from ..light.lamp_picture import lamp_picture
-    from ..registration.accepted_frames import accepted_frames, small_frames
+    from ..registration.pose_list import accepted_frames, small_frames
 
     case, output, target = read_case(arguments.case), own_output(), arguments.out
-    outputs = [path for path in (arguments.picture, target and case_output(target)) if path]
+    outputs = [case_output(target)] if target else []
     if target and not arguments.overwrite:
         check_replaced(target, case)
     loaded = load_case(case)
@@ -77,14 +68,5 @@ def run(arguments: argparse.Namespace) -> None:
         more = "" if accepted is not None or found.frames > 1 else "; register further frames, and give their folder"
         raise InputError(f"{case.path.name}: {found.objection}{more}")
     lit = replace(case, light=found.recorded(f"OneFrame {__version__}, light", datetime.date.today().isoformat()))
-    if arguments.picture:
-        write_output(
-            arguments.picture, encode_png(to_uint8(lamp_picture(loaded.surface.mesh, loaded.frame, found.light)))
-        )
-        output.write(f"frame, shading, frame without it: {arguments.picture}\n")
-    with writing(made_folder(target or case.path)):
-        if target:
-            write_case(target, lit)
-        else:
-            update_case(case.path, lit)
+    write_case(made_folder(target or case.path), lit)
     output.write(f"{found.figures}\nthe case with its lamp: {target or case.path}\n")

@@ -1,10 +1,11 @@
 """The command ``oneframe overlay``."""
 
-import argparse
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..errors import InputError
+from ..process.command import option, positional, switch
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
@@ -26,28 +27,22 @@ leave frames out. The video is written as MP4 (H.264) without sound.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument(
-        "case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose; structures if it has any"
-    )
-    parser.add_argument(
-        "--only", metavar="NAME", action="append", default=[],
-        help="draw this structure; may be repeated (default: those that are not white, or else all)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "frame, camera, surface and pose; structures if it has any")
+    only: tuple[str, ...] = option(
+        "NAME", "draw this structure; may be repeated (default: those that are not white, or else all)", (), each=True
     )  # fmt: skip
-    film = parser.add_argument_group("video")
-    film.add_argument("--video", metavar="FILE", type=Path, help="draw over the frames of this video instead")
-    film.add_argument("--poses", metavar="FILE", type=Path, help="a pose for each frame of the video (.npy or .json)")
-    output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, required=True, help="PNG to write; MP4 with --video")
-    output.add_argument(
-        "--under-instruments", action="store_true",
-        help="draw nothing where the frame's alpha is 0: what is there is in front of the bone",
-    )  # fmt: skip
-    output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
+    video: Path | None = option("FILE", "draw over the frames of this video instead")
+    poses: Path | None = option("FILE", "a pose for each frame of the video (.npy or .json)")
+    out: Path = option("FILE", "PNG to write; MP4 with --video", MISSING)
+    under_instruments: bool = switch("draw nothing where the frame's alpha is 0: what is there is in front of the bone")
+    plain: bool = switch("draw no legend and no scale bar")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Draw the picture or the video and report what it shows."""
     if (arguments.video is None) != (arguments.poses is None):
         given, missing = ("--video", "--poses") if arguments.video else ("--poses", "--video")
@@ -61,12 +56,13 @@ def run(arguments: argparse.Namespace) -> None:
     output = own_output()
     case = read_case(arguments.case)
     inputs = case.input_files()
-    if arguments.video:
-        inputs |= {"video": arguments.video, "file of the poses": arguments.poses}
+    film = None if arguments.video is None or arguments.poses is None else (arguments.video, arguments.poses)
+    if film:
+        inputs |= dict(zip(("video", "file of the poses"), film, strict=True))
     check_outputs([arguments.out], inputs)
     loaded = load_case(case, aligned=not arguments.video).with_shown_structures(arguments.only)
     output.writelines(f"note: {message}\n" for message in loaded.messages)
-    lines = _film(arguments, loaded, output) if arguments.video else _picture(arguments, loaded)
+    lines = _film(arguments, film, loaded, output) if film else _picture(arguments, loaded)
     drawn = {structure.name for structure, _ in loaded.surface.structures}
     if left := [structure.name for structure in case.structures if structure.name not in drawn]:
         lines.append(f"not drawn: {', '.join(left)}; --only NAME draws what it names")
@@ -74,14 +70,14 @@ def run(arguments: argparse.Namespace) -> None:
     output.write(f"overlay: {arguments.out}\n")
 
 
-def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> list[str]:
+def _film(arguments: Arguments, given: tuple[Path, Path], loaded: "LoadedCase", output: TextIO) -> list[str]:
     from ..blender.render.lettering import text_mask
     from ..blender.render.video import stream_video
     from ..files.outputs import made_folder, writing
     from ..overlay.overlay_film import OverlayFilm, opened_film, report_lines
     from ..progress import Progress
 
-    with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
+    with opened_film(*given, loaded) as (film, poses, messages):
         output.writelines(f"note: {message}\n" for message in messages)
         drawing = OverlayFilm(loaded, film, poses, None if arguments.plain else text_mask)
         with Progress(drawing.count, "frames", stream=output) as shown, writing(made_folder(arguments.out)):
@@ -89,7 +85,7 @@ def _film(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -
     return report_lines(drawing.report, loaded.case)
 
 
-def _picture(arguments: argparse.Namespace, loaded: "LoadedCase") -> list[str]:
+def _picture(arguments: Arguments, loaded: "LoadedCase") -> list[str]:
     from ..blender.render.lettering import text_mask
     from ..files.outputs import write_output
     from ..images.png import encode_png

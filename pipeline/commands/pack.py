@@ -1,11 +1,13 @@
 """The command ``oneframe pack``."""
 
-import argparse
 import os
+from dataclasses import MISSING, dataclass
 from pathlib import Path
+from typing import TextIO
 
 from ..errors import InputError
-from ..process.arguments import at_least, resumable
+from ..process.arguments import resumable
+from ..process.command import choice, option, positional, switch
 from ..process.own_process import own_output
 
 EXIT_WRONG = 1
@@ -15,77 +17,51 @@ EPILOG = """examples:
   %(prog)s dataset --out packed
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
   %(prog)s dataset --out test --split test  (a tenth of the views, unlike those of train and val)
-  %(prog)s dataset --out packed --verify    (make every shard again and compare its hash)
-  %(prog)s --out packed --verify            (hashes; needs no dataset)
+  %(prog)s --out packed --verify
 
-Run the same command again to continue a stopped run, or to add the views that the dataset has got since. The bytes do
-not depend on who packs; those of JPEG depend on the version of OpenCV.
+Run the same command again to continue a stopped run. The bytes do not depend on who packs; those of JPEG depend on the
+version of OpenCV.
 
-Exit code of --verify: 0 whole; 1 something is wrong; 2 no pack, or wrong arguments. To repair a pack, remove the shards
-and files that it names and pack again.
+--verify compares size and hash of every file of a pack, and needs no dataset. Its exit code: 0 whole; 1 something is
+wrong; 2 no pack, or wrong arguments. To repair a pack, remove the files that it names and pack again.
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("dataset", metavar="DIR", type=Path, nargs="?", help="folder of the complete dataset")
-    parser.add_argument(
-        "--out", metavar="PACKED", type=Path, required=True, help="folder of the pack; an unfinished one is resumed"
-    )
-    content = parser.add_argument_group("content")
-    content.add_argument(
-        "--views-per-shard", metavar="N", type=int, default=1000,
-        help="views in each tar file (default %(default)s, as in BOP's own packs)",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    dataset: Path | None = positional("DIR", "folder of the complete dataset", None)
+    out: Path = option("PACKED", "folder of the pack; an unfinished one is resumed", MISSING)
+    views_per_shard: int = option("N", "views in each tar file (default %(default)s, as in BOP's own packs)", 1000)
+    jpeg: int | None = option("QUALITY", "store RGB as JPEG of this quality, 1 to 100")
+    split: str | None = choice(
+        "pack only the views of this part (80, 10 and 10 %%); no view of a part is like one of another, by the "
+        "distance of their poses", choices=("train", "val", "test")
     )  # fmt: skip
-    content.add_argument(
-        "--jpeg", metavar="QUALITY", type=int,
-        help="store RGB as JPEG of this quality, 1 to 100",
+    split_gap_px: float | None = option(
+        "X", "least distance of views in different parts: RMS displacement of the surface's box in the image "
+        "(default: 1 %% of the image's longer side)"
     )  # fmt: skip
-    content.add_argument(
-        "--split", choices=("train", "val", "test"), help="pack only the views of this part (80, 10 and 10 %%); no "
-        "view of a part is like one of another, by the distance of their poses"
-    )  # fmt: skip
-    content.add_argument(
-        "--split-gap-px", metavar="X", type=float, help="least distance of views in different parts: RMS displacement "
-        "of the surface's box in the image (default: 1 %% of the image's longer side)"
-    )  # fmt: skip
-    work = parser.add_argument_group("work")
-    work.add_argument(
-        "--workers",
-        metavar="N",
-        type=at_least(0),
-        default=0,
-        help="number of threads (default: one per core)",
-    )
-    work.add_argument(
-        "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
-    )
+    workers: int = option("N", "number of threads (default: one per core)", 0, least=0)
+    verify: bool = switch("pack nothing: compare the files of the pack with their hashes")
 
 
 @resumable()
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Arguments) -> int:
     """Pack the dataset, or verify the pack."""
     if arguments.split_gap_px is not None and arguments.split is None:
         raise InputError("command line: --split-gap-px: expected with --split only; add it, or leave out both")
-    if arguments.dataset is None and not arguments.verify:
-        raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
+    dataset = arguments.dataset
+    if (dataset is None) != arguments.verify:
+        raise InputError("command line: expected the folder of the dataset, DIR, or --verify without it")
     # the arrays are small: numpy's BLAS threads would only take memory
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from ..dataset.layout import eyes_of
+    from ..dataset.layout import datasets_in
 
     output = own_output()
-    if arguments.verify:
-        from ..files.machine import available_cores
-        from ..packing.verify import verify_pack
-
-        threads, wrong = arguments.workers or available_cores(), 0
-        whole = arguments.dataset or arguments.out
-        for eye in eyes_of(whole):
-            out, dataset = arguments.out / eye.relative_to(whole), arguments.dataset and eye
-            report = verify_pack(out, dataset, threads=threads, stream=output)
-            output.writelines(f"{line}\n" for line in (*report.findings.shown(), report.summary()))
-            wrong += len(report.findings)
-        return EXIT_WRONG if wrong else 0
+    if dataset is None:
+        return _verify(arguments, output)
     from ..packing.pack import PackOptions, pack_dataset
 
     views, about = None, ""
@@ -93,22 +69,37 @@ def run(arguments: argparse.Namespace) -> int:
         from ..packing.split import split_of_dataset
         from ..packing.whole_dataset import open_whole_dataset
 
-        split = split_of_dataset(open_whole_dataset(arguments.dataset), gap_px=arguments.split_gap_px)
+        split = split_of_dataset(open_whole_dataset(dataset), gap_px=arguments.split_gap_px)
         output.write(f"split: {split.text()}\n")
-        views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
-    for eye in eyes_of(arguments.dataset):
-        out = arguments.out / eye.relative_to(arguments.dataset)
+        views, about = split.part(arguments.split), f"{arguments.split}, of {split.text()}"
+    for each in datasets_in(dataset):
+        out = arguments.out / each.relative_to(dataset)
         manifest = pack_dataset(
-            eye,
+            each,
             out,
             PackOptions(arguments.views_per_shard, arguments.jpeg, about),
             views=views,
             workers=arguments.workers,
             stream=output,
         )
-        size = sum(shard.bytes for shard in manifest.shards)
+        shards = [known for name, known in manifest.files.items() if name.endswith(".tar")]
         output.write(
-            f"pack of {len(manifest.plan.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
-            f"shard{'s' * (len(manifest.shards) != 1)}: {out}\n"
+            f"pack of {len(manifest.plan.views)} views, {sum(each.bytes for each in shards) / 1e6:.0f} MB in "
+            f"{len(shards)} shard{'s' * (len(shards) != 1)}: {out}\n"
         )
     return 0
+
+
+def _verify(arguments: Arguments, output: TextIO) -> int:
+    """Compare the pack with its hashes."""
+    from ..dataset.layout import datasets_in
+    from ..files.machine import available_cores
+    from ..packing.pack import verify_pack
+
+    problems = 0
+    for folder in datasets_in(arguments.out):
+        wrong = verify_pack(folder, threads=arguments.workers or available_cores(), stream=output)
+        output.writelines(f"{line}\n" for line in wrong)
+        output.write(f"{folder}: {f'NOT whole, {len(wrong)} findings' if wrong else 'whole (all hashes)'}\n")
+        problems += len(wrong)
+    return EXIT_WRONG if problems else 0

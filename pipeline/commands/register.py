@@ -1,20 +1,19 @@
 """The command ``oneframe register``."""
 
-import argparse
 import datetime
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from .. import __version__
 from ..errors import InputError
-from ..process.arguments import at_least
+from ..process.command import option, positional, switch
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
     from ..case.loaded_case import LoadedCase
-    from ..registration.report import RegistrationEvidence
+    from ..registration.register_case import RegistrationEvidence
 
 ABOUT = "Find the pose of further frames of a case, from a folder of images or a video, without any training."
 EPILOG = """examples:
@@ -44,81 +43,65 @@ frame, then features are tried, and the most probable pose counts. No PyTorch is
 MOST_REASONS = 10
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("case", metavar="CASE.toml", type=Path, help="the aligned case")
-    parser.add_argument("frames", metavar="FRAMES", type=Path, help="a folder of images, or a video")
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
-    parser.add_argument("--correct-source", action="store_true", help="first correct the case's own pose by the frames")
-    parser.add_argument(
-        "--colour-frames", metavar="N", type=at_least(1), default=0,
-        help="also write the case with up to N of the frames to colour its surface with",
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    case: Path = positional("CASE.toml", "the aligned case")
+    frames: Path = positional("FRAMES", "a folder of images, or a video")
+    out: Path = option("DIR", "folder to write", MISSING)
+    correct_source: bool = switch("first correct the case's own pose by the frames")
+    colour_frames: int = option(
+        "N", "also write the case with up to N of the frames to colour its surface with", 0, least=1
     )  # fmt: skip
-    parser.add_argument("--denoise", action="store_true", help="remove noise from these frames, as oneframe case does")
-    parser.add_argument(
-        "--network", metavar="FILE.onnx", type=Path, help="find first poses by a network of oneframe train"
-    )
-    parser.add_argument("--every", metavar="N", type=at_least(1), default=1, help="register every N-th frame only")
+    network: Path | None = option("FILE.onnx", "find first poses by a network of oneframe train")
+    every: int = option("N", "register every N-th frame only", 1, least=1)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Register the frames, write the files and report what was found."""
+    from ..case.case_changes import other_inputs
     from ..case.case_file import read_case
     from ..case.case_folder import remove_unnamed
-    from ..case.case_update import other_inputs
     from ..case.case_writer import write_case
     from ..case.loaded_case import load_case
     from ..files.outputs import check_outputs, check_own_folder, write_output, writing
     from ..progress import ShareProgress
-    from ..registration.pose_list import ESTIMATES, POSES
-    from ..registration.register_case import CASE, FILM, NAMES, PAGE, SHEET, register_case
-    from ..registration.register_frames import CaseRegistrar, doubt_of_case, frame_files
+    from ..registration.further_frames import frame_files
+    from ..registration.register import Registrar, doubt_of_case
+    from ..registration.register_case import CASE, FILES, NAMES, PAGE, register_case
     from ..report.registration_page import registration_page
 
-    if arguments.denoise and not arguments.colour_frames:
-        raise InputError("command line: --denoise: expected --colour-frames with it, whose frames it is for")
-    output, out = own_output(), arguments.out
+    output, out, network = own_output(), arguments.out, arguments.network
     case = read_case(arguments.case)
-    inputs = (
-        case.input_files()
-        | frame_files(arguments.frames)
-        | ({"network": arguments.network} if arguments.network else {})
-    )
+    inputs = case.input_files() | frame_files(arguments.frames) | ({"network": network} if network else {})
     check_own_folder(out, NAMES, inputs)
-    check_outputs([out / name for name in (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)], inputs)
+    check_outputs([out / name for name in FILES], inputs)
     if other := other_inputs(out / CASE, case):
         raise InputError(
             f"{out}: expected an empty folder or one of this frame and surface, found a case of {' and '.join(other)}; "
             f"choose another folder"
         )
-    loaded, comment = load_case(case).with_shown_structures(), ""
-    guess = None
-    if arguments.network:
+    loaded, comment, guess = load_case(case).with_shown_structures(), "", None
+    if network:
         from ..learning.pose_network import PoseNetwork
 
-        guess = PoseNetwork.read(arguments.network, loaded).poses
+        guess = PoseNetwork.read(network, loaded).poses
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     if arguments.correct_source:
-        loaded, comment = _corrected(arguments, loaded, output)
+        loaded, comment = _corrected(arguments.frames, loaded, output)
     if doubt := doubt_of_case(loaded):
         output.write(f"note: {doubt}\n")
     with ShareProgress("of the frames", stream=output) as shown:
-        found = register_case(
-            CaseRegistrar(loaded, guess),
-            arguments.frames,
-            out,
-            every=arguments.every,
-            colour_frames=arguments.colour_frames,
-            denoise=arguments.denoise,
-            progress=shown.reach,
-        )
-    if found.evidence.is_film:
-        _write_film(arguments, loaded, found.evidence, output)
-    write_output(out / PAGE, registration_page(found.evidence, name=out.resolve().name))
-    if found.evidence.colour is not None:
-        output.write("".join(f"{line}\n" for line in found.evidence.colour.lines()))
+        evidence = register_case(
+            Registrar(loaded, guess), arguments.frames, out,
+            every=arguments.every, colour_frames=arguments.colour_frames, progress=shown.reach,
+        )  # fmt: skip
+    if evidence.is_film:
+        _write_film(arguments, loaded, evidence, output)
+    write_output(out / PAGE, registration_page(evidence, name=out.resolve().name))
     if arguments.correct_source or arguments.colour_frames:
-        further = (*loaded.case.frames, *found.sources)
+        further = (*loaded.case.frames, *evidence.sources)
         with writing(out / CASE):
             write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
         remove_unnamed(out)
@@ -126,22 +109,18 @@ def run(arguments: argparse.Namespace) -> None:
         output.write(f"the case{images}: {out / CASE}\n")
     elif (out / CASE).exists():
         output.write(f"note: {out / CASE} is of an earlier run: its pose may be another than these frames go by\n")
-    output.writelines(f"{line}\n" for line in _report(found.evidence, out))
+    output.writelines(f"{line}\n" for line in _report(evidence, out))
 
 
-def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
+def _corrected(frames: Path, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
     """The case with a pose corrected by the frames, and a comment for its file."""
     from ..progress import ShareProgress
     from ..registration.correct_source import correct_source
 
-    case = loaded.case
+    case, today = loaded.case, datetime.date.today().isoformat()
     with ShareProgress("of the case's pose", stream=output) as shown:
         corrected = correct_source(
-            loaded,
-            arguments.frames,
-            tool=f"OneFrame {__version__}, register",
-            date=datetime.date.today().isoformat(),
-            progress=shown.reach,
+            loaded, frames, tool=f"OneFrame {__version__}, register", date=today, progress=shown.reach
         )
     output.write(f"{corrected.text}\n")
     if case.frames:
@@ -152,9 +131,7 @@ def _corrected(arguments: argparse.Namespace, loaded: "LoadedCase", output: Text
     return corrected.loaded, f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
 
 
-def _write_film(
-    arguments: argparse.Namespace, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO
-) -> None:
+def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO) -> None:
     from ..blender.render.lettering import text_mask
     from ..blender.render.video import stream_video
     from ..files.outputs import writing
@@ -177,18 +154,20 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     from ..registration.register_case import FILM, PAGE, SHEET
     from ..registration.verdict import ACCEPTED
 
+    if evidence.colour is not None:
+        yield from evidence.colour.lines
     if evidence.cut_off:
         yield f"note: {evidence.cut_off}"
-    reasons, counts = evidence.reasons, evidence.counts
+    lost, counts = evidence.lost, evidence.counts
     if not counts[ACCEPTED]:
         yield "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?"
     if evidence.change is not None:
         yield f"note: {evidence.change.words()}"
     if evidence.surface is not None and evidence.surface.words:
         yield f"note: {evidence.surface.words}: see {out / SHEET}"
-    yield from reasons[:MOST_REASONS]
-    if len(reasons) > MOST_REASONS:
-        yield f"and {len(reasons) - MOST_REASONS} more, see {out / POSES}"
+    yield from (first.words(last) for first, last in lost[:MOST_REASONS])
+    if len(lost) > MOST_REASONS:
+        yield f"and {len(lost) - MOST_REASONS} more, see {out / POSES}"
     yield ", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}"
     if evidence.is_film:
         yield f"the film with the overlay: {out / FILM}"

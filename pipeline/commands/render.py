@@ -2,19 +2,15 @@
 
 import argparse
 import os
-import re
 import sys
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ..dataset.option_arguments import add_option_arguments
 from ..errors import InputError, naming
-from ..process.arguments import (
-    add_cluster_arguments,
-    at_least,
-    check_cluster_arguments,
-    resumable,
-)
+from ..process.arguments import resumable
+from ..process.command import option, positional, switch
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
 from ..progress import LINE_SECONDS, Progress
@@ -33,7 +29,7 @@ EPILOG = """examples:
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
   %(prog)s case.toml --out dataset --count 100000 --cluster tls://host:8786       (on a Dask cluster)
-  %(prog)s queue --out views --count 500          (500 of each aligned frame, and all as one dataset of BOP)
+  %(prog)s queue --out views --count 500          (a dataset of 500 views of each aligned frame)
 
 Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
 separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
@@ -41,35 +37,40 @@ file may hold all options that affect the content, in a table [dataset] (count =
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument(
-        "case", metavar="CASE.toml|QUEUE", type=Path, help="frame, camera, surface and pose; or a folder of such cases"
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes beside the options of a dataset run."""
+
+    case: Path = positional("CASE.toml|QUEUE", "frame, camera, surface and pose; or a folder of such cases")
+    out: Path = option("DIR", "folder of the dataset; an unfinished one is resumed", MISSING)
+    workers: int = option("N", "number of processes (default: one per core)", 0, least=0)
+    shard: str = option("I/N", "render only shard I of N, counted from 0", "0/1")
+    verify: bool = switch(
+        "compare the hashes of all finished files, not only that they are there with their sizes; what has changed is "
+        "rendered again"
     )
-    parser.add_argument(
-        "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
+    cluster: str | None = option(
+        "ADDRESS", "render on the workers of a Dask cluster: the address of its scheduler, such as tls://host:8786"
     )
-    add_option_arguments(parser)
-    machines = parser.add_argument_group("processes and machines")
-    machines.add_argument(
-        "--workers", metavar="N", type=at_least(0), default=0, help="number of processes (default: one per core)"
+    insecure: bool = switch(
+        "with --cluster: take a scheduler on another machine without TLS, though everybody in its network can run "
+        "programs as you"
     )
-    machines.add_argument("--shard", metavar="I/N", default="0/1", help="render only shard I of N, counted from 0")
-    machines.add_argument(
-        "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
-        "with their sizes; what has changed is rendered again"
-    )  # fmt: skip
-    add_cluster_arguments(machines)
-    machines.add_argument(
-        "--blender-on-workers", metavar="PROGRAM", help="with --cluster: the Blender program that renders on "
-        "the workers' machines (default: the bpy module in the workers' Python)"
+    blender_on_workers: str | None = option(
+        "PROGRAM", "with --cluster: the Blender program that renders on the workers' machines (default: the bpy module "
+        "in the workers' Python)"
     )  # fmt: skip
     # after the arguments of a queue, for a worker at one of its cases
-    machines.add_argument("--queued-case", dest="case", type=Path, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-    machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    queued_case: Path | None = option("", argparse.SUPPRESS)
+    worker: bool = switch(argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
-    machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
-    machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+    progress_seconds: float = option("", argparse.SUPPRESS, LINE_SECONDS)
+    end_with_input: bool = switch(argparse.SUPPRESS)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a dataset run, which are declared with it."""
+    add_option_arguments(parser)
 
 
 def own_command() -> list[str]:
@@ -80,12 +81,18 @@ def own_command() -> list[str]:
 @resumable()
 def run(arguments: argparse.Namespace) -> None:
     """Render the dataset, or those of a queue, or act as one of its worker processes."""
-    check_cluster_arguments(arguments, "blender_on_workers")
-    if arguments.cluster is not None and arguments.shard != "0/1":
-        raise InputError(
-            f"command line: --cluster: expected without --shard, found --shard {arguments.shard}; the cluster's "
-            "workers share the views by themselves: leave --shard out"
-        )
+    if arguments.queued_case is not None:
+        arguments.case = arguments.queued_case
+    for name in ("insecure", "blender_on_workers"):
+        if getattr(arguments, name) and arguments.cluster is None:
+            flag = "--" + name.replace("_", "-")
+            raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
+    for name, default in (("shard", "0/1"), ("workers", 0)):
+        if arguments.cluster is not None and getattr(arguments, name) != default:
+            raise InputError(
+                f"command line: --cluster: expected without --{name}, found --{name} {getattr(arguments, name)}; the "
+                f"cluster's workers share the views by themselves: leave --{name} out"
+            )
     # the matrices are small: numpy's BLAS threads would only busy-wait on the cores that render
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     render_this = _render_queue if arguments.case.is_dir() else _render_case
@@ -95,19 +102,23 @@ def run(arguments: argparse.Namespace) -> None:
 def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     from ..blender.dataset.run import run as render
     from ..blender.dataset.run import work
-    from ..case.alignment_record import INITIAL_GUESS
-    from ..dataset.options import LEFT
+    from ..case.pose_record import INITIAL_GUESS
     from ..files.outputs import check_folder
 
     job = _job(arguments)
     case = job.case
+    if case.refused:
+        raise InputError(
+            f"{case.path}: expected a frame to render, it was refused: {case.refused}; "
+            "take it back in the window, or delete [frame] refused"
+        )
     check_folder(arguments.out, _read_by(job))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)
         return
     if arguments.end_with_input:
         end_with_input()
-    if case.alignment.get("method") == INITIAL_GUESS:
+    if case.alignment.method == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
     if arguments.cluster is not None:
         _render_on_cluster(job, arguments, output)
@@ -120,17 +131,6 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
         verify=arguments.verify,
         progress_seconds=arguments.progress_seconds,
     )
-    if job.options.stereo_mm and job.options.eye == LEFT:
-        _render_case(_of_right_eye(arguments), output)
-
-
-def _of_right_eye(arguments: argparse.Namespace) -> argparse.Namespace:
-    """The arguments that render the right eye of each view, a dataset within that of the left ones."""
-    from ..dataset.options import RIGHT
-
-    here = {"out": arguments.out / RIGHT, "eye": RIGHT, "video": False}
-    argv = [*arguments.argv, f"--eye={RIGHT}", "--no-video", f"--out={here['out']}"]
-    return argparse.Namespace(**vars(arguments) | here | {"argv": argv})
 
 
 def _job(arguments: argparse.Namespace) -> "Job":
@@ -152,14 +152,13 @@ def _read_by(job: "Job") -> dict[str, Path]:
 
 
 def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
-    """Render the aligned cases of a queue, each as its own command would; then join what is complete."""
+    """Render the aligned cases of a queue, each as its own command would."""
     from ..blender.dataset.job import open_job
     from ..case.case_file import read_case
     from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
-    from ..dataset.joined_scenes import join_scenes
-    from ..dataset.layout import CASES, CHECKSUMS, SCENES, eyes_of
+    from ..dataset.layout import CASES
     from ..dataset.run.same_run import check_description
-    from ..files.outputs import check_own_folder, made_folder, writing
+    from ..files.outputs import check_own_folder
 
     out: Path = arguments.out
     paths = queued_cases(arguments.case)
@@ -172,9 +171,9 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     for path in paths:
         name = path.parent.name
         with naming(name):
-            state = state_of(read_case(path, posed=False))
-            if state not in (ALIGNED, CHECKED):
-                output.write(f"{name}: left out, it is {state}\n")
+            case = read_case(path, posed=False)
+            if (state := state_of(case)) not in (ALIGNED, CHECKED):
+                output.write(f"{name}: left out, it is {state}{case.refused and f': {case.refused}'}\n")
                 continue
             here = {"case": path, "out": out / CASES / name}
             argv = [*arguments.argv, "--queued-case", str(path), "--out", str(here["out"])]
@@ -186,20 +185,11 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
             output.write(f"{name}: {state}\n")
     if not own:
         raise InputError(f"{arguments.case}: expected cases that are aligned or checked, found none; align them first")
-    check_own_folder(out, "|".join(("bop", CASES, re.escape(SCENES))), read)
-    datasets = {name: each.out for name, each in own.items()}
+    check_own_folder(out, CASES, read)
     for number, (name, each) in enumerate(own.items(), start=1):
         output.write(f"{name}: rendering, {number} of {len(own)}\n")
         with naming(name):
             _render_case(each, output)
-    if unfinished := [
-        name for name, folder in datasets.items() if not all((eye / CHECKSUMS).exists() for eye in eyes_of(folder))
-    ]:
-        output.write(f"not joined yet: {', '.join(unfinished)} unfinished\n")
-        return
-    with writing(made_folder(out / "bop")):
-        join_scenes(datasets, out / "bop")
-    output.write(f"{out / 'bop'}: the scenes of {len(datasets)} cases, listed in {out / SCENES}\n")
 
 
 def _render_on_cluster(job: "Job", arguments: argparse.Namespace, output: TextIO) -> None:

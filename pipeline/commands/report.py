@@ -1,11 +1,11 @@
 """The command ``oneframe report``."""
 
-import argparse
 import sys
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 
 from ..errors import InputError
-from ..process.arguments import at_least
+from ..process.command import option, positional, switch
 
 DEFAULT_VIEWS = 1000
 """As many as a page of 20 MB shows well."""
@@ -19,18 +19,17 @@ The page shows views with their truths, what oneframe check finds, and provenanc
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("folder", metavar="DIR", type=Path, help="folder of the dataset")
-    parser.add_argument(
-        "--views", metavar="N", type=at_least(0), default=DEFAULT_VIEWS,
-        help="show N evenly spaced views, 0 for all (default %(default)s)",
-    )  # fmt: skip
-    parser.add_argument("--no-check", action="store_true", help="skip the check, which reads every file of the dataset")
-    parser.add_argument("--out", metavar="FILE", type=Path, required=True, help="HTML page to write")
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    folder: Path = positional("DIR", "folder of the dataset")
+    views: int = option("N", "show N evenly spaced views, 0 for all (default %(default)s)", 1000, least=0)
+    no_check: bool = switch("skip the check, which reads every file of the dataset")
+    out: Path = option("FILE", "HTML page to write", MISSING)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Write the page and report its size."""
     from ..dataset.check.check_dataset import check_dataset
     from ..dataset.layout import RECORD, advice_without_record, check_no_pack

@@ -1,9 +1,10 @@
 """The command ``oneframe sample``."""
 
-import argparse
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
+from ..process.command import option, switch
 from ..process.own_process import own_output
 
 ABOUT = "Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."
@@ -17,15 +18,15 @@ adds film.mp4, 60 frames with instruments, blur and glare in some, and their pos
 """
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument(
-        "--out", metavar="DIR", type=Path, default=Path("sample_case"), help="folder to write (default: %(default)s)"
-    )
-    parser.add_argument("--film", action="store_true", help="also make a film of it, which takes some minutes")
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    out: Path = option("DIR", "folder to write (default: %(default)s)", Path("sample_case"))
+    film: bool = switch("also make a film of it, which takes some minutes")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Write the sample case and report each file."""
     from ..blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
     from ..sample.temporal_bone import sample_surface

@@ -1,10 +1,10 @@
 """The command ``oneframe train``."""
 
-import argparse
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 
 from ..errors import InputError, naming
-from ..process.arguments import at_least
+from ..process.command import option, positional
 from ..process.own_process import own_output
 
 ABOUT = "Train a network on the views of a dataset, which finds first poses of frames for oneframe register --network."
@@ -24,15 +24,17 @@ MOST_VIEWS = 2000
 """More taught no more, and take memory."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of this command."""
-    parser.add_argument("dataset", metavar="DATASET", type=Path, help="folder of a complete dataset or of a pack")
-    parser.add_argument("--out", metavar="FILE.onnx", type=Path, required=True, help="file to write")
-    parser.add_argument("--steps", metavar="N", type=at_least(1), default=3000, help="of 8 crops (default %(default)s)")
-    parser.add_argument("--seed", metavar="N", type=at_least(0), default=0, help="of the crops (default %(default)s)")
+@dataclass(frozen=True)
+class Arguments:
+    """What the command takes."""
+
+    dataset: Path = positional("DATASET", "folder of a complete dataset or of a pack")
+    out: Path = option("FILE.onnx", "file to write", MISSING)
+    steps: int = option("N", "of 8 crops (default %(default)s)", 3000, least=1)
+    seed: int = option("N", "of the crops (default %(default)s)", 0, least=0)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: Arguments) -> None:
     """Train the network and write its file."""
     try:
         from ..learning.coordinate_network import onnx_file, trained_network
@@ -46,13 +48,13 @@ def run(arguments: argparse.Namespace) -> None:
     from ..reader import open_dataset
 
     out, output = arguments.out, own_output()
-    with open_dataset(arguments.dataset) as views:
-        check_outputs([out], {})
-        if out.resolve().is_relative_to(arguments.dataset.resolve()):
-            raise InputError(f"{out}: expected a file outside of the dataset; choose another folder")
-        chosen = views[:: -(-len(views) // MOST_VIEWS)]
-        with naming(arguments.dataset.name), Progress(len(chosen), "views read", stream=output) as progress:
-            crops = ViewCrops.of(chosen, advance=progress.advance)
+    views = open_dataset(arguments.dataset)
+    check_outputs([out], {})
+    if out.resolve().is_relative_to(arguments.dataset.resolve()):
+        raise InputError(f"{out}: expected a file outside of the dataset; choose another folder")
+    chosen = views[:: -(-len(views) // MOST_VIEWS)]
+    with naming(arguments.dataset.name), Progress(len(chosen), "views read", stream=output) as progress:
+        crops = ViewCrops.of(chosen, advance=progress.advance)
     with Progress(arguments.steps, "steps", stream=output) as progress:
         network = trained_network(crops, arguments.steps, arguments.seed, progress.advance)
     record = crops.record(chosen, arguments.steps, arguments.seed)

@@ -12,11 +12,10 @@ from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
-from ..poses.stereo import right_from_left
 from ..transforms import checked_matrix
 from .identity import COUNT, POSES_HASH, identity_of
 from .layout import FORMAT, MOST_VIEWS
-from .options import RIGHT
+from .stereo import camera_from_planned
 from .truths import written_truths
 
 
@@ -56,12 +55,9 @@ class Description:
         return written_truths(self.content["options"], self.frames)
 
     @cached_property
-    def right_from_left(self) -> np.ndarray | None:
-        """``(4, 4)`` rigid, mm, from the left eye's axes, if the views are those of right eyes."""
-        options = self.content["options"]
-        if options.get("eye") != RIGHT:
-            return None
-        return right_from_left(float(options.get("stereo_mm", 0)), float(options.get("converge_mm", 0)))
+    def camera_from_planned(self) -> np.ndarray | None:
+        """As of :func:`.camera_from_planned`."""
+        return camera_from_planned(self.content["options"])
 
     @property
     def poses_hash(self) -> str | None:
@@ -70,13 +66,7 @@ class Description:
 
 
 def read_description(path: Path) -> Description:
-    """Read a ``dataset.json``.
-
-    Raises
-    ------
-    InputError
-        Missing, damaged, or of another format.
-    """
+    """Read a ``dataset.json``."""
     content = parsed_json(read_content(path, "the description of a dataset", str(path), most=LARGEST_TEXT), str(path))
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = repr(content.get("format") if isinstance(content, dict) else content)[:60]

@@ -13,13 +13,7 @@ Shape = tuple[int, int]
 
 
 def decoded(data: bytes, form: Form, shape: Shape, where: str) -> np.ndarray:
-    """The array of a view of this height and width in a file; colours are RGB, also from a JPEG file.
-
-    Raises
-    ------
-    InputError
-        Damaged, or of another size or type.
-    """
+    """The array of a view of this height and width in a file; colours are RGB, also from a JPEG file."""
     if form.ending == ".npy":
         # a copy can be written to, as the other arrays
         array = npy_array(data, where).copy()

@@ -40,13 +40,7 @@ def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
 
 
 def instrument_files(folder: Path) -> dict[str, Path]:
-    """The meshes of a folder of instruments by neutral names, in the order of their own.
-
-    Raises
-    ------
-    InputError
-        No such folder, or none in it.
-    """
+    """The meshes of a folder of instruments by neutral names, in the order of their own."""
     found = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESHES) if folder.is_dir() else []
     if not found:
         raise InputError(f"{folder}: expected a folder with meshes of instruments ({', '.join(MESHES)}), found none")
@@ -54,13 +48,7 @@ def instrument_files(folder: Path) -> dict[str, Path]:
 
 
 def inputs_sha256(files: Mapping[str, Path]) -> dict[str, str]:
-    """SHA-256 of the files as they are now, by their names.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read.
-    """
+    """SHA-256 of the files as they are now, by their names."""
     with hashed_reading() as hashes:
         for path in files.values():
             read_content(path, "an input of the dataset")
@@ -87,12 +75,6 @@ def describe(
         SHA-256 of each of the :func:`input_files`, by name.
     blender
         Blender's version.
-
-    Raises
-    ------
-    InputError
-        The views would have no pixels, or all listed poses are behind the camera; the case has no light at the lens,
-        and is asked for it.
     """
     case, camera = loaded.case, view_camera(loaded, options)
     count = options.count if poses is None else len(poses)
@@ -147,13 +129,7 @@ def object_name(case: Case) -> str:
 
 
 def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
-    """The intrinsics of the views: the frame's, scaled as in the options.
-
-    Raises
-    ------
-    InputError
-        The scaled image would have no pixels.
-    """
+    """The intrinsics of the views: the frame's, scaled as in the options."""
     camera = loaded.frame.camera
     if options.scale == 1.0:
         return camera

@@ -16,8 +16,6 @@ from ..surface.mesh import TriangleMesh
 COUNT, POSES_HASH, DEPTH_SCALE = "count", "poses_sha256", "depth_scale"
 GROWING = (COUNT, POSES_HASH)
 """The keys of the description that may change: a dataset that grows stays the same one."""
-OF_EYE = ("options.eye", "options.stereo_mm", "options.converge_mm", DEPTH_SCALE)
-"""The keys in which the descriptions of both eyes of a dataset may differ."""
 LISTED = "poses"
 """The key of listed poses as such, and followed by a dot and a number that of one of them."""
 INPUTS = "inputs_sha256."
@@ -90,11 +88,6 @@ def differences(found: Mapping[str, object], asked: Mapping[str, object]) -> lis
     without = dict.fromkeys(GROWING)
     changes = changed_values({**found, **without}, {**asked, **without})
     return sorted(changes, key=lambda difference: (difference.of_input is None, difference.key))
-
-
-def eyes_apart(left: Mapping[str, object], right: Mapping[str, object]) -> str:
-    """What keeps two descriptions from being those of both eyes of the same views, in words; empty if nothing does."""
-    return "; ".join(described([each for each in differences(left, right) if each.key not in OF_EYE]))
 
 
 def described(changes: list[Difference]) -> list[str]:

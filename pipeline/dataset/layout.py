@@ -14,7 +14,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_INPUT, LARGEST_TEXT
-from .options import RIGHT
 from .truths import TRUTHS
 
 FORMAT = "oneframe dataset 2"
@@ -36,8 +35,10 @@ MODEL_FILES = tuple(
 )
 TARGETS = "test_targets_bop19.json"
 """The views that BOP tests with."""
-CASES, SCENES = "cases", "scenes.csv"
-"""Of a queue: the folder of its datasets, and, beside the one that joins all of them, whose the scenes in it are."""
+FURTHER = "right"
+"""Within the folder of a dataset or a pack: another one, of the same views by another camera."""
+CASES = "cases"
+"""Of a queue: the folder of its datasets."""
 TABLES = (
     "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", TARGETS, "dataset_info.md",
     "overlay.png", "contact_sheet.png",
@@ -50,11 +51,11 @@ KINDS = (*TRUTHS, "frame")
 """Kinds of a view's files, each in a folder of its own: its arrays and its record."""
 
 
-def eyes_of(folder: Path) -> list[Path]:
-    """The folder of a dataset or a pack, and that of the right eyes of its views within it, if it has them."""
-    right = folder / RIGHT
+def datasets_in(folder: Path) -> list[Path]:
+    """The folder of a dataset or a pack, and the one within it, if there is one."""
+    further = folder / FURTHER
     # a pack that is not finished has no record yet
-    return [folder, *([right] if any((right / name).exists() for name in (RECORD, WORK)) else [])]
+    return [folder, *([further] if any((further / name).exists() for name in (RECORD, WORK)) else [])]
 
 
 @dataclass(frozen=True)

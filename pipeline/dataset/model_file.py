@@ -26,11 +26,6 @@ def read_model(root: Path, name: str) -> tuple[TriangleMesh, np.ndarray | None]:
     -------
     The mesh in the model frame, mm, with the very vertices and faces of the file; and its colours, ``(V, 3)`` uint8
     RGB, if it has any.
-
-    Raises
-    ------
-    InputError
-        Missing, or not a model as a dataset has it.
     """
     data = read_content(root / name, "a model of the dataset", name)
     header = _HEADER.match(data)

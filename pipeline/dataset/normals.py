@@ -38,11 +38,6 @@ def normal_codes(mask: np.ndarray, mesh: TriangleMesh, camera: PinholeCamera, ca
         ``(H, W)`` bool: where there is surface.
     mesh, camera, cam_from_model
         The surface, model frame, the intrinsics of the view and its pose (4x4, mm).
-
-    Raises
-    ------
-    InputError
-        Surface behind the camera, and no embreex.
     """
     face = _shown_faces(mesh, camera, cam_from_model)
     # a pixel's centre on an edge: the renderer may meet surface where double precision does not, beside such as does

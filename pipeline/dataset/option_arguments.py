@@ -98,8 +98,6 @@ def merged_options(
     """Options of a run: its arguments take precedence over the case file's [dataset] table; others are passed over.
 
     ``lit`` is whether the case has a lamp at the lens, for ``for_training``; ``where`` begins messages on arguments.
-
-    Errors are those of :func:`oneframe.dataset.options.checked_options`.
     """
     from_table = checked_values(table, f"{case_path.name}: [dataset]")
     for name in PATHS & from_table.keys():

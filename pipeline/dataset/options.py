@@ -12,7 +12,7 @@ from ..files.keys import nearest_name
 
 ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
 """Each is a file of :mod:`oneframe.blender.render`."""
-COLOURS = {"projective": "exact at every shaded point", "texture": "baked", "vertex": "the paper's method"}
+COLOURS = {"projective": "exact at every shaded point", "vertex": "the paper's method"}
 UNSEEN = {
     "neutral": "grey",
     "fill": "the observed colours, continued smoothly over the surface; the mask of the observed surface is the same",
@@ -33,9 +33,7 @@ SURROUNDINGS = {
     NONE: "black",
     FRAME: "what the frame shows there, on a sheet that continues the surface; mask_surround alone has it",
 }
-LEFT, RIGHT = "left", "right"
-EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
-"""The right eye of each view of a dataset or a pack is in a dataset or a pack of its own, the folder of this name."""
+EYES = {"left": "the poses themselves", "right": "beside them"}
 FOR_TRAINING = {"unseen": "fill", "highlights": DROP, "surroundings": FRAME, "light": LENS}
 """What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
@@ -115,8 +113,6 @@ class Option:
         Whether poses depend on it.
     is_content
         Whether it belongs to the identity of a dataset, so that no view may be made with another value.
-    since
-        The version that brought it: at its default it is left out of a description, as from older versions.
     key, kind, default
         Name, type and default of its field in :class:`DatasetOptions`.
     """
@@ -130,7 +126,6 @@ class Option:
     choices: Mapping[str, str] = field(default_factory=dict)
     moves: bool = False
     is_content: bool = True
-    since: str = ""
     key: str = ""
     kind: Any = None
     default: Any = None
@@ -161,8 +156,7 @@ def _option(default: Any, about: str, **declared: Any) -> Any:
 _pose = partial(_option, group="poses", moves=True)
 _constraint = partial(_option, group="constraints on poses", moves=True)
 _video = partial(_option, group="video", is_content=False)
-# content of the right eye's dataset alone
-_stereo = partial(_option, group="stereo", is_content=False, since="0.2.0")
+_stereo = partial(_option, group="stereo")
 
 
 @dataclass(frozen=True)
@@ -186,29 +180,27 @@ class DatasetOptions:
     )  # fmt: skip
     colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
     unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
-    highlights: str = _option(KEEP, "white pixels of a frame", choices=HIGHLIGHTS, moves=True, since="0.2.0")
-    light: str = _option(NONE, "light of the views", choices=LIGHTS, since="0.2.0")
+    highlights: str = _option(KEEP, "white pixels of a frame", choices=HIGHLIGHTS, moves=True)
+    light: str = _option(NONE, "light of the views", choices=LIGHTS)
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
         "seen; what the frame sees at a grazing angle is stretched to streaks in other views",
         name="Incidence", unit="°", least=0, most=90, moves=True,
     )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
-    normals: bool = _option(False, "also write the surface's normals in the camera's axes (16-bit .png)", since="0.2.0")
+    normals: bool = _option(False, "also write the surface's normals in the camera's axes (16-bit .png)")
     points: bool = _option(
         False, "also write the surface's point at each pixel, its object coordinates, as float32 millimetres (.npy)",
-        since="0.2.0",
     )  # fmt: skip
     occluders: float = _option(
         0.0, "mean number of instruments in front of the surface of a view, at random places and by a stream of their "
         "own; mask_visib is without what they cover, mask_occluder they alone", name="Instruments", least=0, most=10,
-        since="0.2.0",
     )  # fmt: skip
     occluder_meshes: str | None = _option(
         None, "folder of your own instruments in place of the built-in ones: .ply, .obj, .stl in mm, the tip in the "
         "origin, the shaft along +z and longer than what the image shows", is_content=False,
     )  # fmt: skip
-    surroundings: str = _option(NONE, "beyond the surface's edge", choices=SURROUNDINGS, since="0.2.0")
+    surroundings: str = _option(NONE, "beyond the surface's edge", choices=SURROUNDINGS)
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
     stereo_mm: float = _stereo(
@@ -219,7 +211,7 @@ class DatasetOptions:
         0.0, "distance from both eyes at which their axes meet, the working distance of a microscope; 0: parallel",
         name="Converge", unit="mm", least=0,
     )  # fmt: skip
-    eye: str = _stereo(LEFT, "which of the two is rendered", choices=EYES)
+    eye: str = _stereo("left", "which of the two is rendered", choices=EYES)
     sampler: str = _pose(
         "cone", "distribution of poses around the frame's pose", name="Poses",
         choices={name: sampler.about for name, sampler in SAMPLERS.items()},
@@ -248,13 +240,7 @@ class DatasetOptions:
 
     def content(self) -> dict[str, object]:
         """The values that belong to the identity of a dataset, by name."""
-        values = ((option, getattr(self, name)) for name, option in OPTIONS.items())
-        return {
-            option.key: value
-            for option, value in values
-            if (option.is_content or (self.eye == RIGHT and option.group == "stereo"))
-            and not (option.since and value == option.default)
-        }
+        return {name: getattr(self, name) for name, option in OPTIONS.items() if option.is_content}
 
 
 OPTIONS: dict[str, Option] = {
@@ -275,13 +261,7 @@ def option_groups() -> dict[str, list[Option]]:
 
 
 def checked_options(values: Mapping[str, object], where: str) -> DatasetOptions:
-    """Check options in a mapping such as the [dataset] table; those that are missing keep their defaults.
-
-    Raises
-    ------
-    InputError
-        An unknown name; a value of the wrong kind, not finite or out of range; options that exclude each other.
-    """
+    """Check options in a mapping such as the [dataset] table; those that are missing keep their defaults."""
     return checked_together(checked_values(values, where), where)
 
 
@@ -306,8 +286,8 @@ def checked_together(checked: Mapping[str, object], where: str) -> DatasetOption
             f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
             f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
         )
-    if options.eye == RIGHT and not options.stereo_mm:
-        raise InputError(f"{where}: expected stereo_mm with eye {RIGHT!r}, found none; give the eyes' distance")
+    if options.eye == "right" and not options.stereo_mm:
+        raise InputError(f"{where}: expected stereo_mm with the right eye, found none; give the eyes' distance")
     return options
 
 

@@ -156,13 +156,7 @@ def written_truths(options: Mapping[str, object], frames: int) -> tuple[str, ...
 
 
 def depth_scale_for(farthest_mm: float) -> float:
-    """Millimetres per unit of the 16-bit depth images: the finest of 1, 2, 5 times a power of ten that is enough.
-
-    Raises
-    ------
-    InputError
-        The distance is not positive and finite.
-    """
+    """Millimetres per unit of the 16-bit depth images: the finest of 1, 2, 5 times a power of ten that is enough."""
     if not (np.isfinite(farthest_mm) and farthest_mm > 0):
         raise InputError(f"depth: expected a positive distance, found {farthest_mm!r} mm")
     exponent = np.floor(np.log10(farthest_mm / DEPTH_LEVELS))

@@ -73,11 +73,6 @@ def pyvista_renderer(
     Returns
     -------
     A function from ``cam_from_model`` (4x4) to the image, ``(H, W, 3)`` uint8.
-
-    Raises
-    ------
-    RunError
-        PyVista is not installed.
     """
     try:
         pyvista = import_module("pyvista")

@@ -90,13 +90,7 @@ def _processor() -> str:
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], conditions: Conditions) -> None:
-    """Write a table below its conditions, whole or not at all; floats keep six significant digits.
-
-    Raises
-    ------
-    RunError
-        It cannot be written.
-    """
+    """Write a table below its conditions, whole or not at all; floats keep six significant digits."""
     text = io.StringIO(newline="")
     text.writelines(f"{COMMENT}{line}\n" for line in conditions.lines())
     table = csv.writer(text, lineterminator="\n")

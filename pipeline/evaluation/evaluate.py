@@ -14,7 +14,7 @@ from ..case.frame import PosedFrame, UnreadFrame, load_posed_frame
 from ..case.loaded_case import LoadedCase
 from ..colour.lens_shading import lens_shading_of
 from ..colour.ray_tracer import RayTracer
-from ..colour.reference_view import traced_view_of
+from ..colour.reference_view import reference_view, traced_surface
 from ..colour.shading import ColouredSurface
 from ..dataset.options import NONE, SHADOWS
 from ..projection.rendered_view import Render
@@ -105,11 +105,11 @@ def scored_views(case: EvaluationCase, methods: ChosenMethods, inception: Incept
     A photograph that cannot be used is an ``InputError``, as is a case without surface in view, or without the light at
     the lens that a method needs.
     """
-    reference = traced_view_of(case.loaded)
+    reference = reference_view(case.loaded, traced_surface)
     references = {NONE: reference}
     for light in {method.light for method in methods.running} - {NONE}:
         shading = lens_shading_of(case.loaded, shadows=light == SHADOWS)
-        references[light] = traced_view_of(case.loaded, shading)
+        references[light] = reference_view(case.loaded, traced_surface, shading)
     camera, mesh_from_model = case.loaded.frame.camera, case.loaded.surface.mesh_from_model
     trace = RayTracer(ColouredSurface(reference.mesh, reference.views), camera).render
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs]

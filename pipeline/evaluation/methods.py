@@ -80,7 +80,6 @@ METHODS = {
 DEFAULT = (
     "projective-raster",
     "projective-fill-raster",
-    "texture-raster",
     "vertex-raster",
     "projective-eevee",
     "paper-pyvista",
@@ -118,15 +117,7 @@ class ChosenMethods:
 
 
 def chosen_methods(keys: Sequence[str], renderers: Renderers) -> ChosenMethods:
-    """The methods of some keys, or for :data:`EVERY` all that any case can have.
-
-    Raises
-    ------
-    InputError
-        An unknown key.
-    RunError
-        None of the methods can run here.
-    """
+    """The methods of some keys, or for :data:`EVERY` all that any case can have."""
     for key in keys:
         if key not in METHODS and key != EVERY:
             raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, (*METHODS, EVERY))}")

@@ -40,11 +40,6 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
         What it should be, with an article, such as ``"a case file"``.
     where
         Begins the message, such as ``"case.toml: [frame] image"``; the path if left out.
-
-    Raises
-    ------
-    InputError
-        Missing, a folder, a pipe or a device (which may never end), a name that no file can have, or unreadable.
     """
     place, it = (str(path), "it") if where is None else (where, str(path))
     try:
@@ -105,11 +100,6 @@ def read_content(path: Path, what: str, where: str | None = None, most: int = LA
     """Read the bytes of a file that the user named.
 
     ``most`` is the largest number of bytes that is accepted; the rest is as for :func:`reading`.
-
-    Raises
-    ------
-    InputError
-        As for :func:`reading`; or the file is empty, or longer than ``most``.
     """
     place = path.name if where is None else where
     with reading(path, what, where), open(path, "rb") as file:
@@ -129,10 +119,7 @@ def read_content(path: Path, what: str, where: str | None = None, most: int = LA
 
 
 def read_beginning(path: Path, what: str, most: int, where: str | None = None) -> bytes:
-    """Read up to ``most`` bytes from the beginning of a file that the user named; none of one without a size.
-
-    Errors are those of :func:`reading`.
-    """
+    """Read up to ``most`` bytes from the beginning of a file that the user named; none of one without a size."""
     with reading(path, what, where), open(path, "rb") as file:
         return file.read(min(os.fstat(file.fileno()).st_size, most))
 
@@ -162,10 +149,7 @@ def decoded(data: bytes) -> str | None:
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all, and durably: see :func:`written_file`.
-
-    Errors are those of :func:`written_file`.
-    """
+    """Write a file, whole or not at all, and durably: see :func:`written_file`."""
     write_files_atomically({Path(path): data})
 
 

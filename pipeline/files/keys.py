@@ -10,13 +10,7 @@ from ..errors import InputError
 
 
 def check_keys(table: Mapping, required: tuple[str, ...], optional: tuple[str, ...], where: str) -> None:
-    """Check the keys of a table; ``where`` begins the messages, such as ``"case.toml: [frame] "``.
-
-    Raises
-    ------
-    InputError
-        An unknown key, or a required one that is missing.
-    """
+    """Check the keys of a table; ``where`` begins the messages, such as ``"case.toml: [frame] "``."""
     known = required + optional
     for key in table:
         if key not in known:

@@ -112,13 +112,7 @@ def unfinished_warnings(data: bytes, where: str) -> list[str]:
 
 
 def npy_array(data: bytes, where: str) -> np.ndarray:
-    """The array of an ``.npy`` file: a read-only view of its bytes, which are never unpickled.
-
-    Raises
-    ------
-    InputError
-        Damaged, another kind of file, or not of real numbers.
-    """
+    """The array of an ``.npy`` file: a read-only view of its bytes, which are never unpickled."""
     stream = io.BytesIO(data)
     try:
         # version 3.0 only adds Unicode field names, which plain numbers do not have

@@ -30,13 +30,6 @@ def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
         All files that will be written.
     inputs
         All files that the command reads, by what they are, such as ``frame``.
-
-    Raises
-    ------
-    InputError
-        An output is an input, a device, or another output.
-    RunError
-        An output cannot be written, as far as that is known without writing it.
     """
     protected = _Inputs(inputs)
     seen: dict[str, Path] = {}
@@ -68,13 +61,6 @@ def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> No
         Regular expression of all names that the command may give to files and folders in it.
     inputs
         All files and folders that the command reads, by what they are.
-
-    Raises
-    ------
-    InputError
-        It holds something else, or an input, under whatever name.
-    RunError
-        It cannot be read, or is a file.
     """
     check_folder(folder, inputs)
     protected = _Inputs(inputs)
@@ -92,13 +78,7 @@ def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> No
 
 
 def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:
-    """Check that no input is or lies in a folder whose files a command replaces.
-
-    Raises
-    ------
-    InputError
-        One does.
-    """
+    """Check that no input is or lies in a folder whose files a command replaces."""
     whole = Path(os.path.realpath(folder))
     for name, path in inputs.items():
         places = (Path(os.path.realpath(path)), Path(os.path.realpath(path.parent)) / path.name)
@@ -115,13 +95,7 @@ def _with_input(folder: Path, name: str, path: Path) -> str:
 
 @contextmanager
 def writing(path: Path, advice: str = ADVICE) -> Iterator[None]:
-    """Turn an OSError inside the block, which writes ``path`` and nothing else, into a sentence with advice.
-
-    Raises
-    ------
-    RunError
-        The file or its folder cannot be written.
-    """
+    """Turn an OSError inside the block, which writes ``path`` and nothing else, into a sentence with advice."""
     try:
         yield
     except OSError as error:
@@ -129,26 +103,14 @@ def writing(path: Path, advice: str = ADVICE) -> Iterator[None]:
 
 
 def made_folder(path: Path) -> Path:
-    """Create the folder of a file that is about to be written, if there is none, and give the file's path.
-
-    Raises
-    ------
-    RunError
-        The folder cannot be created.
-    """
+    """Create the folder of a file that is about to be written, if there is none, and give the file's path."""
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     return path
 
 
 def write_output(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all, in a folder that is created if there is none.
-
-    Raises
-    ------
-    RunError
-        It cannot be written.
-    """
+    """Write a file, whole or not at all, in a folder that is created if there is none."""
     with writing(made_folder(path)):
         write_bytes_atomically(path, data)
 

@@ -36,11 +36,6 @@ def parsed_json(
     parse_int, parse_float
         Convert the digits of a whole number, and of one with a decimal point or an exponent; :class:`.WrittenFloat`
         keeps the digits. Whole numbers beyond 64 bits are read as floats by default.
-
-    Raises
-    ------
-    InputError
-        Not JSON, or nested more than :data:`MOST_LEVELS` deep.
     """
     try:
         text = _text(content)
@@ -54,14 +49,7 @@ def parsed_json(
 
 
 def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
-    """Parse TOML; numbers with a decimal point or an exponent keep their digits (:class:`.WrittenFloat`).
-
-    Raises
-    ------
-    InputError
-        Not TOML, too long, nested more than :data:`MOST_LEVELS` deep, or with an integer that is too long; ``where``
-        begins the message.
-    """
+    """Parse TOML; numbers with a decimal point or an exponent keep their digits (:class:`.WrittenFloat`)."""
     if len(content) > LARGEST_TEXT:
         raise InputError(f"{where}: expected TOML, found a file of {len(content) >> 20} MB; choose another")
     try:

@@ -12,13 +12,7 @@ from ..errors import RunError
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A folder without symbolic links in its path, which is removed in the end.
-
-    Raises
-    ------
-    RunError
-        It cannot be created.
-    """
+    """A folder without symbolic links in its path, which is removed in the end."""
     with writing_temporary():
         folder = Path(os.path.realpath(tempfile.mkdtemp(prefix="oneframe-")))
     try:
@@ -29,13 +23,7 @@ def temporary_folder() -> Iterator[Path]:
 
 @contextmanager
 def writing_temporary() -> Iterator[None]:
-    """Turn an OSError inside the block, which writes temporary files and nothing else, into a sentence.
-
-    Raises
-    ------
-    RunError
-        A temporary file cannot be written.
-    """
+    """Turn an OSError inside the block, which writes temporary files and nothing else, into a sentence."""
     try:
         yield
     except OSError as error:

@@ -56,12 +56,6 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
     of some hundred kilobytes can announce more pixels than fit in memory.
 
     It gives the bytes that were checked; ``where`` begins the messages.
-
-    Raises
-    ------
-    InputError
-        Missing, no regular file, empty, not PNG, JPEG, TIFF, BMP or EXR, too large, damaged or cut off (PNG, JPEG,
-        TIFF), in L*a*b*, or with an EXIF orientation other than upright.
     """
     data = read_content(path, "an image file", where)
     check_image(data, where, most_pixels=most_pixels)
@@ -69,10 +63,7 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
 
 
 def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) -> tuple[int, int]:
-    """Check the bytes of an image file, as :func:`check_image_file` does, and give its width and height.
-
-    Errors are those of :func:`check_image_file`.
-    """
+    """Check the bytes of an image file, as :func:`check_image_file` does, and give its width and height."""
     if not data.startswith(SIGNATURES):
         raise InputError(
             f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found a file that starts with {data[:8]!r}"

@@ -39,11 +39,6 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
     -------
     ``(H, W, 3)`` float32 RGB, 8-bit values divided by 255 and 16-bit ones by 65535 (grey is repeated), top row first;
     ``(H, W)`` bool, False where the file's alpha is 0: pixels without image, such as outside a circular field of view.
-
-    Raises
-    ------
-    InputError
-        The file is missing, cut off, not an image that can be decoded, or has floats beyond 0 to 1.
     """
     import numpy as np
 

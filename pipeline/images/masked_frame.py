@@ -30,11 +30,6 @@ def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndar
         the mask; otherwise the grey values are, and 0 shows no surface.
     where
         Begins the messages.
-
-    Raises
-    ------
-    InputError
-        The image has colours, so it is no mask; or it shows nothing.
     """
     if valid.all():
         if not (np.ptp(colours, axis=2) == 0).all():
@@ -49,13 +44,7 @@ def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndar
 
 
 def joined_mask(valid: np.ndarray, shown: np.ndarray, frame: str, mask: str) -> np.ndarray:
-    """``(H, W)`` bool of a frame's alpha and its mask together; ``frame`` and ``mask`` are their names in messages.
-
-    Raises
-    ------
-    InputError
-        They differ in size, or nothing is left.
-    """
+    """``(H, W)`` bool of a frame's alpha and its mask together; ``frame`` and ``mask`` are their names in messages."""
     if shown.shape != valid.shape:
         (height, width), (rows, columns) = valid.shape, shown.shape
         raise InputError(
@@ -112,11 +101,6 @@ def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
         True.
     where
         Begins the messages.
-
-    Raises
-    ------
-    InputError
-        The values are not those of 8 or 16 bits.
     """
     codes = np.empty((*colours.shape[:2], 3 if valid.all() else 4), np.uint16)
     is_byte = True

@@ -75,13 +75,7 @@ class NetworkRecord:
 
     @classmethod
     def of_file(cls, data: bytes, name: str) -> Self:
-        """The record in the content of an ONNX file.
-
-        Raises
-        ------
-        InputError
-            There is none.
-        """
+        """The record in the content of an ONNX file."""
         # an entry of the metadata: field 1 the key, field 2 the value and its length, of which no byte is a brace
         _, marked, after = data.rpartition(b"\x0a" + bytes([len(KEY)]) + KEY.encode() + b"\x12")
         try:
@@ -98,13 +92,7 @@ class PoseNetwork:
     """A network in memory."""
 
     def __init__(self, data: bytes, name: str, codes: np.ndarray) -> None:
-        """Read the content of an ONNX file; ``name`` is for messages, ``codes`` ``(N, 3)`` uint8 of the case's frame.
-
-        Raises
-        ------
-        InputError
-            It is not such a file, or OpenCV cannot run it.
-        """
+        """Read an ONNX file's content; ``name`` is for messages, ``codes`` ``(N, 3)`` uint8 are the case's frame's."""
         self.record = NetworkRecord.of_file(data, name)
         self._range = np.quantile(codes, (DARKEST, BRIGHTEST), axis=0)
         found: object
@@ -118,13 +106,7 @@ class PoseNetwork:
 
     @classmethod
     def read(cls, path: Path, loaded: LoadedCase) -> Self:
-        """Read the network of a case's surface.
-
-        Raises
-        ------
-        InputError
-            As for the class, or it is of another surface, or of views with another zoom.
-        """
+        """Read the network of a case's surface."""
         frame = loaded.frame
         codes = to_uint8(frame.image[frame.valid])
         network = cls(read_content(path, "a network that oneframe train wrote"), path.name, codes)

@@ -65,13 +65,7 @@ class ViewCrops:
         rgb: Callable[[View], np.ndarray] = attrgetter("rgb"),
         advance: Callable[[], None] = lambda: None,
     ) -> "ViewCrops":
-        """Read views of one dataset, and colours ``(H, W, 3)`` uint8 for each; after each ``advance`` is called.
-
-        Raises
-        ------
-        InputError
-            They are too small.
-        """
+        """Read views of one dataset, and colours ``(H, W, 3)`` uint8 for each; after each ``advance`` is called."""
         files, boxes = views[0].files, np.array([view.boxes.bbox_visib for view in views])
         camera = files.description.camera
         too_large = float((np.median(boxes[:, 2:], axis=0) / CROP_WH).max())

@@ -126,11 +126,6 @@ def find_lamp(mesh: TriangleMesh, frames: Sequence[Image], transfer: str = "srgb
     """The lamp at the lens that explains frames of a surface (model frame) best; :attr:`FoundLamp.objection` judges it.
 
     ``transfer`` is what their code values are, as of :class:`.LensLight`.
-
-    Raises
-    ------
-    InputError
-        The frames show too little of the surface well exposed or, if there are several, of the same surface.
     """
     found = lamp_of(shaded_points(mesh, frames, TRANSFERS[transfer]), mesh)
     return replace(found, light=replace(found.light, transfer=transfer))

@@ -59,11 +59,6 @@ class LensLight:
         Where these come from, by :data:`ORIGIN_KEYS`; nothing is computed from it.
     transfer
         What the code values of the frames are: one of :data:`.TRANSFERS`.
-
-    Raises
-    ------
-    InputError
-        A value that is not finite or out of range.
     """
 
     lamp_cam_mm: tuple[float, float, float]
@@ -109,13 +104,7 @@ class LensLight:
 
 
 def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
-    """The light of a case file's table ``[light]``; ``where`` begins messages.
-
-    Raises
-    ------
-    InputError
-        An unknown or missing key, or a value of the wrong kind or out of range.
-    """
+    """The light of a case file's table ``[light]``; ``where`` begins messages."""
     check_keys(table, ("lamp_cam_mm", "ambient"), ("falloff", "transfer", *ORIGIN_KEYS), f"{where} ")
     lamp, origin = table["lamp_cam_mm"], {key: table[key] for key in ORIGIN_KEYS if key in table}
     if not isinstance(lamp, list) or len(lamp) != 3 or not all(map(is_number, lamp)):

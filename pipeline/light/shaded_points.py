@@ -196,18 +196,8 @@ def _spread(image: np.ndarray, operation: np.ufunc, reach: int = 2) -> np.ndarra
 def _lifted(mesh: TriangleMesh, view: _View, step: int) -> tuple[np.ndarray, np.ndarray]:
     """``(N, 3)`` points at every ``step``-th pixel across and down that can be used, and their normals."""
     v, u = (step // 2 + step * each for each in np.nonzero(view.unusable[step // 2 :: step, step // 2 :: step] == 0))
-    return surface_at(mesh, view.raster, view.frame, np.stack([u, v], axis=1))
-
-
-def surface_at(
-    mesh: TriangleMesh, raster: DepthRaster, frame: Image, pixels: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Points ``(N, 3)`` of the surface at whole pixels ``(N, 2)`` of a frame, all of which show it, and their normals.
-
-    In the model frame, mm; the unit normals are on the lens' side.
-    """
-    u, v = pixels.T
-    rays, pose = frame.camera.rays_cam(pixels.astype(np.float64)), frame.cam_from_model
+    frame, raster = view.frame, view.raster
+    rays, pose = frame.camera.rays_cam(np.stack([u, v], axis=1).astype(np.float64)), frame.cam_from_model
     points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[v, u][:, None])
     face = raster.face[v, u]
     normals = smooth_normals(mesh, mesh.smooth_normals, face, points)

@@ -199,13 +199,7 @@ KINDS: tuple[Callable[[np.random.Generator], Instrument], ...] = (burr, suction,
 
 
 def own_instrument(mesh: TriangleMesh, name: str) -> Instrument:
-    """An instrument of steel from a mesh, mm; ``name`` is that of its file.
-
-    Raises
-    ------
-    InputError
-        It does not lie along +z.
-    """
+    """An instrument of steel from a mesh, mm; ``name`` is that of its file."""
     low, high = mesh.bounds
     if high[2] <= 4 * max(-low[2], 0.0):
         raise InputError(

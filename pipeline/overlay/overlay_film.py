@@ -82,11 +82,6 @@ def opened_film(
     Yields
     ------
     The film, the poses, and messages about both.
-
-    Raises
-    ------
-    InputError
-        See :class:`oneframe.video.film_reader.Film` and :func:`oneframe.poses.pose_file.read_frame_poses`.
     """
     with Film(video, width=WIDEST) as film:
         found, messages = read_frame_poses(
@@ -136,13 +131,7 @@ class OverlayFilm:
         return FilmReport(frames=self.count, **self._counts)
 
     def pictures(self, progress: Callable[[], None]) -> Iterator[np.ndarray]:
-        """The :attr:`count` pictures of the film, :attr:`fps` a second; ``progress`` is called for each.
-
-        Raises
-        ------
-        InputError
-            None of its frames can be decoded.
-        """
+        """The :attr:`count` pictures of the film, :attr:`fps` a second; ``progress`` is called for each."""
         for picture in self._steady():
             progress()
             yield picture

@@ -197,11 +197,6 @@ def case_picture(loaded: LoadedCase, write: Write | None, *, under_instruments: 
         Draws the letters of legend and scale bar; ``None`` for neither.
     under_instruments
         Leave pixels of the frame with alpha 0 as they are.
-
-    Raises
-    ------
-    InputError
-        The surface is not in view.
     """
     painter = OverlayPainter(loaded, loaded.frame.camera, write)
     clear = loaded.frame.valid if under_instruments else None

@@ -4,9 +4,6 @@ Source: thodan/bop_toolkit, bop_toolkit_lib/dataset/bop_imagewise.py and bop_web
 """
 
 import json
-import re
-from collections.abc import Collection
-from pathlib import PurePosixPath
 
 import numpy as np
 
@@ -14,20 +11,12 @@ from ..dataset.layout import MODEL_FILES, RECORD, TARGETS, ViewPaths
 from ..dataset.tables.coco import run_lengths
 from ..dataset.truths import MASK, TRUTHS
 from ..errors import InputError
-from ..files.content import partial_name
-
-FORMAT = "oneframe pack 1"
-"""Name and version of the layout, in ``pack.json``."""
 
 KEY_TO_SHARD = "key_to_shard.json"
-INFO = "dataset_info.md"
-WORK = ".work"
-COPIED = (RECORD, "camera.json", *MODEL_FILES)
+COPIED = (RECORD, "camera.json", "dataset_info.md", *MODEL_FILES)
 """Files of the dataset that a pack holds as they are."""
-TABLES = (*COPIED, TARGETS, INFO, KEY_TO_SHARD)
+TABLES = (*COPIED, TARGETS, KEY_TO_SHARD)
 """The files of a pack beside its shards that the manifest has sums of."""
-
-DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
 MASKS = tuple(name for name, truth in TRUTHS.items() if truth.form is MASK)
 # the one of several frames first, as packs have always had it
@@ -44,31 +33,9 @@ def shard_name(number: int) -> str:
     return f"shard-{number:06d}.tar"
 
 
-def is_shard(name: str) -> bool:
-    """Whether a shard has such a name."""
-    return re.fullmatch(r"shard-[0-9]{6,}\.tar", name) is not None
-
-
-def is_note(name: str) -> bool:
-    """Whether a file beside the shards is one that people add and no reader takes for data, as beside a dataset.
-
-    Such as LICENSE, README.md, notes.txt, .gitattributes.
-    """
-    path = PurePosixPath(name)
-    hidden = name.startswith(".") and name != WORK and partial_name(name) is None
-    return len(path.parts) == 1 and (hidden or path.suffix.lower() in ("", ".md", ".txt") or name in DESKTOP_FILES)
-
-
 def view_key(paths: ViewPaths) -> str:
     """The key of a view: the part of its members' names before the first dot."""
     return f"{paths.scene_id:06d}_{paths.image_id:06d}"
-
-
-def member_suffixes(kinds: Collection[str], *, jpeg: bool) -> tuple[str, ...]:
-    """The members of a view with files of these kinds, each by the part of its name after the key and a dot."""
-    masks = tuple(f"{kind}.json" for kind in MASKS if kind in kinds)
-    files = (name for kind, name in FILES.items() if kind in kinds)
-    return ("camera.json", "gt.json", "gt_info.json", *masks, *files, "rgb.jpg" if jpeg else "rgb.png")
 
 
 def mask_json(mask: np.ndarray) -> bytes:
@@ -80,11 +47,6 @@ def mask_columns(data: bytes, shape: tuple[int, int], where: str) -> np.ndarray:
     """The mask of :func:`mask_json`, ``(W, H)`` uint8 of 0 and 1: transposed, as run lengths go down the columns.
 
     ``shape`` is (H, W) of the mask; ``where`` names the file in messages.
-
-    Raises
-    ------
-    InputError
-        Something else, or the mask of another size.
     """
     height, width = shape
     pixels = height * width

@@ -1,9 +1,9 @@
-"""A whole pack: what is missing of it is packed, and then its tables are written."""
+"""A whole pack: what is missing of it is packed, then its tables are written; and whether one is whole."""
 
 import json
 import shutil
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,28 +11,17 @@ from typing import TextIO
 
 import cv2
 
-from ..dataset.checksums import FileSum, sum_of_file
-from ..dataset.layout import MANIFEST, MOST_VIEWS, ViewPaths
+from ..dataset.checksums import damaged_file, sum_of_file
+from ..dataset.layout import MANIFEST, MODEL_FOLDERS, MOST_VIEWS, ViewPaths
 from ..dataset.tables.bop import write_test_targets
 from ..errors import InputError, RunError
-from ..files.content import create_folder, write_bytes_atomically, written_file
+from ..files.content import create_folder, names_in, remove_abandoned, write_bytes_atomically, written_file
 from ..files.machine import available_cores
 from ..files.outputs import writing
-from ..files.tables import write_json
 from ..progress import Progress
-from .layout import (
-    COPIED,
-    INFO,
-    KEY_TO_SHARD,
-    TABLES,
-    TARGETS,
-    shard_name,
-    view_key,
-)
-from .manifest import Manifest, Plan
-from .pack_folder import PackFolder
-from .pack_info import pack_info
-from .shard import SAFE, ShardOrder, pack_shard
+from .layout import COPIED, KEY_TO_SHARD, TABLES, shard_name, view_key
+from .manifest import Manifest, Plan, complete_manifest, read_manifest
+from .shard import SAFE, write_shard
 from .whole_dataset import WholeDataset, open_whole_dataset
 
 
@@ -47,7 +36,7 @@ class PackOptions:
     jpeg_quality
         Compress RGB as JPEG, 1..100.
     about
-        A paragraph for ``dataset_info.md``, such as which part of a split the views are.
+        A sentence for ``pack.json``, such as which part of a split the views are.
     """
 
     views_per_shard: int = 1000
@@ -84,84 +73,69 @@ def pack_dataset(
     InputError
         No complete dataset, folders within each other, or views that the dataset does not have.
     RunError
-        A view is damaged, or the pack cannot be written; finished shards are kept.
+        A view is damaged, the folder holds something else, or it cannot be written; finished shards are kept.
     """
-    root, out = Path(root), Path(out)
-    options = options or PackOptions()
-    views_per_shard, jpeg_quality = options.views_per_shard, options.jpeg_quality
+    root, out, options = Path(root), Path(out), options or PackOptions()
+    quality = options.jpeg_quality
     _check_folders(root, out)
-    if not 1 <= views_per_shard <= MOST_VIEWS:
-        raise InputError(f"--views-per-shard: expected 1 to {MOST_VIEWS} views, found {views_per_shard}")
-    if jpeg_quality is not None and not 1 <= jpeg_quality <= 100:
-        raise InputError(f"--jpeg: expected a quality from 1 to 100, found {jpeg_quality}")
+    if not 1 <= options.views_per_shard <= MOST_VIEWS:
+        raise InputError(f"--views-per-shard: expected 1 to {MOST_VIEWS} views, found {options.views_per_shard}")
+    if quality is not None and not 1 <= quality <= 100:
+        raise InputError(f"--jpeg: expected a quality from 1 to 100, found {quality}")
     dataset = open_whole_dataset(root)
     plan = Plan(
         identity=dataset.description.identity,
-        views_per_shard=views_per_shard,
-        jpeg_quality=jpeg_quality,
-        opencv=None if jpeg_quality is None else cv2.__version__,
+        views_per_shard=options.views_per_shard,
+        jpeg_quality=quality,
+        opencv=None if quality is None else cv2.__version__,
         views=_checked_views(views, dataset.description.count),
+        about=options.about,
     )
-    with PackFolder(out, plan) as folder:
-        shards = folder.finished()
-        done = sum(len(views) for number, views in enumerate(plan.shards()) if number in shards)
-        orders = [order for order in shard_orders(dataset, out, plan) if order.number not in shards]
-        with Progress(len(plan.views), "views packed", finished=done, stream=stream) as progress:
-            for number, known in _packed(orders, progress, workers):
-                with writing(out / shard_name(number), SAFE):
-                    folder.keep(number, known)
-                shards[number] = known
-        manifest = _write_tables(dataset, out, plan, [shards[number] for number in sorted(shards)], options.about)
-        folder.finish()
-    return manifest
-
-
-def shard_orders(dataset: WholeDataset, out: Path, plan: Plan) -> list[ShardOrder]:
-    """The orders of all shards of a pack."""
-    return [
-        ShardOrder(dataset.root, out, number, views, plan.identity, dataset.description.camera, plan.jpeg_quality)
-        for number, views in enumerate(plan.shards())
+    known = _begun(out, plan)
+    shards = dict(enumerate(plan.shards()))
+    # what stands under its name is whole, unless it was damaged since
+    missing = [
+        number
+        for number in shards
+        if not (out / shard_name(number)).is_file()
+        or ((own := known.files.get(shard_name(number))) and damaged_file(out, shard_name(number), own))
     ]
+    stopped, done = threading.Event(), len(plan.views) - sum(len(shards[number]) for number in missing)
+    with (
+        Progress(len(plan.views), "views packed", finished=done, stream=stream) as progress,
+        ThreadPoolExecutor(workers or available_cores()) as pool,
+    ):
 
+        def count() -> None:
+            if stopped.is_set():
+                raise RunError("stopped")
+            progress.advance()
 
-def _packed(orders: Sequence[ShardOrder], progress: Progress, workers: int) -> Iterator[tuple[int, FileSum]]:
-    """Pack shards by threads, and give number and sum of each as soon as it is there."""
-    stopped = threading.Event()
-
-    def count() -> None:
-        if stopped.is_set():
-            raise RunError("stopped")
-        progress.advance()
-
-    with ThreadPoolExecutor(workers or available_cores()) as pool:
-        futures = [pool.submit(pack_shard, order, count) for order in orders]
+        written = [
+            pool.submit(write_shard, dataset, shards[number], quality, out / shard_name(number), count)
+            for number in missing
+        ]
         try:
-            for order, future in zip(orders, futures, strict=True):
-                yield order.number, future.result()
+            for shard in written:
+                shard.result()
         finally:
             # what is begun leaves nothing
             stopped.set()
             pool.shutdown(cancel_futures=True)
+    return _finished(dataset, out, plan)
 
 
-def _write_tables(dataset: WholeDataset, out: Path, plan: Plan, shards: Sequence[FileSum], about: str) -> Manifest:
-    """Write everything but the shards; gives the manifest."""
-    for name in COPIED:
-        with writing(out / name, SAFE):
-            create_folder((out / name).parent)
-            with (dataset.root / name).open("rb") as content, written_file(out / name) as stream:
-                shutil.copyfileobj(content, stream)
-    keys = {view_key(ViewPaths(out, view)): number for number, views in enumerate(plan.shards()) for view in views}
-    with writing(out / KEY_TO_SHARD, SAFE):
-        write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
-    with writing(out / TARGETS, SAFE):
-        write_test_targets(out, sorted(dataset.targets.intersection(plan.views)))
-    with writing(out / INFO, SAFE):
-        write_bytes_atomically(out / INFO, pack_info(dataset.description, plan, about))
-    manifest = Manifest(plan, tuple(shards), {name: sum_of_file(out / name) for name in TABLES})
-    with writing(out / MANIFEST, SAFE):
-        write_json(out / MANIFEST, manifest.to_json())
-    return manifest
+def verify_pack(folder: Path, *, threads: int = 1, stream: TextIO | None = None) -> list[str]:
+    """Compare all files of a complete pack with their size and hash; what is wrong, in clauses."""
+    files = complete_manifest(folder).files
+    with Progress(len(files), "files verified", stream=stream) as progress, ThreadPoolExecutor(threads) as pool:
+
+        def problem(name: str) -> str | None:
+            found = damaged_file(folder, name, files[name], hashes=True)
+            progress.advance()
+            return found
+
+        return [each for each in pool.map(problem, files) if each is not None]
 
 
 def _check_folders(root: Path, out: Path) -> None:
@@ -180,3 +154,55 @@ def _checked_views(views: Sequence[int] | None, count: int) -> tuple[int, ...]:
     if not chosen or len(set(chosen)) != len(chosen) or min(chosen) < 0 or max(chosen) >= count:
         raise InputError(f"views to pack: expected different numbers from 0 to {count - 1}, found others or none")
     return chosen
+
+
+def _begun(out: Path, plan: Plan) -> Manifest:
+    """Begin a pack in a new folder, or go on with one of the same plan; what is known of its files."""
+    if (out / MANIFEST).is_file():
+        known = read_manifest(out)
+        changes = [
+            f"{name} was {_short(was)}, is {_short(getattr(plan, name))}"
+            for name, was in known.plan.__dict__.items()
+            if was != getattr(plan, name)
+        ]
+        if changes:
+            raise RunError(
+                f"{out}: the folder holds another pack ({'; '.join(changes)}); undo the change to resume it, or choose "
+                "another folder (--out)"
+            )
+    else:
+        with writing(out, SAFE):
+            create_folder(out)
+            remove_abandoned(out)
+            if others := names_in(out):
+                raise RunError(
+                    f"{out}: expected a new or empty folder or a pack to resume, found other files (such as "
+                    f"{min(others)}); choose another folder (--out)"
+                )
+            known = Manifest(plan)
+            known.write(out)
+    with writing(out, SAFE):
+        for name in ("", *MODEL_FOLDERS):
+            remove_abandoned(out / name)
+    return known
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:60]}…"
+
+
+def _finished(dataset: WholeDataset, out: Path, plan: Plan) -> Manifest:
+    """Write everything but the shards; gives the manifest."""
+    keys = {view_key(ViewPaths(out, view)): number for number, views in enumerate(plan.shards()) for view in views}
+    names = [*map(shard_name, range(len(plan.shards()))), *TABLES]
+    with writing(out, SAFE):
+        for name in COPIED:
+            create_folder((out / name).parent)
+            with (dataset.root / name).open("rb") as content, written_file(out / name) as stream:
+                shutil.copyfileobj(content, stream)
+        write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
+        write_test_targets(out, sorted(dataset.targets.intersection(plan.views)))
+        manifest = Manifest(plan, {name: sum_of_file(out / name) for name in names})
+        manifest.write(out)
+    return manifest

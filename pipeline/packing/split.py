@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from ..camera.pinhole import PinholeCamera
 from ..dataset.layout import VIEWS_PER_SCENE, scene_count, scene_folder
 from ..errors import InputError
-from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from ..transforms import rigid
 from .whole_dataset import WholeDataset
 
 PARTS = ("train", "val", "test")
@@ -44,10 +44,6 @@ class Split:
         Views that are left out.
     gap_px
         The gap.
-    nearest_px
-        The least distance that two views of different parts have.
-    gap_mm, gap_deg
-        Shift across the optical axis, and tilt of the surface about its middle, that move the points by the gap.
     """
 
     train: tuple[int, ...]
@@ -55,9 +51,6 @@ class Split:
     test: tuple[int, ...]
     none: tuple[int, ...]
     gap_px: float
-    nearest_px: float
-    gap_mm: float
-    gap_deg: float
 
     def part(self, name: str) -> tuple[int, ...]:
         """The views of ``"train"``, ``"val"`` or ``"test"``."""
@@ -67,8 +60,7 @@ class Split:
         """Sizes and distances in one sentence."""
         return (
             f"{len(self.train)} train, {len(self.val)} val, {len(self.test)} test; {len(self.none)} in none, nearer "
-            f"than {self.gap_px:.3g} px to another part (as a shift by {self.gap_mm:.2g} mm, or a tilt by "
-            f"{self.gap_deg:.2g} degrees); parts are {self.nearest_px:.3g} px apart"
+            f"than {self.gap_px:.3g} px to another part"
         )
 
 
@@ -76,11 +68,6 @@ def split_of_dataset(dataset: WholeDataset, *, gap_px: float | None = None) -> S
     """Divide a dataset's views into train, val and test.
 
     ``gap_px`` is as for :func:`split_of_views`.
-
-    Raises
-    ------
-    InputError
-        A table was changed or cannot be read, or the views cannot be divided.
     """
     count = dataset.description.count
     poses = np.empty((count, 4, 4))
@@ -115,11 +102,6 @@ def split_of_views(
         Intrinsics of the views.
     gap_px
         Least distance of views in different parts; :data:`GAP` of the longer side of the image if left out.
-
-    Raises
-    ------
-    InputError
-        Too few views, or a gap that leaves nothing of a part.
     """
     gap = GAP * max(camera.size_wh) if gap_px is None else float(gap_px)
     if not 0 <= gap < np.inf:
@@ -140,8 +122,7 @@ def split_of_views(
             "views that differ more"
         )
     train, val_views, test_views, none = (tuple(np.flatnonzero(part == name).tolist()) for name in (*PARTS, "none"))
-    gap_mm, gap_deg = _gap_of_motion(gap, poses, points_model, camera)
-    return Split(train, val_views, test_views, none, gap, _distance_of_parts(places, part), gap_mm, gap_deg)
+    return Split(train, val_views, test_views, none, gap)
 
 
 def embedded(poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera) -> np.ndarray:
@@ -200,36 +181,3 @@ def _nearest(places: np.ndarray, others: np.ndarray, limit: float) -> np.ndarray
         return np.full(len(places), np.inf)
     distances, _ = cKDTree(others).query(places, distance_upper_bound=limit)
     return np.asarray(distances)
-
-
-def _distance_of_parts(places: np.ndarray, part: np.ndarray) -> float:
-    test, val, train = (places[part == name] for name in ("test", "val", "train"))
-    largest, limit, nearest = float(np.ptp(places, axis=0).sum()), 1.0, np.inf
-    # a search within a small distance is much faster
-    while nearest == np.inf and limit < 4 * largest + 4:
-        limit *= 4
-        pairs = ((val, test), (train, np.concatenate([test, val])))
-        nearest = min(float(_nearest(one, other, limit).min()) for one, other in pairs)
-    return nearest
-
-
-def _gap_of_motion(
-    gap_px: float, poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera
-) -> tuple[float, float]:
-    """The gap as a shift, mm, and as a tilt, degrees, to first order, at the median of at most 100 of the poses."""
-    middle = points_model.mean(axis=0)
-    some = poses[:: -(-len(poses) // 100)]
-    turned = []
-    for pose in some:
-        cam_from_middle = rigid(translation=transform_points(pose, middle[None])[0])
-        turned += [
-            cam_from_middle @ rigid(rotation_from_vector(np.radians(axis))) @ inverse_rigid(cam_from_middle) @ pose
-            for axis in np.eye(3)[:2]
-        ]
-    moved = embedded(np.stack(turned), points_model, camera) - np.repeat(
-        embedded(some, points_model, camera), 2, axis=0
-    )
-    px_per_deg = float(np.median(np.linalg.norm(moved, axis=1)))
-    depth = float(np.median(some[:, 2, :3] @ middle + some[:, 2, 3]))
-    shift = gap_px * max(depth, LEAST_DEPTH_MM) / np.sqrt(camera.fx * camera.fy)
-    return float(shift), gap_px / px_per_deg if px_per_deg > 0 else np.inf

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..dataset import layout
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import CHECKSUMS, RECORD, advice_without_record, check_no_pack
+from ..dataset.layout import CHECKSUMS, RECORD, VIEWS_PER_SCENE, advice_without_record, check_no_pack
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..files.content import read_content
@@ -19,10 +18,7 @@ AGAIN = "run the command that rendered it again"
 
 @dataclass(frozen=True)
 class WholeDataset:
-    """A dataset that is complete, as far as names and the files beside its views tell.
-
-    ``description`` and ``sums`` are ``dataset.json`` and ``checksums.json``.
-    """
+    """A dataset that is complete, as far as names tell: ``dataset.json`` and ``checksums.json`` of a folder."""
 
     root: Path
     description: Description
@@ -31,30 +27,25 @@ class WholeDataset:
     @property
     def targets(self) -> frozenset[int]:
         """The views that ``test_targets_bop19.json`` names."""
-        entries = self.table(TARGETS)
-        return frozenset(entry["scene_id"] * layout.VIEWS_PER_SCENE + entry["im_id"] for entry in entries)
+        return frozenset(entry["scene_id"] * VIEWS_PER_SCENE + entry["im_id"] for entry in self.table(TARGETS))
 
     def table(self, name: str) -> Any:
-        """The value in a JSON file beside the views.
-
-        Raises
-        ------
-        InputError
-            It is not the file that the run has written.
-        """
-        _check_sum(self.root, self.sums, name)
+        """The value in a JSON file beside the views, which is the one that the run has written."""
+        self.check(name)
         return parsed_json(read_content(self.root / name, "a table of the dataset"), name)
+
+    def check(self, name: str) -> None:
+        """Check that a file is the one that ``checksums.json`` lists."""
+        known = self.sums.files.get(name)
+        problem = f"{name} is not among them" if known is None else damaged_file(self.root, name, known, hashes=True)
+        if problem is not None:
+            raise InputError(
+                f"{self.root}: expected the files that {CHECKSUMS} lists, but {problem}; remove the file, and {AGAIN}"
+            )
 
 
 def open_whole_dataset(root: Path) -> WholeDataset:
-    """Open the folder of a dataset.
-
-    Raises
-    ------
-    InputError
-        No dataset, an unfinished one, or one whose files beside the views were changed. The message says which views
-        are missing.
-    """
+    """Open the folder of a complete dataset, whose files beside the views are those that the run has written."""
     check_no_pack(root)
     if not (root / RECORD).is_file():
         raise InputError(
@@ -72,16 +63,7 @@ def open_whole_dataset(root: Path) -> WholeDataset:
         raise InputError(
             f"{root}: expected a complete dataset, found no {CHECKSUMS} of it, which is written last; {AGAIN}"
         )
+    dataset = WholeDataset(root, description, sums)
     for name in (*COPIED, TARGETS):
-        _check_sum(root, sums, name)
-    return WholeDataset(root, description, sums)
-
-
-def _check_sum(root: Path, sums: Checksums, name: str) -> None:
-    """Check that a file is the one that ``checksums.json`` lists; InputError if not."""
-    known = sums.files.get(name)
-    problem = f"{name} is not among them" if known is None else damaged_file(root, name, known, hashes=True)
-    if problem is not None:
-        raise InputError(
-            f"{root}: expected the files that {CHECKSUMS} lists, but {problem}; remove the file, and {AGAIN}"
-        )
+        dataset.check(name)
+    return dataset

@@ -124,14 +124,7 @@ class PlannedPose:
 
 
 def plan_pose(distribution: Drawn, constraints: Constraints, probe: Probe, *, seed: int, index: int) -> PlannedPose:
-    """Draw poses of view ``index`` until one meets the constraints; the random numbers depend on (seed, index) only.
-
-    Raises
-    ------
-    InputError
-        None of ``max_attempts`` poses meets the constraints; the message says how many poses broke each constraint,
-        the best value of each, and which one to loosen.
-    """
+    """Draw poses of view ``index`` until one meets the constraints; the random numbers depend on (seed, index) only."""
     rng = np.random.default_rng([seed, index])
     rejections, rejected = Rejections(), []
     for attempt in range(1, constraints.max_attempts + 1):

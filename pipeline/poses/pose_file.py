@@ -19,30 +19,11 @@ POSE_KEY = "cam_from_mesh"
 LARGEST_LIST = 128 << 20
 """Bytes of an array of poses: a million of them."""
 
-FORMER_POSE_KEY = "cam_from_model"
-"""The name of :data:`POSE_KEY` in files of version 0.1; readers accept it."""
-
 OTHER_CONVENTION = (
     "cam_from_mesh maps the mesh to OpenCV axes (z forward): invert the matrix if it is mesh_from_cam, negate its 2nd "
     "and 3rd row if its axes are OpenGL's, and give mesh and translation in the same unit"
 )
 """What to do about poses that show nothing."""
-
-
-def pose_key(table: Mapping[str, object], where: str) -> str:
-    """Find the key of the pose in a table; ``where`` begins the message, such as ``"case.toml: [pose] "``.
-
-    Raises
-    ------
-    InputError
-        There is no such key, or there are two.
-    """
-    found = [key for key in (POSE_KEY, FORMER_POSE_KEY) if key in table]
-    if not found:
-        raise InputError(f"{where}expected the key {POSE_KEY}, found {', '.join(list(table)[:20]) or 'none'}")
-    if len(found) > 1:
-        raise InputError(f"{where}expected either {POSE_KEY} or its old name {FORMER_POSE_KEY}, found both; remove one")
-    return found[0]
 
 
 def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str | None]:
@@ -59,12 +40,6 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
     Returns
     -------
     ``(4, 4)`` float64, mm, and a message if the rotation had to be corrected, else ``None``.
-
-    Raises
-    ------
-    InputError
-        The file is missing or has another format, or the pose is not rigid (see
-        :func:`oneframe.transforms.checked_rigid`).
     """
     path = Path(path)
     data = read_content(path, "a file with a pose", most=LARGEST_FILE)
@@ -92,7 +67,7 @@ def _matrix(data: bytes, name: str) -> object:
 def _entry(text: str, name: str) -> object:
     """The pose of a JSON dictionary; under another name a matrix may go the other way, or have other axes."""
     table = parsed_json(text, name)
-    found = next((table[key] for key in (POSE_KEY, FORMER_POSE_KEY) if key in table), None)
+    found = table.get(POSE_KEY)
     if found is None:
         names = ", ".join(map(repr, list(table)[:20])) or "none"
         raise InputError(
@@ -118,12 +93,6 @@ def read_poses(
     Returns
     -------
     ``(N, 4, 4)`` rigid ``cam_from_model``, mm, and messages for the user.
-
-    Raises
-    ------
-    InputError
-        Another extension; a file that is missing, unreadable or corrupt; not poses, or none; a pose that is not rigid
-        (see :func:`oneframe.transforms.checked_rigid`; the message names its index from 0).
     """
     path = Path(path)
     entries = _listed(path)
@@ -175,7 +144,9 @@ def _converted(
     corrected = []
     for number, entry in entries.items():
         where = f"{what} {number} (counted from 0)"
-        matrix = entry[pose_key(entry, f"{where}: ")] if isinstance(entry, dict) else entry
+        if isinstance(entry, dict) and POSE_KEY not in entry:
+            raise InputError(f"{where}: expected the key {POSE_KEY}, found {', '.join(list(entry)[:20]) or 'none'}")
+        matrix = entry[POSE_KEY] if isinstance(entry, dict) else entry
         pose, message = checked_rigid(matrix, where)
         pose[:3, 3] *= mm_per_unit
         poses[number] = pose @ mesh_from_model
@@ -200,12 +171,6 @@ def read_frame_poses(
     Returns
     -------
     For each frame the rigid ``cam_from_model`` (4x4, mm) or ``None``; and messages for the user.
-
-    Raises
-    ------
-    InputError
-        As for :func:`read_poses`; or the number of poses is not that of the frames, a frame is named twice, does not
-        exist or is an image of a folder, or no frame has a pose.
     """
     path = Path(path)
     entries = _by_frame(_listed(path), path.name, frames)

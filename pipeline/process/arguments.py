@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn
 
 from ..errors import InputError, RunError
 from ..files.keys import nearest_name
@@ -31,13 +31,7 @@ class ArgumentParser(argparse.ArgumentParser):
         raise InputError(f"command line: {message}; --help shows all options")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
-        """Parse all arguments.
-
-        Raises
-        ------
-        InputError
-            An unknown option, or a missing or unusable value.
-        """
+        """Parse all arguments."""
         # before argparse, which would only report the option that the user misspelt as missing
         self._check_names(itertools.takewhile(lambda argument: argument != "--", argv))
         arguments, unknown = self.parse_known_args(argv)
@@ -54,43 +48,6 @@ class ArgumentParser(argparse.ArgumentParser):
                 raise InputError(f"command line: unknown argument {name!r}; {nearest_name(name, known)}")
 
 
-class Command(Protocol):
-    """A module of :mod:`oneframe.commands`.
-
-    Attributes
-    ----------
-    ABOUT
-        The description: one sentence. No docstring, which ``python -OO`` drops.
-    EPILOG
-        Examples and notes at the end of ``--help``; ``%(prog)s`` stands for how the user calls it.
-    """
-
-    ABOUT: str
-    EPILOG: str
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Add the arguments of this command."""
-
-    def run(self, arguments: argparse.Namespace) -> int | None:
-        """Do it; gives an exit code other than 0. The arguments as they were typed are ``argv`` of the namespace."""
-
-
-def command_parser(prog: str, command: Command) -> ArgumentParser:
-    """The parser of a command that the user calls by ``prog``."""
-    layout = argparse.RawDescriptionHelpFormatter
-    parser = ArgumentParser(prog=prog, description=command.ABOUT, epilog=command.EPILOG, formatter_class=layout)
-    command.add_arguments(parser)
-    return parser
-
-
-def run_command(prog: str, command: Command, argv: Sequence[str]) -> int:
-    """Parse the arguments of a command and run it; gives its exit code."""
-    with _explained_imports():
-        arguments = command_parser(prog, command).parse(argv)
-        arguments.argv = argv
-        return command.run(arguments) or 0
-
-
 def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str], float]:
     """The ``type`` of an argument that is a finite number of a kind, and not below another."""
 
@@ -105,7 +62,7 @@ def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str]
 
 
 @contextmanager
-def _explained_imports() -> Iterator[None]:
+def explained_imports() -> Iterator[None]:
     """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error."""
     try:
         yield
@@ -134,28 +91,3 @@ def resumable() -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         raise KeyboardInterrupt("stopped; run the same command again to continue") from None
-
-
-def add_cluster_arguments(group: argparse._ArgumentGroup) -> None:
-    """Add the options of a command that gives its work to a Dask cluster."""
-    group.add_argument(
-        "--cluster", metavar="ADDRESS", help="render on the workers of a Dask cluster: the address "
-        "of its scheduler, such as tls://host:8786"
-    )  # fmt: skip
-    group.add_argument(
-        "--insecure", action="store_true", help="with --cluster: take a scheduler on another machine without "
-        "TLS, though everybody in its network can run programs as you"
-    )  # fmt: skip
-
-
-def check_cluster_arguments(arguments: argparse.Namespace, *others: str) -> None:
-    """Raise InputError for options of a cluster without one; ``others`` are those of the command itself."""
-    for name in ("insecure", *others):
-        if getattr(arguments, name) and arguments.cluster is None:
-            flag = "--" + name.replace("_", "-")
-            raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
-    if arguments.cluster is not None and arguments.workers:
-        raise InputError(
-            f"command line: --cluster: expected without --workers, found --workers {arguments.workers}; the cluster's "
-            "workers do the work: leave --workers out"
-        )

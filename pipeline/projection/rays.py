@@ -39,13 +39,7 @@ class Hits(NamedTuple):
 
 
 def require_embree() -> None:
-    """Check that rays can be cast.
-
-    Raises
-    ------
-    InputError
-        The package is not installed.
-    """
+    """Check that rays can be cast."""
     try:
         import embreex.mesh_construction  # noqa: F401
     except ImportError:
@@ -59,10 +53,7 @@ class MeshRays:
     """Casts rays at one mesh."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        """Keep the mesh: the first rays build the search structure, which takes a second for a million faces.
-
-        Errors are those of :func:`require_embree`.
-        """
+        """Keep the mesh: the first rays build the search structure, which takes a second for a million faces."""
         require_embree()
         self._mesh = mesh
 

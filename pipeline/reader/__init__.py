@@ -6,6 +6,7 @@ In: the folder of ``oneframe render`` or of ``oneframe pack``. Out: arrays, by `
 from .background import with_background
 from .dataset import Dataset, open_dataset
 from .distorted import DistortedView
-from .view import Boxes, View
+from .files import Boxes
+from .view import View
 
 __all__ = ["Boxes", "Dataset", "DistortedView", "View", "open_dataset", "with_background"]

@@ -1,27 +1,25 @@
 """A dataset as a sequence of views."""
 
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Self, overload
+from typing import overload
 
+from ..dataset.checksums import damaged_file
 from ..dataset.dataset_file import Description, read_description
 from ..dataset.layout import MANIFEST, RECORD, advice_without_record, scene_count, scene_views
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
-from ..packing.layout import WORK, is_shard, shard_name
-from ..packing.manifest import read_manifest
+from ..packing.layout import shard_name
+from ..packing.manifest import complete_manifest
 from ..packing.whole_dataset import AGAIN
-from .folder_files import FolderFiles
-from .pack_files import PackFiles
-from .view import View, ViewFiles
+from .files import FolderFiles, PackFiles, ViewFiles
+from .view import View
 
 
 class Dataset(Sequence[View]):
     """Views by their place, in the order of the pack; for the folder of a dataset, in that of their numbers.
 
-    Slices are datasets, too. It can be pickled, and used by threads and forked processes; each opens its own files.
+    Slices are datasets, too. It can be pickled, and used by threads and forked processes: no file stays open.
     """
 
     def __init__(
@@ -48,20 +46,8 @@ class Dataset(Sequence[View]):
     def __iter__(self) -> Iterator[View]:
         return (View(index, self._files) for index in self._views)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def __repr__(self) -> str:
         return f"<{len(self)} views of {self.name}>"
-
-    def close(self) -> None:
-        """Close all files; a pack gives no more views then, and neither do its slices."""
-        self._files.close()
 
     @property
     def name(self) -> str:
@@ -91,20 +77,10 @@ def open_dataset(path: str | Path) -> Dataset:
     ----------
     path
         What ``--out`` of ``oneframe render`` or ``oneframe pack`` named.
-
-    Raises
-    ------
-    InputError
-        Neither, unfinished, damaged, or of another format. The message says what is missing.
     """
     folder = Path(path)
     if (folder / MANIFEST).is_file():
         return _open_pack(folder)
-    if any(is_shard(name) for name in _names(folder)) or (folder / WORK / "plan.json").is_file():
-        raise InputError(
-            f"{folder}: expected a complete pack, found no {MANIFEST} in it, which is written last; run the command "
-            "that packs it again"
-        )
     if not (folder / RECORD).is_file():
         raise InputError(
             f"{folder}: expected the folder of a dataset or a pack, found neither {RECORD} nor {MANIFEST} in it; "
@@ -126,30 +102,19 @@ def _files_in(folder: Path) -> ViewFiles:
 
 
 def _open_pack(folder: Path) -> Dataset:
-    manifest, description = read_manifest(folder), read_description(folder / RECORD)
-    if manifest.plan.identity != description.identity:
+    manifest = complete_manifest(folder)
+    plan, description = manifest.plan, read_description(folder / RECORD)
+    if plan.identity != description.identity:
         raise InputError(
             f"{folder}: expected {MANIFEST} and {RECORD} of one dataset, found those of two; copy or pack it again"
         )
     places: list[range] = []
-    for number, (known, views) in enumerate(zip(manifest.shards, manifest.plan.shards(), strict=True)):
+    for number, views in enumerate(plan.shards()):
         name = shard_name(number)
-        try:
-            size = (folder / name).stat().st_size
-        except OSError:
-            raise InputError(f"{folder}: expected the shard {name}, found none; copy or pack it again") from None
-        if size != known.bytes:
-            raise InputError(
-                f"{folder / name}: expected {known.bytes} bytes, found {size}: the shard is cut off or another "
-                "one; copy or pack it again"
-            )
+        known = manifest.files.get(name)
+        problem = f"{MANIFEST} does not list {name}" if known is None else damaged_file(folder, name, known)
+        if problem:
+            raise InputError(f"{folder}: expected whole shards, but {problem}; copy or pack it again")
         first = places[-1].stop if places else 0
         places.append(range(first, first + len(views)))
-    return Dataset(PackFiles(folder, description, _files_in, manifest.plan), description, manifest.plan.views, places)
-
-
-def _names(folder: Path) -> list[str]:
-    try:
-        return os.listdir(folder)
-    except OSError:
-        return []
+    return Dataset(PackFiles(folder, description, _files_in, plan), description, plan.views, places)

@@ -23,11 +23,6 @@ class DistortedView:
         """Prepare a view.
 
         ``coefficients`` are OpenCV's k1, k2, p1, p2, k3; those of the case's frame if left out.
-
-        Raises
-        ------
-        InputError
-            No such numbers, ones that fold the image over, or none where the frame had none.
         """
         camera = view.files.description.camera
         if coefficients is None:

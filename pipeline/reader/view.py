@@ -1,121 +1,20 @@
 """One view of a dataset, whose parts are read and decoded when they are first asked for."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
-from ..dataset.dataset_file import Description
-from ..dataset.decoding import decoded, depth_mm
-from ..dataset.identity import eyes_apart
-from ..dataset.layout import MODEL_FILES, eyes_of
-from ..dataset.model_file import read_model
+from ..camera.pinhole import PinholeCamera
+from ..dataset.decoding import depth_mm
 from ..dataset.normals import normal_codes, unit_vectors
-from ..dataset.options import RIGHT
-from ..dataset.run.resume_record import Box
-from ..dataset.truths import TRUTHS, points_model
+from ..dataset.truths import points_model
 from ..errors import InputError
-from ..surface.mesh import TriangleMesh
-from .flow import flow
+from ..transforms import transform_points
+from .files import Boxes, Numbers, ViewFiles
 
-
-@dataclass(frozen=True)
-class Boxes:
-    """Boxes of the surface: (x, y, x_max - x, y_max - y) in px, as in BOP; (-1, -1, -1, -1) if it is not visible.
-
-    Attributes
-    ----------
-    bbox_obj
-        Of the whole silhouette, including what is outside the image.
-    bbox_visib
-        Of the part in the image.
-    """
-
-    bbox_obj: Box
-    bbox_visib: Box
-
-
-@dataclass(frozen=True)
-class Numbers:
-    """The numbers of a view.
-
-    Attributes
-    ----------
-    k
-        ``(3, 3)`` px_from_cam.
-    cam_from_model
-        ``(4, 4)`` rigid, mm.
-    depth_scale
-        Millimetres per unit of the 16-bit depth image.
-    boxes
-        As in BOP's ``scene_gt_info.json``.
-    visib_fract
-        Visible fraction of the silhouette, 0..1.
-    """
-
-    k: np.ndarray
-    cam_from_model: np.ndarray
-    depth_scale: float
-    boxes: Boxes
-    visib_fract: float
-
-
-class ViewFiles:
-    """Where views come from: a folder or a pack. All methods may be called by several threads at once."""
-
-    root: Path
-    description: Description
-    opened: Callable[[Path], "ViewFiles"]
-
-    @cached_property
-    def right(self) -> "ViewFiles":
-        """Those of the right eyes, opened when they are first asked for.
-
-        Raises
-        ------
-        InputError
-            There are none, or they do not belong to these views.
-        """
-        folder = eyes_of(self.root)[-1]
-        if folder == self.root:
-            raise InputError(f"{self.root}: expected the folder {RIGHT} in it, found none; render with --stereo-mm")
-        files = self.opened(folder)
-        if apart := eyes_apart(self.description.content, files.description.content):
-            raise InputError(f"{folder}: expected the right eyes of these views: {apart}")
-        return files
-
-    @cached_property
-    def mesh(self) -> TriangleMesh:
-        """The surface, model frame, read when it is first asked for."""
-        return read_model(self.root, MODEL_FILES[0])[0]
-
-    def read(self, index: int, kind: str) -> tuple[bytes, str]:
-        """The content of a file of a view, by the name of its array; its name for messages."""
-        raise NotImplementedError
-
-    def numbers(self, index: int) -> Numbers:
-        """The numbers of a view."""
-        raise NotImplementedError
-
-    def array(self, index: int, kind: str) -> np.ndarray:
-        """An array of a view, as its file holds it: see :data:`~oneframe.dataset.truths.TRUTHS`.
-
-        Raises
-        ------
-        InputError
-            The dataset has none, or it is damaged.
-        """
-        if kind not in self.description.kinds:
-            raise InputError(
-                f"view {index}: expected an array of the dataset, {', '.join(self.description.kinds)}; found {kind}"
-            )
-        data, where = self.read(index, kind)
-        return decoded(data, TRUTHS[kind].form, self.description.camera.shape_hw, where)
-
-    def close(self) -> None:
-        """Give back all handles of files."""
+ROUNDING = 1e-5
+"""Allowed relative error of a depth that was computed in single precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,13 +85,7 @@ class View:
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface.
-
-        Raises
-        ------
-        InputError
-            The dataset was rendered without ``--normals``.
-        """
+        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface."""
         return unit_vectors(self.files.array(self.index, "normals"))
 
     @cached_property
@@ -201,11 +94,6 @@ class View:
 
         They are those of the model's triangles at the pixels' centres, not differences of the depth: these mix surfaces
         at every edge and step, and its rounding tilts them.
-
-        Raises
-        ------
-        InputError
-            There is surface behind the camera, and the package embreex is not installed.
         """
         if "normals" in self.files.description.kinds:
             return self.normals
@@ -245,11 +133,6 @@ class View:
         ``(H, W, 2)`` float32 px: ``(u, v)`` in ``other`` minus ``(u, v)`` here, NaN where there is no surface or it is
         behind the other camera; and ``(H, W)`` bool: it is in the other image, and nothing in the other's depth hides
         it. Beside an outline there, half a pixel decides.
-
-        Raises
-        ------
-        InputError
-            The other view shows another surface.
         """
         its = other.files.description
         if its.content.get("geometry_sha256") != self.files.description.content.get("geometry_sha256"):
@@ -259,13 +142,7 @@ class View:
 
     @cached_property
     def right(self) -> "View":
-        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``.
-
-        Raises
-        ------
-        InputError
-            There is none.
-        """
+        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``."""
         return View(self.index, self.files.right)
 
     @cached_property
@@ -297,3 +174,48 @@ class View:
     @cached_property
     def _numbers(self) -> Numbers:
         return self.files.numbers(self.index)
+
+
+def flow(
+    points_model: np.ndarray,
+    camera: PinholeCamera,
+    cam_from_model: np.ndarray,
+    depth_mm: np.ndarray,
+    rounding_mm: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Optical flow to a view, and what of the surface can be seen in it.
+
+    Parameters
+    ----------
+    points_model
+        ``(H, W, 3)`` points of the surface at the pixels' centres, model frame, mm; NaN where there is none.
+    camera, cam_from_model, depth_mm
+        Of the other view: intrinsics, pose (4x4, mm) and its ``(h, w)`` depth, 0 where there is no surface.
+    rounding_mm
+        By which the depths of both may be rounded together.
+
+    Returns
+    -------
+    ``(H, W, 2)`` float32 px, NaN where there is no surface or it is behind the other camera; and ``(H, W)`` bool.
+
+    Notes
+    -----
+    A point is hidden if it is farther away than the surface between the four pixels around its place, by more than half
+    of what these differ by: no slope hides itself, and beside an outline it counts what has more of the place.
+    """
+    height, width = points_model.shape[:2]
+    points_cam = transform_points(cam_from_model, points_model.reshape(-1, 3).astype(np.float64))
+    there = camera.project(points_cam)
+    visible = camera.contains(there)
+    u, v = there[visible].clip(0, [camera.width - 1, camera.height - 1]).T
+    left, top = (np.minimum(at.astype(np.intp), size - 2) for at, size in ((u, camera.width), (v, camera.height)))
+    z = points_cam[visible, 2]
+    around_mm = np.stack([depth_mm[top + down, left + right] for down in (0, 1) for right in (0, 1)])
+    # what shows no surface hides nothing; the inverse depth of a plane is affine in the pixel
+    corners = 1.0 / np.where(around_mm > 0, around_mm, z)
+    right, down = u - left, v - top
+    weights = np.stack([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down])
+    nearer = (weights * corners).sum(axis=0) - (corners.max(axis=0) - corners.min(axis=0)) / 2
+    visible[visible] = nearer * (z * (1 - ROUNDING) - rounding_mm) <= 1
+    here = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    return (there.reshape(height, width, 2) - here).astype(np.float32), visible.reshape(height, width)

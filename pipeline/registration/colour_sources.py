@@ -8,7 +8,6 @@ same points as the case's frame, they do not show the same.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,12 +17,10 @@ from ..images.pixel_values import sample_bilinear
 from ..light.exposure import matched_exposures
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
-from .register import RegisteredFrame
-from .verdict import ACCEPTED
+from .further_frames import FurtherFrame, evenly
 
-MOST_CANDIDATES = 60
-"""Frames that are compared: of more, evenly chosen ones."""
 MOST_JUDGES = 20
+"""Frames left out that are asked: of more, evenly chosen ones."""
 STEP_PX, JUDGED_STEP_PX = 4, 8
 """Between the pixels that are compared with the case's frame, and with the frames left out."""
 BLOCK_PX, LEAST_PIXELS = 16, 8
@@ -43,98 +40,25 @@ LEAST_GAIN = 0.05
 BLURRED, COVERED = "blurred", "covered"
 
 
-class Candidate(NamedTuple):
-    """A registered frame.
-
-    Its number, ``(H, W, 3)`` uint8 undistorted image at the size of registration, ``(H, W)`` bool pixels that may be
-    used, and its pose ``(4, 4)``, mm.
-    """
-
-    number: int
-    image: np.ndarray
-    valid: np.ndarray
-    cam_from_model: np.ndarray
-
-
-class Candidates:
-    """Collects the frames that may colour a surface, evenly chosen of all: as many as may be compared."""
-
-    def __init__(self) -> None:
-        self.frames: list[Candidate] = []
-        self._count, self._step = 0, 1
-
-    def add(self, number: int, image: np.ndarray, valid: np.ndarray, found: RegisteredFrame) -> None:
-        """Take the next frame, see :class:`Candidate`, if it is accepted."""
-        if found.cam_from_model is None or found.verdict.state != ACCEPTED:
-            return
-        if self._count % self._step == 0:
-            self.frames.append(Candidate(number, image, valid, found.cam_from_model))
-        self._count += 1
-        if len(self.frames) > MOST_CANDIDATES:
-            del self.frames[1::2]
-            self._step *= 2
-
-
-@dataclass(frozen=True)
-class ColourFrame:
-    """A frame that is taken.
-
-    Attributes
-    ----------
-    candidate
-        The frame.
-    added
-        Share of what the frames left out show of the surface that it colours and those before it do not, 0..1.
-    error_before, error_after
-        Mean difference of the frames left out from the surface's colours, without and with it, code values of 255.
-    judges
-        Number of frames left out.
-    """
-
-    candidate: Candidate
-    added: float
-    error_before: float
-    error_after: float
-    judges: int
-
-
 @dataclass(frozen=True)
 class ColourChoice:
-    """What was chosen: the frames, in the order in which they colour, and how many could not be taken.
+    """What was chosen.
 
     Attributes
     ----------
-    frames
-        The one first that helps most.
-    compared
-        Number of accepted frames that were compared.
-    blurred, covered
-        Those of them that are blurred, and in which something covers the surface.
+    numbers
+        Of the frames, in the order in which they colour: the one first that helps most.
+    lines
+        What each of them brought, and why others were not taken, in sentences.
     """
 
-    frames: tuple[ColourFrame, ...]
-    compared: int
-    blurred: int
-    covered: int
-
-    def lines(self) -> list[str]:
-        """What each frame brought, in sentences."""
-        lines = [
-            f"frame {each.candidate.number} colours {100 * each.added:.1f} % more of what {each.judges} frames left "
-            f"out show: their mean difference from the surface's colours is {each.error_after:.2f} instead of "
-            f"{each.error_before:.2f} of 255"
-            for each in self.frames
-        ]
-        clear = self.compared - self.blurred - self.covered
-        lines.append(
-            f"of {self.compared} accepted frames, {self.blurred} are blurred and {self.covered} covered in part; of "
-            f"the other {clear}, {len(self.frames) or 'none'} {'brings' if len(self.frames) == 1 else 'bring'} the "
-            f"surface's colours nearer to what those left out show"
-        )
-        return lines
+    numbers: tuple[int, ...]
+    lines: tuple[str, ...]
 
 
-def chosen_sources(mesh: TriangleMesh, source: SourceView, candidates: Sequence[Candidate], count: int) -> ColourChoice:
+def chosen_sources(
+    mesh: TriangleMesh, source: SourceView, candidates: Sequence[tuple[FurtherFrame, np.ndarray]], count: int
+) -> ColourChoice:
     """Choose frames one by one, each time the one that lowers the error over the frames left out most.
 
     Parameters
@@ -144,47 +68,55 @@ def chosen_sources(mesh: TriangleMesh, source: SourceView, candidates: Sequence[
     source
         The case's own frame, which comes first.
     candidates
-        The registered frames, by the same camera.
+        Registered frames by the same camera, and their poses ``cam_from_model`` ``(4, 4)``, mm.
     count
         How many at most.
     """
-    clear: list[tuple[Candidate, SourceView, np.ndarray]] = []
-    states: list[str] = []
-    for each in candidates:
-        shown, faces = _view(mesh, source, each)
+    views, shown_faces, flaws = dict[int, SourceView](), dict[int, np.ndarray](), list[str]()
+    for frame, pose in candidates:
+        shown, faces = _view(mesh, source, frame, pose)
         view = matched_exposures([source, shown])[1]
-        states.append(_flaw(source, view))
-        if not states[-1]:
-            clear.append((each, view, faces))
-    chosen = evenly(len(clear), MOST_JUDGES)
-    judges = {at: _Judge.of(mesh.face_normals, source, *clear[at][1:]) for at in chosen}
-    left, frames = list(range(len(clear))), list[ColourFrame]()
-    while len(frames) < count and left:
-        tried = {at: _helped([judge for of, judge in judges.items() if of != at], clear[at][1]) for at in left}
-        at = max(left, key=lambda each: tried[each][1] - tried[each][2])
-        added, before, after = tried[at]
+        flaws.append(_flaw(source, view))
+        if not flaws[-1]:
+            views[frame.number], shown_faces[frame.number] = view, faces
+    judges = {
+        number: _Judge.of(mesh.face_normals, source, views[number], shown_faces[number])
+        for number in evenly(list(views), MOST_JUDGES)
+    }
+    left, chosen, lines = list(views), list[int](), list[str]()
+    while len(chosen) < count and left:
+        tried = {
+            number: _helped([judge for other, judge in judges.items() if other != number], views[number])
+            for number in left
+        }
+        best = max(left, key=lambda number: tried[number][1] - tried[number][2])
+        added, before, after = tried[best]
         if not before - after > LEAST_GAIN:
             break
-        left.remove(at)
-        judges.pop(at, None)
-        frames.append(ColourFrame(clear[at][0], added, before, after, len(judges)))
-        judges = {of: judge.coloured_by(clear[at][1]) for of, judge in judges.items()}
-    return ColourChoice(tuple(frames), len(candidates), states.count(BLURRED), states.count(COVERED))
+        left.remove(best)
+        judges.pop(best, None)
+        chosen.append(best)
+        lines.append(
+            f"frame {best} colours {100 * added:.1f} % more of what {len(judges)} frames left out show: their mean "
+            f"difference from the surface's colours is {after:.2f} instead of {before:.2f} of 255"
+        )
+        judges = {number: judge.coloured_by(views[best]) for number, judge in judges.items()}
+    lines.append(
+        f"of {len(flaws)} accepted frames, {flaws.count(BLURRED)} are blurred and {flaws.count(COVERED)} covered in "
+        f"part; of the other {len(views)}, {len(chosen) or 'none'} {'brings' if len(chosen) == 1 else 'bring'} the "
+        f"surface's colours nearer to what those left out show"
+    )
+    return ColourChoice(tuple(chosen), tuple(lines))
 
 
-def evenly(count: int, most: int) -> list[int]:
-    """Indices of at most so many of ``count`` things, from the first to the last."""
-    return sorted({round(at) for at in np.linspace(0, count - 1, min(count, most))}) if count else []
-
-
-def _view(mesh: TriangleMesh, source: SourceView, candidate: Candidate) -> tuple[SourceView, np.ndarray]:
-    """A candidate as a view of the surface, and the faces that it shows at the pixels of a judge, -1 for none."""
-    raster = rasterise_depth(mesh, source.camera, candidate.cam_from_model)
-    shown = (raster.face >= 0) & candidate.valid
-    inverse = np.where(shown, raster.inverse_depth, 0).astype(np.float32)
-    image = candidate.image.astype(np.float32) / 255
-    pose, valid = candidate.cam_from_model, candidate.valid
-    view = replace(source, image=image, valid=valid, cam_from_model=pose, inverse_depth=inverse)
+def _view(
+    mesh: TriangleMesh, source: SourceView, frame: FurtherFrame, pose: np.ndarray
+) -> tuple[SourceView, np.ndarray]:
+    """A frame as a view of the surface, and the faces that it shows at the pixels of a judge, -1 for none."""
+    raster = rasterise_depth(mesh, source.camera, pose)
+    shown = (raster.face >= 0) & frame.valid
+    inverse, image = np.where(shown, raster.inverse_depth, 0).astype(np.float32), frame.image.astype(np.float32) / 255
+    view = replace(source, image=image, valid=frame.valid, cam_from_model=pose, inverse_depth=inverse)
     return view, raster.face[::JUDGED_STEP_PX, ::JUDGED_STEP_PX].copy()
 
 

@@ -1,24 +1,33 @@
-"""Correct the pose of a case by further frames of its surface."""
+"""Correct the pose of a case's frame, the source, by further frames of its surface.
 
-from collections.abc import Callable, Mapping, Sequence
+A pixel of the source lies on the surface where its ray meets it: at a wrong pose of the source in a wrong place. Frames
+that see the place from other sides cannot all agree on it, whatever their poses, unless the source's is right. All
+poses are found together, as in bundle adjustment (Triggs et al. 2000) with points that stay on the surface.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from ..alignment.levenberg_marquardt import Loss
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..case.alignment_record import FURTHER_FRAMES
+from ..alignment.reprojection import Poses, apply_twist, twist_jacobians
+from ..camera.pinhole import PinholeCamera
 from ..case.loaded_case import LoadedCase
+from ..case.pose_record import FURTHER_FRAMES, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.numbers import format_two_digits
-from ..transforms import inverse_rigid, rotation_angle_deg, transform_points
-from .colour_sources import Candidate
+from ..projection.rays import MeshRays
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, cross_matrices, inverse_rigid, rotation_angle_deg, transform_points
 from .flow_refinement import FlowFit
-from .register_frames import CaseRegistrar, FurtherFrame
-from .source_correction import SourceCorrection, SourceFit, Track
+from .further_frames import FrameReader, FurtherFrame
+from .register import Registrar
 from .surface_check import SurfaceCheck
-from .verdict import ACCEPTED, SPREAD
+from .verdict import ACCEPTED, SPREAD, blocks_of
 
 MOST_FRAMES, LEAST_FRAMES = 24, 3
 MOST_PIXELS = 600
@@ -32,6 +41,13 @@ LARGEST_DEG = 1.0
 MOST_WRONG = 0.5
 """Of the places that frames put elsewhere at the case's pose, the part that may be there at the corrected one too: 0.02
 where that pose was off, 0.7 and more where the surface is wrong."""
+LOSS = Loss(1.0)
+MOST_STEPS, SETTLED = 60, 1e-6
+"""Steps of a fit, and the share of the cost below which one is the last."""
+STEEPEST = 0.2
+"""Cosine between ray and normal below which a pixel's place on the surface is too uncertain."""
+LEAST_BEND = 0.2
+"""Below it, most pixels are outliers, and the formula for the covariance does not hold."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +67,7 @@ class CorrectedSource:
 
 
 def correct_source(
-    loaded: LoadedCase,
-    folder_or_video: Path,
-    *,
-    tool: str,
-    date: str,
-    progress: Callable[[float], None],
+    loaded: LoadedCase, folder_or_video: Path, *, tool: str, date: str, progress: Callable[[float], None]
 ) -> CorrectedSource:
     """Correct the pose of a case by frames of a folder or a video, spread evenly over it.
 
@@ -70,85 +81,73 @@ def correct_source(
         For the record in the case.
     progress
         Called with the finished share, 0..1.
-
-    Raises
-    ------
-    InputError
-        The frames cannot be used, too few of them are accepted, they leave the pose open, or they put the surface
-        elsewhere at the corrected pose too.
     """
-    registrar, name, first = CaseRegistrar(loaded), folder_or_video.name, loaded
-    with registrar.frames(folder_or_video) as opened:
+    registrar, reader, name = Registrar(loaded), FrameReader(loaded.case), folder_or_video.name
+    with reader.opened(folder_or_video) as opened:
         every = -(-opened.count // MOST_FRAMES)
-    with registrar.frames(folder_or_video, every) as opened:
+    with reader.opened(folder_or_video, every) as opened:
         frames = [each for each in opened.frames if not each.problem]
     try:
-        found = _settled(registrar, frames, progress)
-        _check(found, frames)
+        corrected, fit, points = _settled(registrar, frames, progress)
+        pose, pivot = fit.cam_from_model, registrar.pivot_model
+        uncertainty = PoseUncertainty.about_points(pivot, SPREAD**2 * fit.covariance, points, pose)
+        if uncertainty.largest_rotation_deg > LARGEST_DEG:
+            raise InputError(
+                "expected frames that determine the pose of the case's frame, found ±"
+                f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides"
+            )
     except InputError as error:
         raise InputError(f"{name}: {error}; the pose is not corrected") from None
-    loaded, fit, points = found.loaded, found.fit, found.points_model
-    camera, pose, pivot = loaded.case.camera, fit.cam_from_model, registrar.pivot_model
-    start = (first.case.alignment or {}).get("method")
-    uncertainty = PoseUncertainty.about_points(pivot, SPREAD**2 * fit.covariance, points, pose)
-    if uncertainty.largest_rotation_deg > LARGEST_DEG:
-        raise InputError(
-            f"{name}: expected frames that determine the pose of the case's frame, found ±"
-            f"{uncertainty.largest_rotation_deg:.1f}°; give frames from other sides; the pose is not corrected"
-        )
-    moved_px = _moved_px(points, first, loaded)
-    moved_deg = rotation_angle_deg(pose[:3, :3] @ first.frame.cam_from_model[:3, :3].T)
-    error_px = uncertainty.spread_px(camera, pose)
-    record: dict[str, object] = {"method": FURTHER_FRAMES, "tool": tool, "date": date}
-    record |= {"start_method": start} if start else {}
-    record |= {"error_px": error_px, "moved_px": moved_px, "moved_deg": moved_deg, **uncertainty.record()}
-    record |= uncertainty.entry(loaded.surface.mesh_from_model)
+    moved_px, error_px = _moved_px(points, loaded, corrected), uncertainty.spread_px(loaded.case.camera, pose)
+    moved_deg = rotation_angle_deg(pose[:3, :3] @ loaded.frame.cam_from_model[:3, :3].T)
+    record = PoseRecord(
+        method=FURTHER_FRAMES,
+        tool=tool,
+        date=date,
+        start_method=loaded.case.alignment.method,
+        error_px=error_px,
+        moved_px=moved_px,
+        moved_deg=moved_deg,
+        **uncertainty.deviations(),
+        **uncertainty.entry(loaded.surface.mesh_from_model),
+    )
     text = (
         f"the pose of the case's frame is corrected by {moved_deg:.2g}° and {format_two_digits(moved_px)} px, from "
         f"{len(fit.frames)} further frames; if the surface is right, it is off by about "
         f"{format_two_digits(error_px)} px, least certain: {uncertainty.weakest}"
     )
-    return CorrectedSource(loaded.posed(loaded.case.cam_from_mesh, record), text)
+    return CorrectedSource(corrected.posed(corrected.case.cam_from_mesh, record), text)
 
 
-class _Settled(NamedTuple):
-    """A case whose pose the frames have found, the fit of the last round, and points ``(N, 3)`` that it is from.
+def _settled(
+    registrar: Registrar, frames: Sequence[FurtherFrame], progress: Callable[[float], None]
+) -> "tuple[LoadedCase, SourceFit, np.ndarray]":
+    """Register frames to the case and fit its pose to them, again and again until it stays.
 
-    ``before`` is what the frames said of the surface at the case's own pose, ``poses`` are the frames', by number.
+    Returns the case at its new pose, the last fit, and the ``(N, 3)`` points that it is from.
     """
-
-    loaded: LoadedCase
-    fit: SourceFit
-    points_model: np.ndarray
-    before: SurfaceCheck | None
-    poses: Mapping[int, np.ndarray]
-
-
-def _settled(registrar: CaseRegistrar, frames: Sequence[FurtherFrame], progress: Callable[[float], None]) -> _Settled:
-    """Register frames to the case and fit its pose to them, again and again until it stays."""
-    poses, pivot, before = dict[int, np.ndarray](), registrar.pivot_model, None
-    loaded = registrar.loaded
+    poses, loaded, pivot = dict[int, np.ndarray](), registrar.loaded, registrar.pivot_model
+    before: SurfaceCheck | None = None
     for number in range(MOST_ROUNDS):
         if poses:
-            registrar = CaseRegistrar(loaded)
+            registrar = Registrar(loaded)
         fits, accepted = dict[int, FlowFit](), 0
-        for done, frame in enumerate(frames):
-            found = registrar.registered_alone(frame, poses.get(done))
-            if found.fit is not None:
-                fits[done] = found.fit
-                accepted += found.verdict.state == ACCEPTED
-            progress((number + (done + 1) / len(frames)) / MOST_ROUNDS)
+        for done, frame in enumerate(frames, start=1):
+            registered = registrar.register_alone(frame, poses.get(frame.number))
+            if registered.fit is not None:
+                fits[frame.number] = registered.fit
+                accepted += registered.verdict.state == ACCEPTED
+            progress((number + done / len(frames)) / MOST_ROUNDS)
         if len(fits) < LEAST_FRAMES:
             break
         if not poses:
-            before = _checked(registrar, frames, {done: each.cam_from_model for done, each in fits.items()})
+            before = _checked(registrar, frames, {key: each.cam_from_model for key, each in fits.items()})
         correction = SourceCorrection(registrar.mesh, registrar.camera, pivot)
         fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
-        was = registrar.loaded
-        loaded = was.posed(fit.cam_from_model @ inverse_rigid(was.surface.mesh_from_model), {})
+        loaded = registrar.loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), UNKNOWN)
         poses = dict(zip(fits, fit.frames, strict=True))
         points = np.concatenate([each.points_model for each in fits.values()])
-        moved_px = _moved_px(points, was, loaded) * registrar.camera.width / loaded.case.camera.width
+        moved_px = _moved_px(points, registrar.loaded, loaded) * registrar.camera.width / loaded.case.camera.width
         if moved_px < SETTLED_PX:
             break
     progress(1.0)
@@ -158,31 +157,22 @@ def _settled(registrar: CaseRegistrar, frames: Sequence[FurtherFrame], progress:
             f"expected at least {LEAST_FRAMES} frames that show what the case's frame shows, from other sides, found "
             f"{accepted} of {len(frames)}"
         )
-    return _Settled(loaded, fit, points, before, poses)
-
-
-def _check(found: _Settled, frames: Sequence[FurtherFrame]) -> None:
-    """Refuse a pose with which frames and surface do not agree."""
-    if found.fit.agreement < LEAST_AGREEMENT:
+    if fit.agreement < LEAST_AGREEMENT:
         raise InputError(
-            f"expected one pose of the case's frame with which the frames agree, found {found.fit.agreement:.0%} of "
+            f"expected one pose of the case's frame with which the frames agree, found {fit.agreement:.0%} of "
             "their pixels in agreement; the pose is too far off, or the surface is wrong: align the frame again"
         )
-    if found.before is None:
-        return
-    now = _checked(CaseRegistrar(found.loaded), frames, found.poses)
-    if now is not None and now.words and now.share > MOST_WRONG * found.before.share:
+    now = None if before is None else _checked(Registrar(loaded), frames, poses)
+    if before is not None and now is not None and now.words and now.share > MOST_WRONG * before.share:
         raise InputError(
             "expected a pose of the case's frame at which the frames agree with the surface, found none: "
             f"{now.words}; take a surface of the stage that the frames show"
         )
+    return loaded, fit, points
 
 
-def _checked(
-    registrar: CaseRegistrar, frames: Sequence[FurtherFrame], poses: Mapping[int, np.ndarray]
-) -> SurfaceCheck | None:
-    found = (Candidate(at, frames[at].image, frames[at].valid, pose) for at, pose in poses.items())
-    return registrar.checked_surface(list(found))
+def _checked(registrar: Registrar, frames: Sequence[FurtherFrame], poses: dict[int, np.ndarray]) -> SurfaceCheck | None:
+    return registrar.check_surface([each for each in frames if each.number in poses], poses)
 
 
 def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -> float:
@@ -193,7 +183,143 @@ def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -
     return float(np.linalg.norm(np.subtract(*seen), axis=1).mean())
 
 
-def _track(registrar: CaseRegistrar, fit: FlowFit) -> Track:
+def _track(registrar: Registrar, fit: FlowFit) -> "Track":
     chosen = fit.returning(MOST_PIXELS)
     source_px = registrar.camera.project(transform_points(registrar.cam_from_model, fit.points_model[chosen]))
     return Track(source_px, fit.moved[chosen], fit.cam_from_model)
+
+
+class Track(NamedTuple):
+    """What a registered frame shares with the source.
+
+    Pixels ``(N, 2)`` of the source, where the frame shows them, and the frame's pose ``cam_from_model`` ``(4, 4)``, mm.
+    """
+
+    source_px: np.ndarray
+    frame_px: np.ndarray
+    cam_from_model: np.ndarray
+
+
+class SourceFit(NamedTuple):
+    """The poses that fit together.
+
+    Attributes
+    ----------
+    cam_from_model
+        ``(4, 4)`` the source's, mm.
+    frames
+        ``(F, 4, 4)`` those of the frames, mm.
+    covariance
+        ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes.
+    agreement
+        Mean weight of the pixels, 0..1: low at a pose that is not near the right one, and on a wrong surface.
+    """
+
+    cam_from_model: np.ndarray
+    frames: np.ndarray
+    covariance: np.ndarray
+    agreement: float
+
+
+class _Linear(NamedTuple):
+    """Residuals ``(N, 2)``, their weights ``(N,)`` and cost, and derivatives by the twists of source and own frame."""
+
+    residuals: np.ndarray
+    weight: np.ndarray
+    cost: float
+    jacobian: np.ndarray
+
+
+class SourceCorrection:
+    """Finds the source's pose from tracks."""
+
+    def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, pivot_model: np.ndarray) -> None:
+        """Prepare a surface (model frame) and the camera of all frames; twists are about the ``(3,)`` pivot, mm."""
+        self._mesh, self._rays, self._camera, self._pivot = mesh, MeshRays(mesh), camera, pivot_model
+
+    def fit(self, source: np.ndarray, tracks: Sequence[Track]) -> SourceFit:
+        """The poses that fit together, from a rough one ``(4, 4)`` of the source; every track has pixels."""
+        poses = np.stack([source, *(track.cam_from_model for track in tracks)])
+        number = np.repeat(np.arange(len(tracks)), [len(track.source_px) for track in tracks])
+        source_px, frame_px = (np.concatenate(each) for each in list(zip(*tracks, strict=True))[:2])
+        now, damping = self._linear(poses, source_px, frame_px, number), 1e-4
+        for _ in range(MOST_STEPS):
+            normal, gradient = _normal_equations(now, number)
+            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient).reshape(-1, 6)
+            moved = np.stack([apply_twist(*each, self._pivot) for each in zip(step, poses, strict=True)])
+            tried = self._linear(moved, source_px, frame_px, number)
+            if tried.cost >= now.cost:
+                damping *= 10
+                continue
+            is_last = now.cost - tried.cost < SETTLED * now.cost
+            poses, now, damping = moved, tried, damping / 10
+            if is_last:
+                break
+        return SourceFit(poses[0], poses[1:], _covariance(now, number, source_px), float(now.weight.mean()))
+
+    def _linear(self, poses: np.ndarray, source_px: np.ndarray, frame_px: np.ndarray, number: np.ndarray) -> _Linear:
+        """All pixels, each with the number of its frame, at the poses of the source and the frames."""
+        camera, source = self._camera, poses[0]
+        rays_cam = camera.rays_cam(source_px)
+        depths_mm, normals_cam, met = self._hits(source, rays_cam)
+        points_cam = depths_mm[:, None] * rays_cam
+        points_model = (points_cam - source[:3, 3]) @ source[:3, :3]
+        frames = Poses.of(poses[1:], self._pivot)[number]
+        offsets_cam = np.einsum("nij,nj->ni", frames.rotations, points_model - self._pivot)
+        residuals = frame_px - camera.project(offsets_cam + frames.positions)
+        cost, weight = LOSS(np.where(met, (residuals**2).sum(axis=1), np.nan))
+        by_frame = twist_jacobians(camera, offsets_cam[:, None], frames.positions)[:, 0]
+        # a point moves against the source's twist, and along its ray back to the surface
+        facing = np.where(met, (normals_cam * rays_cam).sum(axis=1), 1.0)
+        slide = np.eye(3) - rays_cam[:, :, None] * normals_cam[:, None] / facing[:, None, None]
+        turn = cross_matrices(points_cam - transform_points(source, self._pivot[None]))
+        moved = slide @ np.concatenate([np.broadcast_to(-np.eye(3), turn.shape), turn], axis=2)
+        by_source = by_frame[:, :, :3] @ frames.rotations @ source[:3, :3].T @ moved
+        jacobian, known = np.concatenate([by_source, by_frame], axis=2), (weight > 0)[:, None]
+        residuals, jacobian = np.where(known, residuals, 0.0), np.where(known[..., None], jacobian, 0.0)
+        return _Linear(residuals, weight, float(cost.sum()), jacobian)
+
+    def _hits(self, source: np.ndarray, rays_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Depths ``(N,)``, unit normals ``(N, 3)`` in camera axes, and which rays meet the surface not too steeply."""
+        rays, origin = rays_cam @ source[:3, :3], camera_centre(source)
+        origins = np.tile(origin.astype(np.float32), (len(rays), 1))
+        face = self._rays.first_hits(origins, rays.astype(np.float32)).face
+        # in double precision: Embree's depth would not move with the source by small steps
+        corners = self._mesh.vertices[self._mesh.faces[np.maximum(face, 0)]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        facing = (normals * rays).sum(axis=1)
+        met = (face >= 0) & (np.abs(facing) > STEEPEST * np.linalg.norm(rays, axis=1))
+        depths_mm = ((corners[:, 0] - origin) * normals).sum(axis=1) / np.where(met, facing, 1.0)
+        return np.where(met, depths_mm, 1.0), normals @ source[:3, :3].T, met
+
+
+def _normal_equations(linear: _Linear, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """J^T W J ``(6 + 6 F, 6 + 6 F)`` and J^T W r of the twists of the source and of F frames."""
+    count = number.max() + 1
+    normal, gradient = np.zeros((6 * count + 6,) * 2), np.zeros(6 * count + 6)
+    for frame in range(count):
+        own = number == frame
+        both = [*range(6), *range(6 + 6 * frame, 12 + 6 * frame)]
+        weighted = linear.jacobian[own] * linear.weight[own, None, None]
+        normal[np.ix_(both, both)] += np.tensordot(weighted, linear.jacobian[own], ((0, 1), (0, 1)))
+        gradient[both] += np.tensordot(weighted, linear.residuals[own], ((0, 1), (0, 1)))
+    return normal, gradient
+
+
+def _covariance(linear: _Linear, number: np.ndarray, source_px: np.ndarray) -> np.ndarray:
+    """The ``(6, 6)`` covariance of the source's twist, robust against errors shared in a block (Liang & Zeger 1986).
+
+    The blocks are the source's: a wrong surface errs alike in all frames.
+    """
+    inverse = np.linalg.inv(_normal_equations(linear, number)[0])[:6]
+    own = np.stack([inverse[:, 6 + 6 * frame : 12 + 6 * frame] for frame in range(number.max() + 1)])[number]
+    by_twist = np.concatenate([np.broadcast_to(inverse[:, :6], own.shape), own], axis=2)
+    pulled = np.einsum("nij,ncj,nc,n->ni", by_twist, linear.jacobian, linear.residuals, linear.weight)
+    count, block = blocks_of(source_px)
+    sums = np.zeros((count, 6))
+    np.add.at(sums, block, pulled)
+    # the loss bends: its second derivative is less than the weight (Huber 1981), in the mean over both directions
+    weight = linear.weight
+    bend = max(float((weight * (2 * np.sqrt(weight) - 1)).sum() / weight.sum()), LEAST_BEND)
+    return sums.T @ sums / bend**2

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,38 +12,46 @@ import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.distortion import checked_distortion
+from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
-from ..case.frame import UnreadFrame
+from ..case.frame import PosedFrame, UnreadFrame
+from ..case.loaded_case import LoadedCase
+from ..case.pose_record import REGISTERED, UNKNOWN, PoseRecord
 from ..errors import InputError
-from ..files.content import read_content
-from ..files.outputs import write_output
+from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ..transforms import checked_rigid, inverse_rigid
-from .register import RegisteredFrame
+from .further_frames import FrameReader, evenly, frame_files, image_paths, small_frame
+from .register import RegisteredFrame, accepted_poses
 from .verdict import ACCEPTED, Verdict
 
 POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
 DISTORTION, CHANGED = "distortion", "changed"
 """Keys of an entry: in a list of photographs; of frames in which a film no longer shows what the case's frame shows."""
+MOST_ACCEPTED = 12
+"""Frames that :func:`small_frames` takes: of more, evenly chosen ones."""
 
 
 def pose_entry(
-    name: str, number: int, found: RegisteredFrame, mesh_from_model: np.ndarray, mm_per_unit: float
+    name: str, number: int, registered: RegisteredFrame, mesh_from_model: np.ndarray, mm_per_unit: float
 ) -> dict[str, object]:
     """A frame's entry: ``cam_from_mesh`` in the units of the mesh, ``null`` where it is refused."""
+    verdict = registered.verdict
     entry: dict[str, object] = {"image": name} if name else {}
-    entry |= {"frame": number, "state": found.verdict.state, "probability": round(found.verdict.probability, 4)}
-    entry |= {"reason": found.verdict.reason, "cam_from_mesh": None}
-    entry |= {CHANGED: True} if found.changed else {}
-    if found.cam_from_model is None or found.uncertainty is None:
+    entry |= {"frame": number, "state": verdict.state, "probability": round(verdict.probability, 4)}
+    entry |= {"reason": verdict.reason, POSE_KEY: None}
+    entry |= {CHANGED: True} if registered.changed else {}
+    if registered.cam_from_model is None or registered.uncertainty is None:
         return entry
-    pose = found.cam_from_model @ inverse_rigid(mesh_from_model)
+    pose = registered.cam_from_model @ inverse_rigid(mesh_from_model)
     pose[:3, 3] /= mm_per_unit
-    return entry | {"cam_from_mesh": pose.tolist(), **found.uncertainty.entry(mesh_from_model)}
+    return entry | {POSE_KEY: pose.tolist(), **registered.uncertainty.entry(mesh_from_model)}
 
 
-def found_of(entries: Sequence[Any], mesh_from_model: np.ndarray, mm_per_unit: float) -> dict[int, RegisteredFrame]:
+def registered_of(
+    entries: Sequence[Any], mesh_from_model: np.ndarray, mm_per_unit: float
+) -> dict[int, RegisteredFrame]:
     """Number of a frame -> what its entry says of it, without the fit: the inverse of :func:`pose_entry`.
 
     Raises
@@ -50,17 +59,60 @@ def found_of(entries: Sequence[Any], mesh_from_model: np.ndarray, mm_per_unit: f
     KeyError, TypeError, ValueError
         An entry is not one of these.
     """
-    found = {}
+    frames = {}
     for entry in entries:
         verdict = Verdict(str(entry["state"]), float(entry["probability"]), str(entry["reason"]))
         pose = uncertainty = None
-        if entry["cam_from_mesh"] is not None:
-            cam_from_mesh, _ = checked_rigid(entry["cam_from_mesh"], "cam_from_mesh")
+        if entry[POSE_KEY] is not None:
+            cam_from_mesh, _ = checked_rigid(entry[POSE_KEY], POSE_KEY)
             cam_from_mesh[:3, 3] *= mm_per_unit
             pose = cam_from_mesh @ mesh_from_model
             uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model)
-        found[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, changed=bool(entry.get(CHANGED)))
-    return found
+        frames[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, changed=bool(entry.get(CHANGED)))
+    return frames
+
+
+def registration_record(
+    registered: RegisteredFrame,
+    camera: PinholeCamera,
+    mesh_from_model: np.ndarray,
+    source: PoseRecord,
+    source_name: str,
+    tool: str,
+    date: str,
+) -> PoseRecord:
+    """The record of the frame's pose; an unknown one if the frame is refused.
+
+    Parameters
+    ----------
+    registered
+        The frame.
+    camera
+        The camera of the frame at its full size.
+    mesh_from_model
+        ``(4, 4)``, mm.
+    source, source_name
+        The record of the aligned frame's pose, and the name of its file.
+    tool, date
+        Program and version; day in ISO 8601.
+    """
+    pose, uncertainty, verdict = registered.cam_from_model, registered.uncertainty, registered.verdict
+    if pose is None or uncertainty is None:
+        return UNKNOWN
+    # nobody knows how far it is off where the aligned frame's pose says nothing
+    is_known = source.standard_deviation_mm is not None
+    return PoseRecord(
+        method=REGISTERED,
+        tool=tool,
+        date=date,
+        doubt="" if verdict.state == ACCEPTED else verdict.reason,
+        probability=verdict.probability,
+        start_frame=source_name,
+        start_method=source.method,
+        error_px=uncertainty.spread_px(camera, pose) if is_known else None,
+        **uncertainty.deviations(),
+        **uncertainty.entry(mesh_from_model),
+    )
 
 
 def encoded_list(entries: Sequence[Mapping[str, object]]) -> bytes:
@@ -70,32 +122,80 @@ def encoded_list(entries: Sequence[Mapping[str, object]]) -> bytes:
     return text.encode(errors="backslashreplace")
 
 
-def write_poses(folder: Path, entries: Sequence[dict[str, object]], mm_per_unit: float) -> None:
-    """Write both files.
-
-    Raises
-    ------
-    RunError
-        They cannot be written.
-    """
-    write_output(folder / POSES, encoded_list(entries))
-    write_output(folder / ESTIMATES, _estimates(entries, mm_per_unit).encode())
-
-
-def _estimates(entries: Sequence[dict[str, object]], mm_per_unit: float) -> str:
+def encoded_estimates(entries: Sequence[Mapping[str, Any]], mm_per_unit: float) -> bytes:
     """BOP's estimates (Hodaň et al. 2018): the accepted poses, in mm, with their probability as the score."""
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(("scene_id", "im_id", "obj_id", "score", "R", "t", "time"))
     for entry in entries:
-        if entry["cam_from_mesh"] is None or entry["state"] != ACCEPTED:
+        if entry[POSE_KEY] is None or entry["state"] != ACCEPTED:
             continue
-        pose = np.array(entry["cam_from_mesh"])
+        pose = np.array(entry[POSE_KEY])
         rotation, position = (
             " ".join(f"{value:.9g}" for value in values.ravel()) for values in (pose[:3, :3], mm_per_unit * pose[:3, 3])
         )
         writer.writerow((1, entry["frame"], 1, entry["probability"], rotation, position, -1))
-    return table.getvalue()
+    return table.getvalue().encode()
+
+
+@dataclass(frozen=True)
+class AcceptedFrames:
+    """The poses ``cam_from_model``, mm, of accepted frames by number, and their folder of images or video."""
+
+    poses: Mapping[int, np.ndarray]
+    images: Path
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """All that is read of the frames, by what it is."""
+        return frame_files(self.images)
+
+
+def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> AcceptedFrames:
+    """The frames that ``oneframe register`` has accepted in its folder; ``video`` if they are those of a film."""
+    path = folder / POSES if folder.is_dir() else folder
+    content = read_content(path, "the poses of registered frames", most=LARGEST_FILE)
+    try:
+        entries: Any = parsed_json(content, str(path))
+        registered = registered_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
+        names = {int(entry["frame"]): Path(entry["image"]) for entry in entries if entry.get("image")}
+    except (InputError, AttributeError, KeyError, TypeError, ValueError):
+        raise InputError(
+            f"{path}: expected the poses that oneframe register writes, found something else; name the folder that it "
+            "wrote, and the video of these frames with --video"
+        ) from None
+    poses = accepted_poses(registered)
+    if not poses:
+        raise InputError(f"{path}: expected accepted frames, found none among {len(registered)}")
+    if video is None and not poses.keys() <= names.keys():
+        raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
+    if video is not None and names:
+        raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
+    if video is not None:
+        return AcceptedFrames(poses, video)
+    images = path.parent / names[min(names)].parent
+    # an image that was added or removed since changes the numbers of others
+    numbers = {each.name: number for number, each in enumerate(image_paths(images) if images.is_dir() else ())}
+    if missing := [names[number].name for number in poses if names[number].name not in numbers]:
+        raise InputError(
+            f"{images}: expected the images that were registered, {missing[0]} is not there; bring it back, or "
+            "register the others again"
+        )
+    return AcceptedFrames({numbers[names[number].name]: pose for number, pose in poses.items()}, images)
+
+
+def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[PosedFrame]:
+    """The case's frames and some accepted ones, at the size at which frames are registered."""
+    frames = [small_frame(frame) for frame in loaded.frames]
+    if accepted is None:
+        return frames
+    chosen, reader = set(evenly(sorted(accepted.poses), MOST_ACCEPTED)), FrameReader(loaded.case)
+    with reader.opened(accepted.images) as opened:
+        return frames + [
+            PosedFrame(frame.image.astype(np.float32) / 255, frame.valid, reader.camera, accepted.poses[frame.number])
+            for frame in opened.frames
+            if frame.number in chosen and not frame.problem
+        ]
 
 
 def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
@@ -106,28 +206,19 @@ def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[st
     Returns
     -------
     The photographs, of the case's camera; and messages about what was corrected.
-
-    Raises
-    ------
-    InputError
-        As :func:`.read_poses`, an entry names no image, or its distortion is none.
     """
     poses, messages = read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=case.mm_per_unit)
     entries: Any = parsed_json(read_content(path, "a list of photographs"), path.name)
-    entries = [entry for entry in entries if not is_without_pose(entry)]
-    images: list[Any] = [entry.get("image") if isinstance(entry, dict) else None for entry in entries]
-    for number, image in enumerate(images):
+    posed = [entry for entry in entries if not is_without_pose(entry)]
+    frames = []
+    for number, (entry, pose) in enumerate(zip(posed, poses, strict=True)):
+        image = entry.get("image") if isinstance(entry, dict) else None
         if not isinstance(image, str) or not image:
             raise InputError(
                 f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image {image!r}'
             )
-    lenses = [
-        checked_distortion(entry[DISTORTION], case.camera, f"{path.name}: entry {number}: {DISTORTION}")
-        if DISTORTION in entry
-        else None
-        for number, entry in enumerate(entries)
-    ]
-    return [
-        UnreadFrame(path.parent / image, case.camera, lens, pose)
-        for image, lens, pose in zip(images, lenses, poses, strict=True)
-    ], messages
+        lens = None
+        if DISTORTION in entry:
+            lens = checked_distortion(entry[DISTORTION], case.camera, f"{path.name}: entry {number}: {DISTORTION}")
+        frames.append(UnreadFrame(path.parent / image, case.camera, lens, pose))
+    return frames, messages

@@ -1,136 +1,49 @@
-"""Register frames: the pose of each, from the pose before it or from nothing, and whether to trust it.
+"""Register frames to a case: the pose of each, from the pose before it or from nothing, and whether to trust it."""
 
-A frame may be zoomed: a longer lens looks like a nearer camera, but for the relief of the surface, which moves by other
-amounts in the image.
-"""
-
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from statistics import NormalDist
-from typing import NamedTuple
 
 import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..alignment.reprojection import apply_twist, zoom_jacobian_at
 from ..camera.pinhole import PinholeCamera
-from ..colour.source_view import SourceView
+from ..case.frame import PosedFrame
+from ..case.loaded_case import LoadedCase
+from ..colour.reference_view import reference_view
 from ..errors import InputError
-from ..surface.mesh import TriangleMesh
-from ..transforms import transform_points
-from .flow_refinement import FITTED, FlowFit, refined_by_flow
-from .known_views import KnownViews, Localised, ViewBank, bank_of, localised
+from ..files.numbers import format_two_digits
+from ..transforms import camera_centre, inverse_rigid
+from . import surface_check
+from .flow_refinement import FlowFit, refined_by_flow
+from .further_frames import LONGER_SIDE_PX, FrameReader, FurtherFrame, evenly, small_frame
+from .known_views import KnownViews, Localised, ViewBank, bank_of, grey_codes, localised
+from .surface_check import SurfaceCheck, check_surface
 from .verdict import (
     ACCEPTED,
     DOUBTFUL,
     LEAST_ACCEPTED,
     LEAST_DOUBTFUL,
     REFUSED,
-    WITHIN_SHARE,
+    FilmAgreement,
+    FilmChange,
     Verdict,
-    block_pixels,
     judge,
-    robust_step,
-    shared_covariance,
+    within,
 )
+from .zoom import Zoom, at_same_focal_length, understated, zoom_of
 
 LEAST_FEATURES = 200
-
-STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
-"""Steps of the fit at most, how far one goes, and how small the last one is, as the logarithm of the focal length."""
 SURE = 0.995
 """Probability of a guess above which features are not asked: they find another pose in a few of those below."""
-SOFTNESS, SOFTNESS_PX = 0.04, 1.45
-"""Standard deviation of what a surface, a K and a pose that are not exact add to the logarithm of a zoom, before other
-frames tell: it counts as much as one frame. It is less where blocks that are off by so many px cannot shift the zoom as
-far. Zooms of 169 pairs of photographs of "bloster" are as far off, those of the sample as by 0.3 px."""
-STEPS_APART, HALF_APART = 2.0, 2.5
-"""How much farther that reaches than from one frame to the next, and than among the half of them that lie closest."""
-HALF_WIDTH = 1.349
-"""Width of the middle half of a normal distribution, in standard deviations."""
-SHARE, SHARE_FRAMES, WIDTH = 0.01, 10, 0.15
-"""Share of frames that are zoomed, before a set tells, and how many frames that counts as much as; standard deviation
-of the logarithm of their zoom."""
-STATED_FRAMES = 3
-"""As how many frames it counts that standard deviations are as stated."""
-ROUNDS = 20
-"""Rounds of finding the share."""
+SURFACE_SHARE = 1 / 3000
+"""Standard deviation of the surface's depth as a whole, seen from the aligned frame, relative to the distance: 0.1 mm
+at 300 mm. Two surfaces from CT with voxels of 0.4 mm were 0.05 and 0.1 mm off; half or twice as much covers as many."""
+MOST_KEPT = 60
+"""Accepted frames whose images are kept, to check and to colour the surface: of more, evenly chosen ones."""
 
-
-class Zoom(NamedTuple):
-    """The focal length of a frame relative to the aligned one's, and the standard deviation of its logarithm.
-
-    ``per_px`` is how far it would be off if each block were moved by 1 px: much where a surface is small, flat and seen
-    straight on.
-    """
-
-    factor: float
-    sigma: float
-    per_px: float
-
-
-def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
-    """The zoom that fits together with a pose; ``fit`` is at the aligned frame's, ``pivot_model`` ``(3,)`` mm."""
-    camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
-    used = fit.returning(FITTED)
-    points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, block_pixels(fit)))
-    sigma = np.inf
-    per_px = np.sqrt(shared_covariance(zoom_jacobian_at(points, camera, pose, pivot_model), pixels)[6, 6])
-    for _ in range(STEPS):
-        zoomed = camera.zoomed(np.exp(zoom))
-        residuals_px = moved - zoomed.project(transform_points(pose, points))
-        step, covariance = robust_step(zoom_jacobian_at(points, zoomed, pose, pivot_model), residuals_px, pixels)
-        step *= min(1.0, LARGEST_STEP / max(abs(step[6]), 1e-9))
-        pose, zoom, sigma = apply_twist(step[:6], pose, pivot_model), zoom + step[6], float(np.sqrt(covariance[6, 6]))
-        if abs(step[6]) < SETTLED_STEP:
-            break
-    return Zoom(float(np.exp(zoom)), sigma, float(per_px))
-
-
-def at_same_focal_length(zooms: Sequence[Zoom]) -> np.ndarray:
-    """Probability of each frame of a set, in their order, to be within 2 % of the aligned one's focal length, ``(N,)``.
-
-    A mixture: most frames are at that focal length, but what is not exact in the case shifts their estimates; how far
-    shows in their scatter. The others are zoomed; how many they are shows too (expectation maximisation).
-    """
-    logs, sigmas = np.log([zoom.factor for zoom in zooms]), np.array([zoom.sigma for zoom in zooms])
-    same = np.hypot(sigmas, _softness(logs, np.array([zoom.per_px for zoom in zooms])))
-    zoomed = np.hypot(same, WIDTH)
-    likely, likely_zoomed = (np.exp(-0.5 * (logs / each) ** 2) / each for each in (same, zoomed))
-    share, is_zoomed = SHARE, np.zeros(len(logs))
-    for _ in range(ROUNDS):
-        is_zoomed = share * likely_zoomed / (share * likely_zoomed + (1 - share) * likely)
-        share = (SHARE_FRAMES * SHARE + is_zoomed.sum()) / (SHARE_FRAMES + len(logs))
-    # a zoom that is found is not the zoom that is
-    mean, deviation = logs * (WIDTH / zoomed) ** 2, same * WIDTH / zoomed
-    below, above = (
-        np.array([NormalDist().cdf(value) for value in (limit - mean) / deviation])
-        for limit in (-WITHIN_SHARE, WITHIN_SHARE)
-    )
-    return 1 - is_zoomed * (1 - above + below)
-
-
-def understated(zooms: Sequence[Zoom], same: np.ndarray) -> float:
-    """By how much the standard deviations of a set are too small, at least 1: the zoom's, whose truth is known.
-
-    ``same`` ``(N,)`` is :func:`at_same_focal_length`.
-    """
-    squares = np.array([(math.log(zoom.factor) / zoom.sigma) ** 2 for zoom in zooms])
-    return max(1.0, math.sqrt((STATED_FRAMES + same @ squares) / (STATED_FRAMES + same.sum())))
-
-
-def _softness(logs: np.ndarray, per_px: np.ndarray) -> np.ndarray:
-    """How far what is not exact shifts zooms: by the steps between them, or by those that lie closest."""
-    count, expected = len(logs), np.minimum(SOFTNESS, SOFTNESS_PX * per_px)
-    if count < 3:
-        return expected
-    ordered, half = np.sort(logs), (count + 1) // 2
-    closest = HALF_APART / HALF_WIDTH * float((ordered[half - 1 :] - ordered[: count - half + 1]).min())
-    # a slow zoom goes far in small steps
-    steps = STEPS_APART * math.sqrt((np.diff(logs) ** 2).mean() / 2)
-    return np.sqrt((expected**2 + count * min(closest, steps) ** 2) / (1 + count))
+Guess = Callable[[np.ndarray, PinholeCamera], Iterable[np.ndarray]]
+"""Gives first poses ``cam_from_model`` of an undistorted image ``(H, W, 3)`` uint8, the likeliest first, as needed."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +57,7 @@ class RegisteredFrame:
     cam_from_model
         ``(4, 4)`` the pose, mm.
     uncertainty
-        That of the pose, as far as the frame tells: for the error of the aligned frame's see :func:`.with_case`.
+        That of the pose.
     fit
         What the pose was found from.
     zoom
@@ -161,6 +74,149 @@ class RegisteredFrame:
     changed: bool = False
 
 
+class Registrar:
+    """Registers frames to a case, by what its aligned frame shows of the surface."""
+
+    def __init__(self, loaded: LoadedCase, guess: Guess | None = None) -> None:
+        """Prepare a case at its pose; ``guess`` is asked before the features."""
+        self.loaded, self.reader, self._guess = loaded, FrameReader(loaded.case), guess
+        view = reference_view(replace(loaded, frames=(small_frame(loaded.frame),)))
+        self.mesh, self.source, self.pivot_model = view.mesh, view.view, view.pivot_model
+        self.camera, self.cam_from_model = self.source.camera, self.source.cam_from_model
+        self.views = KnownViews(self.mesh, self.source)
+        own = _stated(loaded, self.source.shown_points())
+        self._own = None if own is None else own.about(self.pivot_model, self.cam_from_model)
+        self._before: tuple[np.ndarray, ...] = ()
+
+    def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
+        """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
+
+        What the surface and the case's own pose are off is included; whether the frame is zoomed, the others of its set
+        tell: :func:`.judged_together`.
+        """
+        registered = self.register_alone(frame, near)
+        if registered.fit is None:
+            return registered
+        registered = replace(registered, zoom=zoom_of(registered.fit, self.pivot_model))
+        return with_case(registered, self._own, self.cam_from_model, self.camera)
+
+    def register_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
+        """Register a frame as if the case's pose and the focal length were certain."""
+        if frame.problem:
+            self._before = ()
+            return RegisteredFrame(Verdict(REFUSED, 0.0, frame.problem))
+        if near is None and not frame.name and self._before:
+            # the camera goes on as it did
+            near = self._before[-1] @ inverse_rigid(self._before[0]) @ self._before[-1]
+        registered = self.find(frame, near)
+        pose = registered.cam_from_model if registered.verdict.state == ACCEPTED else None
+        self._before = () if pose is None else (*self._before[-1:], pose)
+        return registered
+
+    def find(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
+        """A frame that can be used: by a pose that may be near, by guesses, and by features, which take longer."""
+        grey = grey_codes(frame.image)
+        if near is not None:
+            registered = self._refined(grey, frame.valid, near)
+            if registered.verdict.state == ACCEPTED:
+                return registered
+        others = list[RegisteredFrame]()
+        for guess in () if self._guess is None else self._guess(frame.image, self.camera):
+            others.append(self._refined(grey, frame.valid, guess))
+            if others[-1].verdict.probability > SURE:
+                return others[-1]
+        found = localised(self._bank, self.camera, grey, frame.valid)
+        own = self._judged(None) if found is None else self._refined(grey, frame.valid, found.cam_from_model, found)
+        return max([own, *others], key=lambda each: each.verdict.probability)
+
+    def _refined(
+        self, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray, found: Localised | None = None
+    ) -> RegisteredFrame:
+        """A frame refined from a rough pose, by what is known as it is, and if it is not accepted, blurred as it."""
+        judged = list[RegisteredFrame]()
+        for blurred in (False, True):
+            fit = refined_by_flow(self.views, grey, valid, cam_from_model, blurred=blurred)
+            judged.append(self._judged(fit, found))
+            if judged[-1].verdict.state == ACCEPTED:
+                return judged[-1]
+        return max(judged, key=lambda each: each.verdict.probability)
+
+    def _judged(self, fit: FlowFit | None, found: Localised | None = None) -> RegisteredFrame:
+        verdict, uncertainty = judge(fit, found, self.pivot_model)
+        if fit is None or verdict.state == REFUSED:
+            return RegisteredFrame(verdict)
+        return RegisteredFrame(verdict, fit.cam_from_model, uncertainty, fit)
+
+    @cached_property
+    def _bank(self) -> ViewBank:
+        bank = bank_of(self.views, self.pivot_model)
+        if len(bank) < LEAST_FEATURES:
+            raise InputError(
+                f"the case's frame: expected texture on the surface, found {len(bank)} features (at least "
+                f"{LEAST_FEATURES}); choose a sharper frame"
+            )
+        return bank
+
+    def check_surface(self, frames: Sequence[FurtherFrame], poses: Mapping[int, np.ndarray]) -> SurfaceCheck | None:
+        """What frames at their poses, by number, tell of the surface; ``None`` if too few or too near to each other."""
+        others = [
+            PosedFrame(each.image.astype(np.float32) / 255, each.valid, self.camera, poses[each.number])
+            for each in evenly(frames, surface_check.MOST_FRAMES)
+        ]
+        source, *others = (small_frame(each, surface_check.LONGER_SIDE_PX) for each in (self.source, *others))
+        return check_surface(self.mesh, self.pivot_model, source, others)
+
+
+class RegistrationRun:
+    """Registers frames one after the other, and keeps what each tells alone, and what all tell together.
+
+    Attributes
+    ----------
+    alone
+        Number of a frame -> what was found in it, without the fit.
+    kept
+        Some of the accepted frames, evenly chosen.
+    """
+
+    def __init__(self, registrar: Registrar, *, is_film: bool) -> None:
+        self.registrar, self._is_film = registrar, is_film
+        self._agreement = FilmAgreement(registrar.camera, registrar.cam_from_model, registrar.pivot_model)
+        self.alone, self.kept = dict[int, RegisteredFrame](), list[FurtherFrame]()
+        self._accepted, self._step = 0, 1
+
+    def register(self, frame: FurtherFrame) -> RegisteredFrame:
+        """Register the next frame, see :meth:`Registrar.register`."""
+        registered = self.registrar.register(frame)
+        if registered.fit is not None and registered.verdict.state == ACCEPTED:
+            if self._is_film:
+                self._agreement.add(frame.number, registered.fit)
+            if self._accepted % self._step == 0:
+                self.kept.append(frame)
+            self._accepted += 1
+            if len(self.kept) > MOST_KEPT:
+                del self.kept[1::2]
+                self._step *= 2
+        self.alone[frame.number] = replace(registered, fit=None)
+        return registered
+
+    def judged(self) -> dict[int, RegisteredFrame]:
+        """The frames, judged together."""
+        return dict(zip(self.alone, judged_together(list(self.alone.values())), strict=True))
+
+    def change(self) -> FilmChange | None:
+        """What a film no longer shows as the case's frame does."""
+        return self._agreement.change()
+
+    def accepted(self, frames: Mapping[int, RegisteredFrame]) -> list[FurtherFrame]:
+        """The kept frames that are still accepted, and show the surface as the case's frame does."""
+        poses = accepted_poses(frames)
+        return [each for each in self.kept if each.number in poses]
+
+    def check_surface(self, frames: Mapping[int, RegisteredFrame]) -> SurfaceCheck | None:
+        """What frames, as they are judged, tell of the surface."""
+        return self.registrar.check_surface(self.accepted(frames), accepted_poses(frames))
+
+
 def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
     """Frames of one set, in their order, less sure or refused where they seem to be zoomed.
 
@@ -173,10 +229,10 @@ def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
     same_of_all = at_same_focal_length(list(zooms.values()))
     factor = understated(list(zooms.values()), same_of_all)
     for number, same in zip(zooms, same_of_all, strict=True):
-        found = frames[number]
-        if found.uncertainty is not None:
-            found = replace(found, uncertainty=found.uncertainty.widened(factor))
-        probability = found.verdict.probability * float(same)
+        frame = frames[number]
+        if frame.uncertainty is not None:
+            frame = replace(frame, uncertainty=frame.uncertainty.widened(factor))
+        probability = frame.verdict.probability * float(same)
         reason = (
             f"the zoom seems to be {zooms[number].factor:.2f} times that of the case's frame, or that frame's pose is "
             f"off (--correct-source)"
@@ -184,85 +240,77 @@ def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
         if max(probability, float(same)) < LEAST_DOUBTFUL:
             judged[number] = RegisteredFrame(Verdict(REFUSED, probability, reason))
             continue
-        verdict = replace(found.verdict, probability=probability)
+        verdict = replace(frame.verdict, probability=probability)
         if verdict.state == ACCEPTED and probability < LEAST_ACCEPTED:
             verdict = Verdict(DOUBTFUL, probability, reason)
-        judged[number] = replace(found, verdict=verdict)
+        judged[number] = replace(frame, verdict=verdict)
     return judged
 
 
-class Registrar:
-    """Registers frames of one camera to a surface, by what an aligned frame shows of it."""
+def marked(frames: Mapping[int, RegisteredFrame], change: FilmChange | None) -> dict[int, RegisteredFrame]:
+    """The frames by their numbers, those marked that no longer show what the case's frame shows."""
+    since = np.inf if change is None else change.since
+    return {number: replace(each, changed=each.changed or number >= since) for number, each in frames.items()}
 
-    def __init__(self, mesh: TriangleMesh, source: SourceView, pivot_model: np.ndarray) -> None:
-        """Prepare a surface (model frame), the aligned frame and the ``(3,)`` middle of what it shows, mm."""
-        self._views, self._pivot_model = KnownViews(mesh, source), pivot_model
 
-    @property
-    def camera(self) -> PinholeCamera:
-        """The camera of the frames."""
-        return self._views.source.camera
+def accepted_poses(frames: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarray]:
+    """The poses ``cam_from_model`` of accepted frames that show what the case's frame shows, by number."""
+    return {
+        number: each.cam_from_model
+        for number, each in frames.items()
+        if each.verdict.state == ACCEPTED and each.cam_from_model is not None and not each.changed
+    }
 
-    @cached_property
-    def _bank(self) -> ViewBank:
-        bank = bank_of(self._views, self._pivot_model)
-        if len(bank) < LEAST_FEATURES:
-            raise InputError(
-                f"the case's frame: expected texture on the surface, found {len(bank)} features (at least "
-                f"{LEAST_FEATURES}); choose a sharper frame"
-            )
-        return bank
 
-    def register(
-        self,
-        grey: np.ndarray,
-        valid: np.ndarray,
-        near: np.ndarray | None = None,
-        guesses: Iterable[np.ndarray] = (),
-    ) -> RegisteredFrame:
-        """Register a frame.
+def with_case(
+    registered: RegisteredFrame, source: PoseUncertainty | None, source_from_model: np.ndarray, camera: PinholeCamera
+) -> RegisteredFrame:
+    """A registered frame whose covariance, probability and state include what surface and aligned frame are off.
 
-        Parameters
-        ----------
-        grey, valid
-            ``(H, W)`` uint8 undistorted image, and ``(H, W)`` bool: pixels that may be used.
-        near
-            ``(4, 4)`` a pose that may be near, such as the frame's before.
-        guesses
-            Further ones, tried before the features, which take longer and follow where none of these is sure.
+    To first order, what the aligned frame shows moves with its pose as a whole, and takes the others along. A surface
+    that is too deep along its rays is one scaled about its centre: so is then the way from there to another frame.
 
-        Raises
-        ------
-        InputError
-            The aligned frame shows too little texture on the surface.
-        """
-        if near is not None:
-            registered = self._refined(grey, valid, near)
-            if registered.verdict.state == ACCEPTED:
-                return registered
-        others = list[RegisteredFrame]()
-        for guess in guesses:
-            others.append(self._refined(grey, valid, guess))
-            if others[-1].verdict.probability > SURE:
-                return others[-1]
-        found = localised(self._bank, self.camera, grey, valid)
-        own = self._judged(None, None) if found is None else self._refined(grey, valid, found.cam_from_model, found)
-        return max([own, *others], key=lambda each: each.verdict.probability)
+    Parameters
+    ----------
+    registered
+        Registered to the aligned frame.
+    source
+        Uncertainty of its pose, about the same pivot; ``None`` if nobody states it.
+    source_from_model
+        ``(4, 4)`` that pose, mm.
+    camera
+        The camera of the frames.
+    """
+    pose, own = registered.cam_from_model, registered.uncertainty
+    if pose is None or own is None:
+        return registered
+    way = np.append(pose[:3, :3] @ (camera_centre(pose) - camera_centre(source_from_model)), np.zeros(3))
+    covariance = own.covariance + SURFACE_SHARE**2 * np.outer(way, way)
+    if source is not None:
+        turn = np.kron(np.eye(2), pose[:3, :3] @ source_from_model[:3, :3].T)
+        covariance = covariance + turn @ source.covariance @ turn.T
+    uncertainty, verdict = replace(own, covariance=covariance), registered.verdict
+    alone, both = within(own, camera), within(uncertainty, camera)
+    verdict = replace(verdict, probability=verdict.probability * min(both / max(alone, 1e-9), 1.0))
+    if verdict.state == ACCEPTED and verdict.probability < LEAST_ACCEPTED:
+        verdict = replace(verdict, state=DOUBTFUL, reason=f"{verdict.reason}, but the aligned frame's pose is not sure")
+    return replace(registered, verdict=verdict, uncertainty=uncertainty)
 
-    def _refined(
-        self, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray, found: Localised | None = None
-    ) -> RegisteredFrame:
-        """A frame refined from a rough pose, by what is known as it is, and if it is not accepted, blurred as it."""
-        judged = list[RegisteredFrame]()
-        for blurred in (False, True):
-            fit = refined_by_flow(self._views, grey, valid, cam_from_model, blurred=blurred)
-            judged.append(self._judged(fit, found))
-            if judged[-1].verdict.state == ACCEPTED:
-                return judged[-1]
-        return max(judged, key=lambda each: each.verdict.probability)
 
-    def _judged(self, fit: FlowFit | None, found: Localised | None) -> RegisteredFrame:
-        verdict, uncertainty = judge(fit, found, self._pivot_model)
-        if fit is None or verdict.state == REFUSED:
-            return RegisteredFrame(verdict)
-        return RegisteredFrame(verdict, fit.cam_from_model, uncertainty, fit)
+def doubt_of_case(loaded: LoadedCase) -> str:
+    """A sentence if no frame can be accepted, so unsure is the case's own pose; empty otherwise."""
+    own = _stated(loaded, loaded.surface.mesh.vertices)
+    probability = 1.0 if own is None else within(own, loaded.frame.camera.within(LONGER_SIDE_PX))
+    if own is None or probability >= LEAST_ACCEPTED:
+        return ""
+    return (
+        f"the case's own pose is within the limits of an accepted one with {probability:.0%} only: ±"
+        f"{format_two_digits(own.largest_rotation_deg)}°, least certain: {own.weakest}; no frame can be surer; "
+        "refine it, or add --correct-source"
+    )
+
+
+def _stated(loaded: LoadedCase, points_model: np.ndarray) -> PoseUncertainty | None:
+    """How sure the case's pose is, if the case states it; ``(N, 3)`` points stand for the surface."""
+    pose, mesh_from_model = loaded.frame.cam_from_model, loaded.surface.mesh_from_model
+    return PoseUncertainty.stated(loaded.case.alignment, points_model, pose, mesh_from_model)

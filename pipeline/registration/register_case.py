@@ -1,4 +1,4 @@
-"""Register further frames to a case, and write their poses and a sheet of the frames; and draw the film of a video."""
+"""Register further frames to a case, and write what comes of it into a folder; and draw the film of a video."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -10,61 +10,147 @@ import numpy as np
 
 from ..case.case_history import history_path
 from ..case.case_writer import relative_name
-from ..case.frame import UnreadFrame
+from ..case.frame import UnreadFrame, read_frame
 from ..case.loaded_case import LoadedCase, overlay_scene
+from ..case.pose_record import PoseRecord
 from ..errors import InputError
-from ..files.outputs import check_own_folder, write_output, writing
+from ..files.content import content_named
+from ..files.outputs import write_output, writing
 from ..images.contact_sheet import contact_sheet
 from ..images.legend import Write, put_border
 from ..images.overlay import draw_overlay
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
+from ..transforms import inverse_rigid
 from ..video.film_reader import Film
-from .colour_sources import Candidates, chosen_sources
-from .pose_list import DISTORTION, ESTIMATES, POSES, pose_entry, write_poses
-from .register import RegisteredFrame
-from .register_frames import (
-    FRAME_NAMES,
-    CaseRegistrar,
-    FurtherFrame,
-    RegistrationRun,
-    colouring_frames,
-    frame_files,
-    marked,
-)
-from .report import COLOURS, FrameEvidence, RegistrationEvidence, frame_evidence
-from .verdict import ACCEPTED
+from .colour_sources import ColourChoice, chosen_sources
+from .further_frames import FurtherFrame, image_paths
+from .pose_list import DISTORTION, ESTIMATES, POSES, encoded_estimates, encoded_list, pose_entry
+from .register import RegisteredFrame, Registrar, RegistrationRun, accepted_poses, marked
+from .surface_check import SurfaceCheck
+from .verdict import ACCEPTED, COLOURS, DOUBTFUL, REFUSED, WITHIN_PX, FilmChange, Verdict
 
 SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
+FRAME = "frame_{:06d}.png"
+"""Name of a film's frame that is written; :func:`.content_named` then."""
 HISTORY = history_path(Path(CASE)).name
-NAMES = "|".join([*map(re.escape, (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE, HISTORY)), FRAME_NAMES])
+FILES = (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)
+NAMES = "|".join([*map(re.escape, (*FILES, HISTORY)), r"frame_\d+-[0-9a-f]{8}\.png"])
 """Regular expression of the files that the folder may hold."""
 SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75
 """How many frames have a picture as evidence, of all and where the state changes, and its width and quality."""
 STRUCTURE_POINTS = 200
+OPACITY = {ACCEPTED: (0.5, 1.0), DOUBTFUL: (0.2, 0.4), REFUSED: (0.0, 0.0)}
+"""Least and greatest opacity of an overlay."""
 
 
 @dataclass(frozen=True)
-class Registration:
-    """What was found: the evidence of each frame, and the frames to colour the surface with."""
+class FrameEvidence:
+    """What is known of a frame.
 
-    evidence: RegistrationEvidence
+    Attributes
+    ----------
+    name, number
+        That of an image's file, and counted from 0; a frame of a video has no name.
+    registered
+        Verdict, pose and its uncertainty.
+    image_px
+        Root mean square displacement of what is drawn, in the image that was registered; NaN without a pose.
+    picture
+        The frame with the overlay as WebP; ``None`` if none was kept.
+    """
+
+    name: str
+    number: int
+    registered: RegisteredFrame
+    image_px: float = np.nan
+    picture: bytes | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        """State, probability and reason."""
+        return self.registered.verdict
+
+    @property
+    def opacity(self) -> float:
+        """The opacity of the overlay, 0..1: the less sure the fainter, none without a pose."""
+        posed = self.registered.cam_from_model is not None
+        sure = self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX) if posed else 0.0
+        return float(np.clip(sure, *OPACITY[self.verdict.state]))
+
+    def words(self, until: "FrameEvidence") -> str:
+        """State and reason, of the frames from this one until another one."""
+        one = self.name or f"frame {self.number}"
+        frames = one if until is self else f"frames {self.number} to {until.number}"
+        return f"{frames}, {self.verdict.state}: {self.verdict.reason}"
+
+
+@dataclass(frozen=True)
+class RegistrationEvidence:
+    """What was found in all frames.
+
+    Attributes
+    ----------
+    frames
+        In their order.
+    size_wh
+        Of the frames as they were registered.
+    alignment
+        The record of the case's pose.
+    is_film
+        Whether the frames follow each other.
+    change
+        What a film no longer shows as the case's frame does, if anything.
+    surface
+        What the frames tell of the surface; ``None`` if they are too few or too near to one another.
+    cut_off
+        A sentence if the film is cut off, else empty.
+    colour, sources
+        The choice of frames that colour the surface, if any were to be chosen; and these frames, for the case.
+    """
+
+    frames: tuple[FrameEvidence, ...]
+    size_wh: tuple[int, int]
+    alignment: PoseRecord
+    is_film: bool
+    change: FilmChange | None = None
+    surface: SurfaceCheck | None = None
+    cut_off: str = ""
+    colour: ColourChoice | None = None
     sources: tuple[UnreadFrame, ...] = ()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """State -> number of frames."""
+        states = [frame.verdict.state for frame in self.frames]
+        return {state: states.count(state) for state in COLOURS}
+
+    @property
+    def lost(self) -> list[tuple[FrameEvidence, FrameEvidence]]:
+        """The first and the last frame of each stretch that is not accepted; images stand alone."""
+        stretches = list[tuple[FrameEvidence, FrameEvidence]]()
+        before = ACCEPTED
+        for frame in self.frames:
+            state = frame.verdict.state
+            if state != ACCEPTED:
+                goes_on = self.is_film and state == before
+                stretches.append((stretches.pop()[0] if goes_on else frame, frame))
+            before = state
+        return stretches
 
 
 def register_case(
-    registrar: CaseRegistrar,
+    registrar: Registrar,
     frames: Path,
     out: Path,
     *,
     every: int = 1,
     colour_frames: int = 0,
-    denoise: bool = False,
     progress: Callable[[float], None],
-) -> Registration:
-    """Register all frames of a folder or a video, and write their poses and the sheet into a folder.
+) -> RegistrationEvidence:
+    """Register all frames of a folder or a video, and write their poses and a sheet of the frames into a folder.
 
     Parameters
     ----------
@@ -78,8 +164,6 @@ def register_case(
         Take every n-th frame.
     colour_frames
         Choose so many accepted frames, at most, to colour the surface with.
-    denoise
-        Remove noise from these, see :func:`oneframe.video.frame_measures.denoised`.
     progress
         Called with the finished share, 0..1.
 
@@ -90,46 +174,40 @@ def register_case(
     RunError
         A file cannot be written.
     """
-    loaded, is_film, candidates = registrar.loaded, not frames.is_dir(), Candidates()
-    check_own_folder(out, NAMES, loaded.case.input_files() | frame_files(frames))
-    run = RegistrationRun(registrar, candidates, is_film=is_film)
-    evidence, drawn, usable = list[FrameEvidence](), _drawn_points(loaded), False
-    with registrar.frames(frames, every) as opened:
-        pictures = _Pictures(loaded, registrar, opened.count)
-        for done, frame in enumerate(opened.frames):
-            found, usable = run.register(frame), usable or not frame.problem
-            points = drawn if len(drawn) or found.fit is None else found.fit.points_model
-            picture = pictures.of(done, frame, found)
-            evidence.append(frame_evidence(frame.name, frame.number, found, registrar.camera, points, picture))
-            progress((done + 1) / opened.count)
-    if not evidence:
+    loaded, is_film = registrar.loaded, not frames.is_dir()
+    run, names, usable = RegistrationRun(registrar, is_film=is_film), dict[int, str](), False
+    with registrar.reader.opened(frames, every) as opened:
+        pictures = _Pictures(registrar, opened.count)
+        for frame in opened.frames:
+            registered, usable = run.register(frame), usable or not frame.problem
+            pictures.add(len(names), frame, registered)
+            names[frame.number] = frame.name
+            progress(len(names) / opened.count)
+    if not names:
         raise InputError(f"{frames.name}: expected frames, cannot decode any; copy it again")
     if not usable:
-        one = evidence[0]
-        raise InputError(f"{one.name or frames.name}: {one.verdict.reason}; nor can any other frame be used")
+        number, name = next(iter(names.items()))
+        reason = run.alone[number].verdict.reason
+        raise InputError(f"{name or frames.name}: {reason}; nor can any other frame be used")
     change = run.change()
     judged = marked(run.judged(), change)
-    evidence = [each.judged(judged[each.number]) for each in evidence]
-    _write_lists(loaded, frames, out, evidence, judged)
-    colouring = colouring_frames(candidates, judged)
-    check = registrar.checked_surface(colouring)
-    doubt = [] if check is None or not check.words else [check.picture(registrar.source.image)]
+    evidence = tuple(
+        FrameEvidence(name, number, judged[number], pictures.displaced_px(judged[number]), pictures.webp.get(place))
+        for place, (number, name) in enumerate(names.items())
+    )
+    surface = run.check_surface(judged)
+    doubt = [surface.picture(registrar.source.image)] if surface is not None and surface.words else []
+    _write_lists(loaded, frames, out, evidence)
     write_output(out / SHEET, pictures.sheet(evidence, doubt))
-    choice = chosen_sources(registrar.mesh, registrar.source, colouring, colour_frames) if colour_frames else None
-    chosen = [] if choice is None else [each.candidate for each in choice.frames]
-    known = RegistrationEvidence(
-        tuple(evidence),
-        registrar.source,
-        loaded.case.alignment or {},
-        is_film=is_film,
-        change=change,
-        colour=choice,
-        cut_off=opened.cut_off,
-        surface=check,
-    )
-    return Registration(
-        known, registrar.full_frames(frames, out, chosen, loaded.surface.mesh_from_model, denoise=denoise)
-    )
+    poses, choice = accepted_poses(judged), None
+    if colour_frames:
+        candidates = [(each, poses[each.number]) for each in run.accepted(judged)]
+        choice = chosen_sources(registrar.mesh, registrar.source, candidates, colour_frames)
+    sources = _sources(loaded, frames, out, {number: poses[number] for number in choice.numbers} if choice else {})
+    return RegistrationEvidence(
+        evidence, registrar.camera.size_wh, loaded.case.alignment, is_film, change, surface, opened.cut_off,
+        choice, sources,
+    )  # fmt: skip
 
 
 def marked_film(loaded: LoadedCase, film: Film, evidence: Sequence[FrameEvidence], write: Write) -> OverlayFilm:
@@ -137,58 +215,92 @@ def marked_film(loaded: LoadedCase, film: Film, evidence: Sequence[FrameEvidence
     poses: list[np.ndarray | None] = [None] * (max(each.number for each in evidence) + 1)
     marks = dict[int, FrameMark]()
     for each in evidence:
-        poses[each.number] = each.cam_from_model
+        poses[each.number] = each.registered.cam_from_model
         sure = each.verdict.state == ACCEPTED
         codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words(each))
         marks[each.number] = FrameMark(each.opacity, codes, words)
     return OverlayFilm(loaded, film, poses, write, marks=marks)
 
 
-def _drawn_points(loaded: LoadedCase) -> np.ndarray:
-    """``(N, 3)`` some points of the structures, model frame."""
-    meshes = (mesh.vertices for _, mesh in loaded.surface.structures)
-    return np.concatenate([np.zeros((0, 3)), *(each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes)])
-
-
-def _write_lists(
-    loaded: LoadedCase,
-    frames: Path,
-    out: Path,
-    evidence: Sequence[FrameEvidence],
-    judged: Mapping[int, RegisteredFrame],
-) -> None:
+def _write_lists(loaded: LoadedCase, frames: Path, out: Path, evidence: Sequence[FrameEvidence]) -> None:
     """Write the lists of poses, after removing what shows other ones."""
-    entries = []
+    surface, mm_per_unit, entries = loaded.surface, loaded.case.mm_per_unit, []
     for each in evidence:
         # as in a list of photographs: from the folder of the list
         image = relative_name(frames / each.name, out) if each.name else ""
-        entries.append(
-            pose_entry(image, each.number, judged[each.number], loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
-        )
-    if frames.is_dir() and loaded.case.distortion is not None:
-        entries = [entry | {DISTORTION: astuple(loaded.case.distortion)} for entry in entries]
+        entry = pose_entry(image, each.number, each.registered, surface.mesh_from_model, mm_per_unit)
+        lens = {DISTORTION: astuple(loaded.case.distortion)} if image and loaded.case.distortion is not None else {}
+        entries.append(entry | lens)
     for name in (ESTIMATES, SHEET, FILM, PAGE):
         with writing(out / name):
             (out / name).unlink(missing_ok=True)
-    write_poses(out, entries, loaded.case.mm_per_unit)
+    write_output(out / POSES, encoded_list(entries))
+    write_output(out / ESTIMATES, encoded_estimates(entries, mm_per_unit))
+
+
+def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np.ndarray]) -> tuple[UnreadFrame, ...]:
+    """Registered frames at full size, for a case: images where they are, those of a film written into a folder."""
+    case, files, sizes = loaded.case, dict[int, Path](), dict[int, tuple[int, int]]()
+    if not poses:
+        return ()
+    if frames.is_dir():
+        for number in poses:
+            files[number] = image_paths(frames)[number]
+            sizes[number] = read_frame(files[number]).size_wh
+    else:
+        with Film(frames, width=case.camera.width) as film:
+            for each in film:
+                if each.index in poses:
+                    data = encode_png(each.image)
+                    # a case may name another film's frame of this number
+                    files[each.index] = content_named(out / FRAME.format(each.index), data)
+                    sizes[each.index] = each.image.shape[1::-1]
+                    write_output(files[each.index], data)
+    mesh_from_model = loaded.surface.mesh_from_model
+    return tuple(
+        UnreadFrame(
+            files[number], case.camera.for_images(sizes[number], frames.name), case.distortion,
+            pose @ inverse_rigid(mesh_from_model),
+        )
+        for number, pose in poses.items()
+    )  # fmt: skip
 
 
 class _Pictures:
-    """Draws pictures of frames as evidence, and a sheet of some of them."""
+    """Draws pictures of frames as evidence, and a sheet of some of them.
 
-    def __init__(self, loaded: LoadedCase, registrar: CaseRegistrar, count: int) -> None:
-        self._scene, self._camera = overlay_scene(loaded), registrar.camera
+    Attributes
+    ----------
+    webp
+        Place of a frame -> the frame with the overlay at its pose, as WebP, if it is kept.
+    """
+
+    def __init__(self, registrar: Registrar, count: int) -> None:
+        self._scene, self._camera = overlay_scene(registrar.loaded), registrar.camera
         self._sheet_every, self._every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
         self._tiles, self._spare, self._state = dict[int, np.ndarray](), PICTURES, ""
+        self.webp = dict[int, bytes]()
+        meshes = [mesh.vertices for _, mesh in registrar.loaded.surface.structures]
+        some = [each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes]
+        self._drawn_points = np.concatenate(some) if some else None
 
-    def of(self, place: int, frame: FurtherFrame, found: RegisteredFrame) -> bytes | None:
-        """The frame at this place with the overlay at its pose, as WebP; ``None`` if none is kept."""
-        in_sheet, changed = place % self._sheet_every == 0, self._spare > 0 and found.verdict.state != self._state
-        self._state = found.verdict.state
+    def displaced_px(self, registered: RegisteredFrame) -> float:
+        """The standard deviation of the place of structures, or of the surface where there are none, px."""
+        pose, uncertainty = registered.cam_from_model, registered.uncertainty
+        if pose is None or uncertainty is None:
+            return np.nan
+        points = uncertainty.points_around if self._drawn_points is None else self._drawn_points
+        return uncertainty.root_mean_square_px(points, self._camera, pose)
+
+    def add(self, place: int, frame: FurtherFrame, registered: RegisteredFrame) -> None:
+        """Draw the frame at this place, if it is one of those that are kept."""
+        state = registered.verdict.state
+        in_sheet, changed = place % self._sheet_every == 0, self._spare > 0 and state != self._state
+        self._state = state
         if not (in_sheet or changed or place % self._every == 0):
-            return None
+            return
         self._spare -= changed
-        tile, pose = frame.image.copy(), found.cam_from_model
+        tile, pose = frame.image.copy(), registered.cam_from_model
         if pose is not None:
             surface = self._scene.surface_layer(self._camera, pose)
             tile = draw_overlay(tile, surface, self._scene.layers(self._camera, pose))
@@ -196,7 +308,7 @@ class _Pictures:
             self._tiles[place] = tile
         size_wh = PICTURE_PX, round(PICTURE_PX * tile.shape[0] / tile.shape[1])
         small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
-        return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
+        self.webp[place] = cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
 
     def sheet(self, evidence: Sequence[FrameEvidence], further: Sequence[np.ndarray]) -> bytes:
         """The sheet as PNG, with the state of each frame as its border, and further ``(H, W, 3)`` tiles, 0..1."""

@@ -98,6 +98,8 @@ def _inverse(normal: np.ndarray) -> np.ndarray:
 
 
 ACCEPTED, DOUBTFUL, REFUSED = "accepted", "doubtful", "refused"
+COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60, 50)}
+"""State of a frame -> its colour in pictures, sRGB."""
 
 AGREEING_PX = 1.5
 """Largest residual of a pixel whose flow agrees with the pose."""

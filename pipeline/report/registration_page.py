@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from ..files.numbers import format_two_digits
-from ..registration.report import COLOURS, FrameEvidence, RegistrationEvidence
+from ..registration.register_case import FrameEvidence, RegistrationEvidence
 from ..registration.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
-from ..registration.verdict import WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
+from ..registration.verdict import COLOURS, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
 from .page import Column, Item, html_page, lines_of
 
 COLUMNS = (
@@ -24,18 +24,18 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
 
     It names neither the case nor the frames: such names may be those of patients.
     """
-    frames, camera, counts = evidence.frames, evidence.source.camera, evidence.counts
+    frames, (width, height), counts = evidence.frames, evidence.size_wh, evidence.counts
     facts = [f"{len(frames)} frames{' of a video' if evidence.is_film else ''}"]
     facts += [f"{counts[state]} {state}" for state in COLOURS]
     facts += [
-        f"registered at {camera.width} × {camera.height} px",
+        f"registered at {width} × {height} px",
         f"right means within {WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
     ]
     sections = [("Where it may be wrong", lines_of(_limits(evidence)))]
-    if evidence.reasons:
+    if evidence.lost:
         sections.append(("Frames that are not accepted", lines_of(_reasons(evidence))))
     if evidence.colour is not None:
-        lines = [*evidence.colour.lines(), "A frame colours what the case's own and those before it did not see."]
+        lines = [*evidence.colour.lines, "A frame colours what the case's own and those before it did not see."]
         sections.append(("Frames that colour the surface", lines_of(lines)))
     items = [_item(frame) for frame in frames]
     return html_page(name, "registration", facts, COLUMNS, items, layers=("Overlay",), sections=sections)
@@ -47,8 +47,10 @@ def _item(frame: FrameEvidence) -> Item:
         "state_word": frame.verdict.state,
         "probability": math.floor(1000 * frame.verdict.probability) / 1000,
     }
-    if frame.cam_from_model is not None:
-        figures |= {key: float(getattr(frame, key)) for key in ("image_px", "rotation_deg", "position_mm")}
+    uncertainty = frame.registered.uncertainty
+    if uncertainty is not None:
+        figures |= {"image_px": frame.image_px, "rotation_deg": uncertainty.largest_rotation_deg}
+        figures["position_mm"] = float(np.sqrt(np.linalg.eigvalsh(uncertainty.covariance[:3, :3])[-1]))
     return Item(str(frame.number), (frame.picture,), figures, frame.verdict.reason, frame.verdict.state)
 
 
@@ -56,9 +58,8 @@ def _reasons(evidence: RegistrationEvidence) -> list[str]:
     """Of each stretch of frames, without their names."""
     lines = []
     for first, last in evidence.lost:
-        frame, until = evidence.frames[first], evidence.frames[last]
-        which = f"{frame.number}" if first == last else f"{frame.number} to {until.number}"
-        lines.append(f"{which}, {frame.verdict.state}: {frame.verdict.reason}")
+        which = f"{first.number}" if first is last else f"{first.number} to {last.number}"
+        lines.append(f"{which}, {first.verdict.state}: {first.verdict.reason}")
     return lines
 
 
@@ -76,13 +77,12 @@ def _doubt_of_surface(check: SurfaceCheck | None) -> str:
 
 def _limits(evidence: RegistrationEvidence) -> list[str]:
     record = evidence.alignment
-    error = record.get("error_px")
-    own = f"; it states {format_two_digits(error)} px" if isinstance(error, float) else "; it states no error"
+    own = "; it states no error" if record.error_px is None else f"; it states {format_two_digits(record.error_px)} px"
     return [
         *([f"The video's {evidence.cut_off.removeprefix('the ')}."] if evidence.cut_off else []),
         f"All poses follow the case's own one: where that is off, all are off by as much{own}. "
         "Look at its overlay first.",
-        *([f"The case's pose itself is in doubt: {record['doubt']}"] if "doubt" in record else []),
+        *([f"The case's pose itself is in doubt: {record.doubt}"] if record.doubt else []),
         *([] if evidence.change is None else [evidence.change.words()]),
         _doubt_of_surface(evidence.surface),
         "Where it is drilled meanwhile, a film says so only of places that it showed before from the same side; single "

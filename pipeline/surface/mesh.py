@@ -152,12 +152,6 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
         ``(V, 3)`` coordinates and ``(F, 3)`` integer indices, as read.
     where
         Names the file in messages.
-
-    Raises
-    ------
-    InputError
-        No or too many vertices or faces, coordinates that are not finite or above :data:`LARGEST_COORDINATE`, indices
-        out of range, or all faces without area.
     """
     messages: list[str] = []
     if len(vertices) == 0 or len(faces) == 0:

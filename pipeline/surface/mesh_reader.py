@@ -48,12 +48,6 @@ def read_mesh(path: Path, *, like: Path | None = None) -> tuple[TriangleMesh, li
     -------
     The mesh in the file's own frame and unit, and messages for the user: what was dropped or turned, signs of damage.
     Polygons are split by :func:`.triangulated`; corners of an STL with equal coordinates become one vertex.
-
-    Raises
-    ------
-    InputError
-        Another extension; a file that is missing, unreadable, empty, too large, truncated or corrupt; no usable surface
-        (see :func:`oneframe.surface.mesh.checked_mesh`).
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
@@ -85,13 +79,7 @@ def read_mesh(path: Path, *, like: Path | None = None) -> tuple[TriangleMesh, li
 
 
 def stated_space(path: Path) -> str | None:
-    """The patient coordinates that a mesh file states for itself, one of :data:`SPACES`, or ``None``.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
+    """The patient coordinates that a mesh file states for itself, one of :data:`SPACES`, or ``None``."""
     found = _SPACE.search(read_beginning(path, "a mesh file", _SPACE_BYTES))
     return found[1].decode() if found else None
 

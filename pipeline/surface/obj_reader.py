@@ -15,14 +15,7 @@ _AFTER_SLASH = re.compile(rb"(?<=[0-9])/\S*")
 
 
 def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Read the lines ``v`` and ``f``; the result is as that of :func:`oneframe.surface.ply_reader.read_ply`.
-
-    Raises
-    ------
-    InputError
-        Binary data, a word that is no number, a vertex of less than three, or a face with a vertex that does not exist:
-        with the number of the line.
-    """
+    """Read the lines ``v`` and ``f``; the result is as that of :func:`oneframe.surface.ply_reader.read_ply`."""
     if b"\0" in data:
         raise InputError(f"{where}: expected a text, found binary data; the file is corrupt: copy or export it again")
     # joined lines count as one in the line numbers of messages

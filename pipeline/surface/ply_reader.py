@@ -65,12 +65,6 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
     -------
     ``(V, 3)`` float64 vertices, ``(P,)`` corners per polygon, ``(sum,)`` int64 vertex indices of all polygons,
     concatenated and not checked to be in range, and messages for the user.
-
-    Raises
-    ------
-    InputError
-        The header is missing or malformed; there are fewer or (in text) more numbers than it announces; or there is no
-        element ``vertex`` with x, y, z or no ``face`` with a list ``vertex_indices`` or ``vertex_index``.
     """
     order, elements, start = _header(data, where)
     messages: list[str] = []

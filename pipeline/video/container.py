@@ -40,13 +40,7 @@ _OTHER_IMAGES = (b"GIF8", b"\x00\x00\x00\x0cjP  ", b"\xff\x4f\xff\x51", b"P1", b
 
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
-    """The container of a film, and in it the stream that a player shows.
-
-    Raises
-    ------
-    InputError
-        No such file, not a film, one whose frames are too large, or whose codec FFmpeg does not know.
-    """
+    """The container of a film, and in it the stream that a player shows."""
     _check_beginning(path)
     with open(path, "rb") as file:
         try:

@@ -59,11 +59,6 @@ def film(
         Only frames displayed from ... to before these times; to the end if ``to_s`` is ``None``.
     numbers
         Instead of the times: number of the first frame, and the one after the last.
-
-    Raises
-    ------
-    InputError
-        Not a video, frames too large to use, or none of these numbers or between these times.
     """
     survey = yield from _surveyed(path)
     first, last = survey.between(from_s, to_s) if numbers is None else survey.checked(*numbers)

@@ -34,8 +34,6 @@ def decoded_apart(path: Path, *arguments: object) -> Iterator[bytes]:
 
     Raises
     ------
-    InputError
-        Raised by it.
     DecodingError
         The process crashed, or a part took too long.
     """

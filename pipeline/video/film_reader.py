@@ -124,11 +124,6 @@ class Film:
             Instead of the times: number of the first frame, and the one after the last.
         width
             Of the pictures, px.
-
-        Raises
-        ------
-        InputError
-            No file, not a video, none of these frames, or frames too large.
         """
         self.path = Path(path)
         self._parts = decoded_apart(self.path, width, every, from_s, to_s, numbers)
@@ -193,25 +188,13 @@ class Film:
 
 
 def video_info(path: Path) -> FilmInfo:
-    """What is known of a film before its frames.
-
-    Raises
-    ------
-    InputError
-        As :class:`.Film`.
-    """
+    """What is known of a film before its frames."""
     with Film(path) as film:
         return film.info
 
 
 def read_video_frame(path: Path, index: int) -> np.ndarray:
-    """Frame ``index``, counted from 0, as ``(H, W, 3)`` uint8 RGB, identical to that of sequential decoding.
-
-    Raises
-    ------
-    InputError
-        No file, not a video, no such frame, or a frame that cannot be decoded (damaged or cut-off file).
-    """
+    """Frame ``index``, counted from 0, as ``(H, W, 3)`` uint8 RGB, identical to that of sequential decoding."""
     with Film(path, numbers=(index, index + 1), width=WIDEST) as film:
         for frame in film:
             return frame.image

@@ -22,7 +22,7 @@ COLUMNS = (
     "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
     "comb_ratio",
 )  # fmt: skip
-_NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores(-dark)?\.(csv|svg|png)"
+_NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores\.csv"
 TILE_WIDTH = 640
 MASKED_COLOUR = np.array([1.0, 0.0, 1.0], np.float32)
 
@@ -53,7 +53,7 @@ class ChosenFrame:
     tissue: float
 
 
-def check_frame_folder(out: Path, video: Path, charts: Sequence[Path] = ()) -> None:
+def check_frame_folder(out: Path, video: Path) -> None:
     """Check before any work that the folder holds nothing else, and that the files of known names can be written.
 
     Raises
@@ -62,7 +62,7 @@ def check_frame_folder(out: Path, video: Path, charts: Sequence[Path] = ()) -> N
         As :func:`.check_own_folder` and :func:`.check_outputs`.
     """
     check_own_folder(out, _NAMES, {"video": video})
-    check_outputs([out / SHEET, out / TABLE, *charts], {"video": video})
+    check_outputs([out / SHEET, out / TABLE], {"video": video})
 
 
 def write_frames(
@@ -77,8 +77,6 @@ def write_frames(
 
     Raises
     ------
-    InputError
-        A file exists with other content, or a frame cannot be decoded.
     RunError
         A file cannot be written.
     """
@@ -113,8 +111,6 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
 
     Raises
     ------
-    InputError
-        The file exists with other content, or the frame cannot be decoded.
     RunError
         The file cannot be written.
     """
@@ -138,8 +134,6 @@ def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -
     Yields
     ------
     The file of each.
-
-    Errors are those of :func:`write_frame`.
     """
     files = [_files(video, folder, score)[0] for score in chosen]
     check_outputs(files, {"video": video})
@@ -160,8 +154,6 @@ def write_new(path: Path, data: bytes) -> None:
 
     Raises
     ------
-    InputError
-        The file exists with other content, which somebody may have made by hand.
     RunError
         The file cannot be written.
     """

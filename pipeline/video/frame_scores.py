@@ -125,11 +125,6 @@ def score_frames(
         Called after each frame with the fraction done; an exception that it raises stops the work. Any thread.
     thumbnails
         Gets small pictures of the film, which is decoded only once.
-
-    Raises
-    ------
-    InputError
-        No file, not a video, no frames, or frames too large.
     """
     with Film(path, every=every, from_s=from_s, to_s=to_s) as film:
         scorer, count = FilmScorer(film.info, progress), 0
@@ -172,7 +167,7 @@ class FilmScorer:
         if inside is not None:
             # without the edge of the view, which is sharp in every frame
             inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
-            share = cv2.resize(inner, GRID_WH, interpolation=cv2.INTER_AREA)
+            share = np.asarray(cv2.resize(inner, GRID_WH, interpolation=cv2.INTER_AREA))
             cells = share >= min(0.99, float(share.max()))
         scale = self._info.size_wh[0] / min(VIEW_WIDTH, self._info.small_wh[0])
         shown = 1.0 if inside is None else float(inside.mean())

@@ -93,11 +93,6 @@ def make_surface(
         What is taken away, and how the surface is finished.
     report
         Called with the name of each stage and its share.
-
-    Raises
-    ------
-    InputError
-        As for :func:`.removed_by_plan`, :func:`.removed_by_operation` and :func:`.bone_surface`.
     """
     structures = {}
     if labels is not None:
@@ -143,10 +138,7 @@ def finish_of(
 def removed_of(
     plan: DrillPlan, volume: Volume, structures: Mapping[str, TriangleMesh], *, tolerance_mm: float | None = None
 ) -> RemovedField | None:
-    """What a plan removes, so that the margins hold on the finished surface; ``None`` without strokes.
-
-    Errors are those of :func:`.removed_by_plan`.
-    """
+    """What a plan removes, so that the margins hold on the finished surface; ``None`` without strokes."""
     grid, tolerance = volume.grid, _tolerance(volume.grid, tolerance_mm)
     margins = {name: widened_mm(margin, grid, tolerance) for name, margin in plan.margins_mm.items()}
     return removed_by_plan(replace(plan, margins_mm=margins), grid, structures)

@@ -10,13 +10,7 @@ from .volume import VoxelGrid
 
 
 def simple_itk() -> Any:
-    """The library, silent: its warnings quote lines of headers, which may name the patient.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
+    """The library, silent: its warnings quote lines of headers, which may name the patient."""
     try:
         # a session without a CT need not load it
         import SimpleITK as sitk

@@ -64,11 +64,6 @@ class VoxelGrid:
         """First and one past the last voxel, ``(3,)`` each as (x, y, z), that cover points ``(N, 3)`` in LPS.
 
         ``None`` stands for the whole volume.
-
-        Raises
-        ------
-        InputError
-            There is no voxel where they are.
         """
         if points_mm is None:
             return np.zeros(3, int), np.array(self.size)

@@ -12,11 +12,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
-
-import cv2
-import numpy as np
 
 from oneframe.blender.render.engines import RENDERERS
 from oneframe.blender.sample.photograph import AMBIENT_STRENGTH, LAMP_OFFSET_MM, take_photographs
@@ -24,11 +20,6 @@ from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.frame import UnreadFrame
-from oneframe.case.loaded_case import LoadedCase, load_case
-from oneframe.colour.lens_shading import LensShading, lens_shading_of
-from oneframe.colour.ray_tracer import RayTracer
-from oneframe.colour.reference_view import traced_view_of
-from oneframe.colour.shading import ColouredSurface
 from oneframe.errors import InputError
 from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
 from oneframe.evaluation.methods import DEFAULT, chosen_methods
@@ -52,8 +43,6 @@ FILM_STEP, FURTHER = 3, 3
 """Every third clear pose of the film is photographed; frames of the sample's second case besides its own."""
 WIDE = (45, 328), (52, 345), (38, 280), (5, 148), (12, 148)
 """Tilts and azimuths, degrees, of further photographs: 20 to 35 degrees from the frame."""
-BLOCKS = 16
-"""Along the width, over which the step between frames is a mean."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,10 +71,6 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             report("left out: the sample and --bones have a lamp at their lens, neither is asked for")
             return
         methods = arguments.methods or (IN_LIGHT if arguments.light else DEFAULT)
-        for path, _ in files if arguments.light else ():
-            if (loaded := load_case(read_case(path))).frames[1:]:
-                none, lit = (frames_apart(loaded, light) for light in (None, lens_shading_of(loaded)))
-                report(f"{path.stem}: step between frames {none:.1f} of 255, in the light of the lens {lit:.1f}")
         prepared = evaluation_run(
             files, arguments.out, chosen_methods(methods, RENDERERS),
             seed=arguments.seed, inception=arguments.inception,
@@ -146,24 +131,3 @@ def lit_case(path: Path) -> Case:
     """The sample's case with the lamp that its photographs have."""
     x, y, z = LAMP_OFFSET_MM.tolist()
     return replace(read_case(path), light=LensLight((x, y, z), AMBIENT_STRENGTH))
-
-
-def frames_apart(loaded: LoadedCase, light: LensShading | None) -> float:
-    """The step between the frames of a case where two of them saw the surface, of 255: the median over blocks.
-
-    Views at the first frame's pose are coloured from one frame each, in the light of the lens or as the frames are.
-    """
-    reference, camera = traced_view_of(loaded, light), loaded.frame.camera
-    side, steps = camera.width // BLOCKS, list[np.ndarray]()
-    views = [
-        RayTracer(ColouredSurface(reference.mesh, (view,), light=light), camera).render(loaded.frame.cam_from_model)
-        for view in reference.views
-    ]
-    for one, other in combinations(views, 2):
-        both = (one.observed & other.observed).astype(np.float32)
-        apart = (one.rgb - other.rgb) * both[..., None]
-        seen, total = (
-            cv2.resize(each, (BLOCKS, camera.height // side), interpolation=cv2.INTER_AREA) for each in (both, apart)
-        )
-        steps.append(np.abs(total[seen > 0.5] / seen[seen > 0.5][:, None]).mean(axis=1))
-    return 255 * float(np.median(np.concatenate(steps)))

@@ -29,13 +29,7 @@ def write_rows(path: Path, rows: Sequence[Any], conditions: Conditions, *propert
 
 
 def read_rows(path: Path, kind: type[Row]) -> tuple[list[Row], list[str]]:
-    """Read the rows of a table that :func:`write_rows` wrote, and its conditions, one line each.
-
-    Raises
-    ------
-    InputError
-        The file is missing, holds something else, or no row.
-    """
+    """Read the rows of a table that :func:`write_rows` wrote, and its conditions, one line each."""
     lines = (decoded(read_content(path, "a table of measurements")) or "").splitlines()
     comments = [line for line in lines if line.startswith(COMMENT)]
     with expected(path):
@@ -51,13 +45,7 @@ def read_rows(path: Path, kind: type[Row]) -> tuple[list[Row], list[str]]:
 
 @contextmanager
 def expected(path: Path, what: str = "the figures of this benchmark", do: str = "measure again") -> Iterator[None]:
-    """Turn what goes wrong with the content of a file or folder into a sentence.
-
-    Raises
-    ------
-    InputError
-        The file holds something else.
-    """
+    """Turn what goes wrong with the content of a file or folder into a sentence."""
     try:
         yield
     except (KeyError, TypeError, ValueError, AttributeError) as error:

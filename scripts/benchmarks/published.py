@@ -51,11 +51,6 @@ def read_bloster(folder: Path) -> tuple[PinholeCamera, list[tuple[Path, np.ndarr
     ----------
     folder
         With ``cameras.json``, ``mesh_7k.ply``, ``mesh_70k.ply`` and ``rgb/``; the meshes are in metres.
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     table = _table(folder / "cameras.json")
     with expected(folder, "the cameras.json of bloster", "check the folder"):
@@ -110,11 +105,6 @@ def bloster_cases(folder: Path, out: Path, *, most: int | None = None, mesh: str
         Largest number of photographs of a case; all others but the source if ``None``.
     mesh
         Name of the mesh.
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     camera, frames = read_bloster(folder)
     written = []

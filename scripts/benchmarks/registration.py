@@ -1,4 +1,4 @@
-"""Registration of further frames: found, refused and wrong, where it ends, and the corrected source.
+"""Registration of further frames: found, refused and wrong, and where it ends.
 
 The images of the sample and of --bones are rendered; bloster's and LM-O's are photographs. Writes, in PATH,
 registration_PART.csv, a row for each frame, and their charts. Wrong: accepted, and off by more than 2 degrees, 2 % of
@@ -20,8 +20,8 @@ from oneframe.case.frame import load_posed_frame
 from oneframe.case.loaded_case import load_case
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.files.temporary import temporary_folder
+from oneframe.registration.further_frames import small_frame
 from oneframe.registration.pose_list import read_photographs
-from oneframe.registration.register_frames import small_frame
 from oneframe.registration.verdict import ACCEPTED
 from oneframe.sample.temporal_bone import sample_surface
 
@@ -32,7 +32,7 @@ from .figures import read_rows, write_rows
 from .published import CaseFiles
 from .sweeps import registration as sweeps
 
-PARTS = ("photographs", "zoom", "film", "grid", "limits", "correction")
+PARTS = ("photographs", "zoom", "film", "grid", "limits")
 TABLE = "registration_{}.csv"
 HEAD = "| part | data | kind | frames | found (95 %) | wrong | median | worst | seconds |\n|" + 9 * "---|"
 SAMPLE, BONES = "sample", "bones"
@@ -94,12 +94,6 @@ def trials_of(part: str, scenes: Sequence[Scene], arguments: argparse.Namespace,
         for scene in sample:
             yield from sweeps.light(scene, folder / "light", quick=quick)
             yield from sweeps.overlap(sweeps.around(scene, folder / "around", quick=quick))
-    elif part == "correction":
-        for scene in (each for each in whole if each.name != BONES):
-            yield from sweeps.corrections(scene, seed, half[0], surfaces=scene.name == SAMPLE, quick=quick)
-            if not quick:
-                more = sweeps.around(scene, folder / "more", quick=quick) if scene.name == SAMPLE else scene
-                yield from sweeps.more_frames(more, (4, 8, 12), seed)
     elif not quick:
         yield from film_trials(sample, folder, 1.0)
 
@@ -126,7 +120,7 @@ def summary(rows: Sequence[RegistrationTrial]) -> list[str]:
     """A line a kind of the table below :data:`HEAD`, in Markdown; errors are those of all poses that are accepted."""
     lines, groups = [], dict[tuple[str, ...], list[RegistrationTrial]]()
     for row in rows:
-        kind = f"{row.kind} {row.amount:g}" if row.part in ("correction", "limits") else row.kind
+        kind = f"{row.kind} {row.amount:g}" if row.part == "limits" else row.kind
         groups.setdefault((row.part, row.scene, kind), []).append(row)
     for names, own in groups.items():
         found, low, high = share(own, lambda row: row.found)

@@ -35,7 +35,6 @@ CONFIGURATIONS = (
     Configuration(),
     Configuration("raster"),
     Configuration("raster", samples=4),
-    Configuration(colour="texture"),
     Configuration(colour="vertex"),
     Configuration(samples=8),
 )
@@ -73,13 +72,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
 
 
 def speed(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, float]:
-    """Milliseconds of a view of each configuration and of PyVista, and their ratios.
-
-    Raises
-    ------
-    RunError
-        PyVista is not installed.
-    """
+    """Milliseconds of a view of each configuration and of PyVista, and their ratios."""
     scene = case_scene("bowl", case, None, views=TIMED_VIEWS, seed=0)
     points = measure_scene(scene, None, CONFIGURATIONS, scene_peers(scene), folder, arguments.rounds, lambda: None)
     ms = {point.name: point.ms for point in points if point.kind != FLOOR}

@@ -1,10 +1,9 @@
 """Where methods fail, past the breaking point, and what the software answers there.
 
 Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case, and on photographs
-with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K), renderers.
+with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K).
 Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong results, wrong results without a word, answers
-(works, warns, falls back, refuses), errors and the software's limit; and its chart. Times and memory are those of this
-machine.
+(works, warns, falls back, refuses), errors and the software's limit; and its chart.
 """
 
 import argparse
@@ -26,7 +25,7 @@ from oneframe.sample.temporal_bone import sample_surface
 from .alignment.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
 from .charts.stability_charts import CHARTS
 from .figures import read_rows, write_rows
-from .sweeps import camera, colouring, landmarks, photographs, refinement, renderers
+from .sweeps import camera, colouring, landmarks, photographs, refinement
 from .sweeps.cells import Cell, Task
 
 QUICK: dict[str, object] = {}
@@ -81,10 +80,8 @@ def tasks_of(topic: str, folder: Path, arguments: argparse.Namespace) -> Iterato
         if arguments.bloster:
             scenes = bloster_scenes(arguments.bloster, coloured=False)
             yield partial(photographs.measure, scenes[: 2 if quick else None], seed)
-    elif topic == camera.TOPIC:
-        yield from camera.tasks(folder, quick=quick)
     else:
-        yield from renderers.tasks(folder, quick=quick)
+        yield from camera.tasks(folder, quick=quick)
 
 
 def _refinement_scenes(folder: Path, arguments: argparse.Namespace) -> Iterator[tuple[str, list[RefinementScene]]]:

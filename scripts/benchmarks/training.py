@@ -35,7 +35,7 @@ from oneframe.learning.pose_network import PoseNetwork
 from oneframe.learning.view_crops import ViewCrops
 from oneframe.progress import Progress
 from oneframe.reader import View
-from oneframe.registration.register_frames import small_frame
+from oneframe.registration.further_frames import small_frame
 
 from .alignment.registration_trials import RegistrationTrial, Scene
 from .charts.pose_charts import training_chart
@@ -50,8 +50,6 @@ from .learning.training_scenes import (
     PHOTOGRAPHS,
     TrainingScene,
     bloster_scene,
-    bone_scene,
-    cut_scene,
     sample_scene,
 )
 
@@ -66,8 +64,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="another scene: CASE.toml and its PHOTOGRAPHS.json, as for oneframe evaluate",
     )  # fmt: skip
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
-    parser.add_argument("--bones", metavar="DIR", type=Path, help="another scene: the drilled bone LT143")
-    parser.add_argument("--cut", action="store_true", help="another scene: the middle of the sample's surface alone")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
     parser.add_argument("--views", metavar="N", type=int, default=800, help="to train on (default %(default)s)")
     parser.add_argument("--datasets", nargs="+", choices=ALL, default=ALL)
@@ -136,13 +132,9 @@ def _scenes(arguments: argparse.Namespace) -> Iterator[TrainingScene]:
     data = arguments.out.with_suffix("")
     if not arguments.without_sample:
         yield sample_scene(data / "sample")
-    if arguments.cut:
-        yield cut_scene(data / "cut", sample_scene(data / "sample"))
     for case, photographs in arguments.case:
         name = case.resolve().parent.name
         yield TrainingScene(name, case, photographs, data / name)
-    if arguments.bones:
-        yield bone_scene(arguments.bones, data / "LT143", "LT143")
     if arguments.bloster:
         yield bloster_scene(arguments.bloster, data / "bloster")
 

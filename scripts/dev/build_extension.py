@@ -198,7 +198,7 @@ def sample_case() -> Path:
 
 
 def wheels_for(name: str) -> list[Path]:
-    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, tomlkit, Embree, pyfqmr, PyYAML, and SciPy.
+    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, Embree, scikit-image, SciPy and others.
 
     Parameters
     ----------
@@ -208,8 +208,10 @@ def wheels_for(name: str) -> list[Path]:
     Errors are those of :func:`wheels`.
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
-    stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av=", "tomlkit"))]
-    of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML"))]
+    stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av="))]
+    # all that scikit-image's marching cubes need
+    stable.append("lazy-loader>=0.4")
+    of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML", "scikit-image"))]
     # the newest for all of these, and for numpy 1.26 and 2.x
     of_each_python.append("scipy==1.17.*")
     oldest = wheels([*stable, *of_each_python], name, PYTHONS[0])

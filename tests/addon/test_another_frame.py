@@ -1,5 +1,7 @@
 """Pose and landmarks belong to the frame in which they were found, whatever is loaded after it."""
 
+from dataclasses import replace
+
 import bpy
 import cv2
 import numpy as np
@@ -12,6 +14,7 @@ from blender_addon.state import from_scene
 from blender_addon.state.landmarks import landmarks_mesh
 from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from tests.video.surgical_film import write_film
@@ -28,7 +31,7 @@ def aligned(addon, folder):
     for number, point in enumerate(np.array(POINTS) - np.mean(POINTS, axis=0)):
         pixel = from_scene.camera(scene).project((pose[:3, :3] @ point + pose[:3, 3])[None])[0]
         bpy.ops.oneframe.landmark_pin(point=point.tolist(), pixel=(pixel + 0.3 * number).tolist())
-    assert pose_record(scene)["method"] in ("pins", "landmarks")
+    assert pose_record(scene).method in ("pins", "landmarks")
     return scene
 
 
@@ -40,7 +43,7 @@ def other(folder):
 
 
 def state(scene):
-    record = {key: value for key, value in pose_record(scene).items() if key not in ("tool", "date")}
+    record = replace(pose_record(scene), tool="", date="")
     return record, landmarks_mesh(scene), from_scene.cam_from_model(scene).tolist()
 
 
@@ -53,11 +56,8 @@ def test_a_frame_that_nobody_aligned_gets_neither_pixels_nor_figures(aligned, ot
     load(other)
     settings = aligned.oneframe
     assert settings.aligned_path.endswith("frame.png")
-    record = pose_record(aligned)
-    assert {key: record[key] for key in record if key not in ("tool", "date")} == {
-        "method": "another frame",
-        "doubt": "found in another frame (frame.png)",
-    }
+    record = replace(pose_record(aligned), tool="", date="")
+    assert record == PoseRecord("another frame", doubt="found in another frame (frame.png)")
     assert solve.solution(aligned).alignment is None
     for pick in (
         lambda: bpy.ops.oneframe.landmark_set(pixel=(3, 4)),
@@ -70,7 +70,7 @@ def test_a_frame_that_nobody_aligned_gets_neither_pixels_nor_figures(aligned, ot
     bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
     saved = read_case(folder / "new.toml")
     assert saved.image == other
-    assert (saved.alignment["method"], "rms_px" in saved.alignment) == ("another frame", False)
+    assert (saved.alignment.method, saved.alignment.rms_px) == ("another frame", None)
     assert all(landmark.pixel is None and landmark.point is not None for landmark in saved.landmarks)
     # another frame comes and goes, and the first one comes back: all is as it was
     load(folder / "frame.png")
@@ -83,22 +83,22 @@ def test_keep_pose_starts_from_it_and_says_so(aligned, other, folder):
     load(other)
     bpy.ops.oneframe.keep_pose()
     record, kept, same = state(aligned)
-    assert (record["method"], "frame.png" in record["doubt"], same) == ("another frame", True, pose)
+    assert (record.method, "frame.png" in record.doubt, same) == ("another frame", True, pose)
     assert [landmark.point for landmark in kept] == [landmark.point for landmark in landmarks]
     assert not any(landmark.pixel for landmark in kept)
     assert not bpy.ops.oneframe.keep_pose.poll()
-    bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), replace=True)
-    assert read_case(folder / "case.toml").alignment["doubt"] == record["doubt"]
+    bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
+    assert read_case(folder / "new.toml").alignment.doubt == record.doubt
     # and whoever aligns in this frame is not in doubt
     bpy.ops.oneframe.nudge(axis="x")
-    assert pose_record(aligned)["method"] == "manual"
+    assert pose_record(aligned).method == "manual"
 
 
 def test_clear_starts_from_the_initial_guess(aligned, other):
     load(other)
     bpy.ops.oneframe.clear_pose()
     record, landmarks, _ = state(aligned)
-    assert (record, landmarks) == ({"method": "initial guess"}, ())
+    assert (record, landmarks) == (PoseRecord("initial guess"), ())
     load(other.with_name("frame.png"))
     assert not aligned.oneframe.aligned_path, "a guess is of no frame"
 

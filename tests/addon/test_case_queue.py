@@ -11,9 +11,9 @@ from blender_addon.state import from_scene, pose_evidence
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import shown_frame
 from oneframe.blender.alignment import surface_object
-from oneframe.case.alignment_record import REGISTERED
 from oneframe.case.case_file import read_case
-from oneframe.case.case_queue import CHECKED, NEW, ROUGH, queued_cases, state_of
+from oneframe.case.case_queue import CHECKED, NEW, REFUSED, ROUGH, queued_cases, state_of
+from oneframe.case.pose_record import REGISTERED, PoseRecord
 from oneframe.images.png import encode_png
 from oneframe.transforms import rigid
 from tests.tree import tree
@@ -51,7 +51,7 @@ def test_each_frame_starts_at_the_pose_before_and_keeps_its_own(queue):
     assert bpy.ops.oneframe.queue_step() == {"FINISHED"}
     # a start only: the case stays new until somebody aligns it
     assert np.array_equal(pose(), first)
-    assert pose_record(bpy.context.scene)["method"] == "another frame"
+    assert pose_record(bpy.context.scene).method == "another frame"
     assert not bpy.context.scene.oneframe.landmarks
     with pytest.raises(RuntimeError, match="align it first"):
         bpy.ops.oneframe.queue_check()
@@ -95,8 +95,36 @@ def test_the_status_line_leads_through_the_queue_until_all_are_checked(queue):
     assert status(bpy.context.scene)[0].endswith("Next: Next Unfinished goes to the next unfinished one")
 
 
+def test_a_refused_frame_is_left_out_and_said_so_until_it_is_taken_back(queue, run_oneframe):
+    bpy.ops.oneframe.queue_step()
+    bpy.ops.oneframe.queue_refuse(reason=" blurred ")
+    path = queued_cases(queue)[1]
+    assert (read_case(path, posed=False).refused, states(queue)) == ("blurred", [ROUGH, REFUSED, NEW])
+    bpy.ops.oneframe.queue_step(step=-1)
+    bpy.ops.oneframe.queue_unfinished()
+    assert queued.position(bpy.context.scene) == 2
+    ended = run_oneframe("render", path, "--out", queue.parent / "views", "--count", "1")
+    assert "refused: blurred; take it back in the window" in ended.stderr
+    ended = run_oneframe("render", queue, "--out", queue.parent / "views", "--count", "1")
+    assert "last: left out, it is refused: blurred" in ended.stdout
+    assert ended.returncode
+    bpy.ops.oneframe.queue_step(step=-1)
+    bpy.ops.oneframe.queue_refuse(reason="")
+    assert read_case(path, posed=False).refused == ""
+
+
+def test_the_next_step_is_never_one_that_cannot_be(queue):
+    scene = bpy.context.scene
+    for pairs, words in ((1, "another pin"), (3, "refines it")):
+        pose_evidence.remember(scene, PoseRecord(method="pins", pairs=pairs, rms_px=0.1), pose())
+        assert words in status(scene)[0]
+    bpy.ops.oneframe.queue_check()
+    bpy.ops.oneframe.queue_step(step=-1)
+    assert "refines it" not in status(scene)[0]
+
+
 def found_here():
-    pose_evidence.remember(bpy.context.scene, {"method": REGISTERED, "tool": "", "date": "2026-01-01"}, pose())
+    pose_evidence.remember(bpy.context.scene, PoseRecord(REGISTERED, date="2026-01-01"), pose())
     return bpy.context.scene
 
 

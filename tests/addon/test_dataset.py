@@ -11,8 +11,8 @@ from mathutils import Matrix
 from blender_addon.dataset import background_job, operators, pose_preview
 from blender_addon.state import from_scene
 from oneframe.blender.dataset.job import Job, open_job
+from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
-from oneframe.case.case_update import differing_fields
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid, transform_points

@@ -8,14 +8,19 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon.frames.found import film_of_case
 from blender_addon.setup import open_case as sample
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.setup.open_case import task_lines
 from blender_addon.state import from_scene, to_scene
+from blender_addon.state.recent import recent
+from blender_addon.state.scene_files import forget_stamps
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.transforms import transform_points
+from tests.video.surgical_film import write_film
 
 
 def drop(folder, *names):
@@ -27,20 +32,20 @@ def drop(folder, *names):
 def test_a_case_without_a_pose_opens_at_a_guess_and_is_saved_with_a_pose(addon, folder, way):
     path = folder / "case.toml"
     text = path.read_text().replace("[pose]", "[dataset]\n[pose]")
-    path.write_text(re.sub(r"\[pose\]\ncam_from_mesh = .*", "count = 7 # enough", text))
+    path.write_text(re.sub(r"\[pose\]\ncam_from_mesh = .*", "count = 7", text))
     if way == "open":
         bpy.ops.oneframe.open_case(filepath=str(path))
     else:
         drop(folder, "case.toml")
     scene = bpy.context.scene
-    assert pose_record(scene) == {"method": "initial guess"}
+    assert pose_record(scene) == PoseRecord("initial guess")
     assert unsaved_parts(scene) == ()
     bpy.ops.oneframe.nudge(axis="x", step_px=3)
     assert unsaved_parts(scene) == ("pose",)
-    assert pose_record(scene)["method"] == "manual"
+    assert pose_record(scene).method == "manual"
     bpy.ops.oneframe.save_case(filepath=str(path))
-    assert "count = 7 # enough" in path.read_text()
-    assert read_case(path).alignment["method"] == "manual"
+    assert "count = 7" in path.read_text()
+    assert read_case(path).alignment.method == "manual"
     assert unsaved_parts(scene) == ()
 
 
@@ -149,3 +154,19 @@ def test_a_ghost_of_the_surface_shows_until_its_pose_is_found(addon, folder):
     assert round(view.opacity, 3) == 0.3
     view.opacity = 0.0
     assert view.opacity == 0, "what the user has set stays"
+
+
+def test_recent_cases_and_their_films_are_found_again(addon, folder):
+    write_film(folder / "film.avi", [np.full((48, 64, 3), level, np.uint8) for level in (90, 120)], "MJPG")
+    path = folder / "case.toml"
+    path.write_text(path.read_text().replace("[frame]", '[frame]\nvideo = "film.avi"\nvideo_frame = 1'))
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    assert recent("cases")[0] == path
+    assert film_of_case(bpy.context.scene) == folder / "film.avi"
+    # moved elsewhere, and opened from there once
+    (folder / "films").mkdir()
+    (folder / "film.avi").rename(folder / "films/film.avi")
+    forget_stamps()
+    assert film_of_case(bpy.context.scene) is None
+    bpy.ops.oneframe.open_video(filepath=str(folder / "films/film.avi"))
+    assert film_of_case(bpy.context.scene) == folder / "films/film.avi"

@@ -12,10 +12,9 @@ from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import session, shown_frame
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.case import case_queue
-from oneframe.case.alignment_record import FURTHER_FRAMES, OTHER_FRAME, REGISTERED, checked_alignment_record
 from oneframe.case.case_file import read_case
+from oneframe.case.pose_record import OTHER_FRAME, REGISTERED, PoseRecord
 from oneframe.registration.register import Registrar
-from oneframe.registration.register_frames import CaseRegistrar
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
@@ -43,7 +42,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def registered_once():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Registrar, "register", remembered(Registrar.register, registration))
+        patch.setattr(Registrar, "find", remembered(Registrar.find, registration))
         yield
 
 
@@ -151,15 +150,15 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
     record = case.alignment
     assert (taken.verdict.state, case.video, case.landmarks[0].pixel) == (state, ("film.avi", at), None)
     if state == REFUSED:
-        assert record["method"] == OTHER_FRAME
+        assert record.method == OTHER_FRAME
         assert is_at(case.cam_from_mesh, SOURCE)
     else:
-        origin = record["method"], record["start_method"], record["start_frame"]
+        origin = record.method, record.start_method, record.start_frame
         assert origin == (REGISTERED, "landmarks", "frame.png")
         assert is_at(case.cam_from_mesh, POSES[at])
-        assert np.allclose(record["standard_deviation_mm"], np.sqrt(np.diag(taken.uncertainty.covariance)[:3]))
+        assert np.allclose(record.standard_deviation_mm, np.sqrt(np.diag(taken.uncertainty.covariance)[:3]))
         assert case_queue.state_of(case) == (case_queue.DOUBTFUL if state == DOUBTFUL else case_queue.ALIGNED)
-        assert checked_alignment_record(record, "record") == record
+        assert PoseRecord.of_table(record.table(), "record") == record
     # the film's picture of the case's own frame has the pose of the case
     shown_frame.show(scene, at)
     assert another_frame.seen(scene) is None
@@ -167,22 +166,6 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
     scene = bpy.context.scene
     assert state_of(scene, tmp_path / "case.toml") == before
     assert found.frame_at(scene, at) is taken
-
-
-def test_the_first_pose_is_corrected_recorded_and_undone(opened, tmp_path, monkeypatch):
-    monkeypatch.setattr("oneframe.registration.correct_source.MOST_ROUNDS", 2)
-    opened("rough.toml")
-    rough = from_scene.cam_from_model(bpy.context.scene)
-    bpy.ops.ed.undo_push(message="before")
-    bpy.ops.oneframe.correct_first_pose()
-    bpy.ops.ed.undo_push(message="corrected")
-    bpy.ops.ed.undo()
-    assert np.array_equal(from_scene.cam_from_model(bpy.context.scene), rough)
-    bpy.ops.ed.redo()
-    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "corrected.toml"))
-    corrected = read_case(tmp_path / "corrected.toml")
-    assert off_by_deg(corrected.cam_from_mesh, SOURCE) < 0.3 * off_by_deg(ROUGH, SOURCE)
-    assert (corrected.alignment["method"], corrected.alignment["start_method"]) == (FURTHER_FRAMES, "manual")
 
 
 def registered_in(scene):
@@ -208,7 +191,7 @@ def test_found_frames_are_kept_beside_the_case_and_a_stopped_run_goes_on(opened,
             raise Stopped
 
     operator_work = found.begun(scene, film)
-    registrar = CaseRegistrar(from_scene.loaded_case(scene))
+    registrar = Registrar(from_scene.loaded_case(scene))
     with pytest.raises(Stopped):
         operator_work.register(registrar, film, stop)
     before = registered_in(scene)
@@ -258,9 +241,9 @@ def test_found_frames_go_into_the_queue_at_their_poses(opened, tmp_path):
     mesh_from_model = from_scene.mesh_from_model_of(scene.oneframe.surface)
     for number, case in cases.items():
         np.testing.assert_allclose(case.cam_from_mesh @ mesh_from_model, frames[number].cam_from_model, atol=1e-9)
-        assert case.alignment["method"] == REGISTERED
-        assert case.alignment["probability"] == frames[number].verdict.probability
-        assert case.alignment["start_frame"] == "frame.png"
+        assert case.alignment.method == REGISTERED
+        assert case.alignment.probability == frames[number].verdict.probability
+        assert case.alignment.start_frame == "frame.png"
         assert case_queue.state_of(case) == case_queue.ALIGNED
     # after another start, from any frame of the queue, as long as the first frame has the pose that they go by
     forget()

@@ -7,12 +7,13 @@ import pytest
 from blender_addon.colour.lamp import rows
 from blender_addon.dataset import operators as dataset
 from blender_addon.frames import found
-from blender_addon.setup import autosave
+from blender_addon.setup import history
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.state.known_case import lamp_of
 from blender_addon.video import session
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.case.case_file import read_case
+from oneframe.case.case_history import earlier_cases
 from oneframe.commands.__main__ import dispatch
 from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
 from oneframe.images.png import encode_png
@@ -38,7 +39,7 @@ def numbers(light):
     return light and (light.lamp_cam_mm, light.ambient, light.falloff)
 
 
-def test_a_typed_lamp_is_saved_undone_and_kept_aside(opened, case_path):  # noqa: F811
+def test_a_typed_lamp_is_saved_undone_and_in_the_history(opened, case_path):  # noqa: F811
     typed, scene = ((-13.04, 16.0, 2.0), 0.07, 2.0), opened
     assert lamp_of(scene) is None
     bpy.ops.ed.undo_push(message="before")
@@ -47,8 +48,8 @@ def test_a_typed_lamp_is_saved_undone_and_kept_aside(opened, case_path):  # noqa
     assert numbers(lamp_of(scene)) == typed
     assert dict(rows(lamp_of(scene)))["Method"] == "typed"
     assert unsaved_parts(scene) == ("lamp",)
-    autosave.keep_aside(scene)
-    assert numbers(read_case(autosave.aside(case_path)).light) == typed
+    history.flush()
+    assert numbers(earlier_cases(case_path)[0].case.light) == typed
     bpy.ops.ed.undo()
     assert lamp_of(bpy.context.scene) is None
     bpy.ops.ed.redo()
@@ -158,10 +159,10 @@ def test_the_lamp_is_found_by_the_films_frames_as_the_command_finds_it(addon, tm
     light = lamp_of(scene)
     assert np.abs(np.subtract(light.lamp_cam_mm, (-13.04, 16.0, 0.0))).max() < 3
     assert light.origin["frames"] == 3
-    dispatch(["light", *map(str, (case, poses, "--video", tmp_path / "film.avi"))])
-    assert numbers(read_case(case).light) == numbers(light)
     bpy.ops.oneframe.save_case(filepath=str(case))
     assert read_case(case).light == light
+    dispatch(["light", *map(str, (case, poses, "--video", tmp_path / "film.avi"))])
+    assert numbers(read_case(case).light) == numbers(light)
 
 
 def test_where_the_frame_tells_no_lamp_the_figures_say_so(opened):

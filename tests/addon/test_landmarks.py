@@ -7,7 +7,7 @@ import pytest
 from blender_addon.landmarks import solve
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
-from blender_addon.state.landmarks import landmarks_mesh, landmarks_model
+from blender_addon.state.landmarks import landmarks_mesh, landmarks_model, points_model
 from blender_addon.ui import frame_view
 from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from oneframe.alignment.reprojection import apply_twist
@@ -90,7 +90,7 @@ def test_points_in_either_order_pair_and_the_surface_moves_to_the_solution(scene
     add(points, pixels + rng.normal(0, SIGMA_PX, pixels.shape))
     entries = scene.oneframe.landmarks
     assert len(entries) == len(points)
-    assert np.allclose([entry.point for entry in entries], points, atol=1e-5)
+    assert np.allclose(points_model(scene), points, atol=1e-5)
     expected = solved_directly(scene)
     assert np.abs(pose_of(scene) - expected.cam_from_model).max() <= 1e-9
     assert expected.uncertainty.contains(true, pose_of(scene), 0.9999)
@@ -142,11 +142,11 @@ def test_flat_points_show_both_poses_and_a_key_goes_from_one_to_the_other(scene)
         bpy.ops.oneframe.other_pose()
         assert np.array_equal(pose_of(scene), solved.doubtful[expected])
         record = pose_record(scene)
-        assert record["method"] == "landmarks"
-        assert "2 poses fit" in record["doubt"]
-        assert 0 <= record["explained"] <= 1
+        assert record.method == "landmarks"
+        assert "2 poses fit" in record.doubt
+        assert 0 <= record.explained <= 1
         # a doubtful pose has no uncertainty of its own
-        assert "standard_deviation_deg" not in record
+        assert record.standard_deviation_deg is None
 
 
 def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
@@ -155,7 +155,7 @@ def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
     add(pairs[0][:4], pairs[1][:4] + np.array([[3, -2], [-3, 1], [2, 3], [-1, -3]]))
     assert "no pose fits" in solution(scene).refusal
     assert not np.array_equal(pose_of(scene), far)
-    assert "no pose fits" in pose_record(scene)["doubt"]
+    assert "no pose fits" in pose_record(scene).doubt
     rough = pose_of(scene)
     bpy.ops.oneframe.landmark_toggle(index=0)
     bpy.ops.oneframe.landmark_toggle(index=0)

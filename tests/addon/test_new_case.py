@@ -15,6 +15,7 @@ from blender_addon.video import shown_frame
 from blender_addon.view.overlay import frame_image_of
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.commands.__main__ import dispatch
 from oneframe.files.content import content_named
 from oneframe.images.png import encode_png
@@ -86,7 +87,7 @@ def test_a_surface_folder_opens_with_its_structures(addon, files, tmp_path):
     case = read_case(tmp_path / "case.toml")
     assert {case.image.resolve().parent, case.mesh.resolve().parent} == {files, files / "surface"}
     assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
-    assert case.alignment == {"method": "initial guess"}
+    assert case.alignment == PoseRecord("initial guess")
     folder = tmp_path / "all"
     folder.mkdir()
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
@@ -181,12 +182,12 @@ def test_the_initial_pose_follows_the_surface_until_somebody_moves_it(addon, fil
     load(camera=files / "camera.json", frame=files / "photo.jpg")
     scene = bpy.context.scene
     plain = from_scene.cam_from_model(scene)
-    assert pose_record(scene) == {"method": "initial guess"}
+    assert pose_record(scene) == PoseRecord("initial guess")
     scene.oneframe_ct.threshold_hu = 900
     bpy.ops.oneframe.make_surface()
     smaller = from_scene.cam_from_model(scene)
     assert not np.allclose(plain, smaller, rtol=1e-9)
-    assert pose_record(scene) == {"method": "initial guess"}
+    assert pose_record(scene) == PoseRecord("initial guess")
     bpy.ops.oneframe.change_units(units="m")
     bpy.ops.oneframe.change_units(units="mm")
     load(camera=files / "camera.json")
@@ -196,7 +197,7 @@ def test_the_initial_pose_follows_the_surface_until_somebody_moves_it(addon, fil
     scene.oneframe_ct.threshold_hu = 500
     bpy.ops.oneframe.make_surface()
     np.testing.assert_allclose(from_scene.cam_from_mesh(scene), moved, atol=1e-6)
-    assert pose_record(scene)["method"] == "manual"
+    assert pose_record(scene).method == "manual"
 
 
 def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):

@@ -1,5 +1,7 @@
 """Refining in the add-on: the function's result, one undo step, refusals, and which colours count as evidence."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.blender.alignment import surface_object
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.images.png import encode_png
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
@@ -40,7 +43,7 @@ K = [[975.0, 0, 91.5], [0, 978.0, 65.5], [0, 0, 1]]
 [surface]
 mesh = "surface.ply"
 [pose]
-cam_from_model = {pose}
+cam_from_mesh = {pose}
 """
 
 
@@ -113,10 +116,10 @@ def test_the_operator_gives_the_scripts_pose_and_record_in_one_undo_step(opened,
     assert operator.outcome(bpy.context.scene).message == message
     case = saved(bpy.context.scene, tmp_path / "refined.toml")
     assert np.array_equal(case.cam_from_mesh, script.cam_from_mesh)
-    assert {**case.alignment, "tool": "t", "date": "2030-01-01"} == script.alignment
-    assert (case.alignment["method"], case.alignment["start_method"]) == ("refined", "manual")
-    assert case.alignment["error_px"] > 0
-    assert "refused" not in case.alignment
+    assert replace(case.alignment, tool="t", date="2030-01-01") == script.alignment
+    assert (case.alignment.method, case.alignment.start_method) == ("refined", "manual")
+    assert case.alignment.error_px > 0
+    assert not case.alignment.refused
 
 
 def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, case_folder, tmp_path):
@@ -146,8 +149,8 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, cas
     assert np.array_equal(from_scene.cam_from_model(bpy.context.scene), start)
     bpy.ops.ed.redo()
     case = saved(bpy.context.scene, tmp_path / "taken.toml")
-    assert case.alignment["method"] == "refined"
-    assert case.alignment["refused"] in message
+    assert case.alignment.method == "refined"
+    assert case.alignment.refused in message
     # also once it is opened again
     bpy.ops.oneframe.open_case(filepath=str(case.path))
     assert operator.is_taken(bpy.context.scene)
@@ -157,7 +160,7 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, cas
     with pytest.raises(RuntimeError, match="Refused"):
         bpy.ops.oneframe.refine()
     assert not operator.is_taken(bpy.context.scene)
-    assert pose_record(bpy.context.scene)["refused"] == case.alignment["refused"]
+    assert pose_record(bpy.context.scene).refused == case.alignment.refused
     # a plain picture finds none that could be taken
     with pytest.raises(RuntimeError, match="expected a refinement that was refused at this pose"):
         bpy.ops.oneframe.take_refused()
@@ -186,27 +189,27 @@ def test_a_refined_pose_stays_when_landmarks_change(opened, case_folder):
     assert np.array_equal(from_scene.cam_from_model(opened), refined)
     assert np.less(uncertainty_px(opened), of_landmarks).all()
     record = pose_record(opened)
-    assert (record["method"], record["start_method"], record["start_pairs"]) == ("refined", "landmarks", 6)
+    assert (record.method, record.start_method) == ("refined", "landmarks")
     assert status(opened)[0].endswith("Next: Save Case")
     bpy.ops.oneframe.landmark_remove(index=0)
     assert np.array_equal(from_scene.cam_from_model(opened), refined)
     bpy.ops.oneframe.landmark_set(name="", point=points[0], pixel=np.clip(pixels[0], 0, [179, 134]))
     bpy.ops.oneframe.solve_landmarks()
     assert np.allclose(from_scene.cam_from_model(opened), by_landmarks, rtol=0, atol=1e-6)
-    assert pose_record(opened)["method"] == "landmarks"
+    assert pose_record(opened).method == "landmarks"
     # moved by hand: no figure holds any more
     bpy.ops.oneframe.nudge(axis="x")
     assert uncertainty_px(opened) is None
     # another frame's image says nothing of it
     bpy.ops.oneframe.load_frame(filepath=str(case_folder / "mirrored.png"))
     assert operator.outcome(opened) is None
-    assert set(pose_record(opened)) == {"method", "doubt", "tool", "date"}
+    assert set(pose_record(opened).table()) == {"method", "doubt", "tool", "date"}
 
 
 def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folder, tmp_path):
     """The picture stays, so its evidence does: figures in mm scale with the surface, pixels and degrees stay."""
 
-    def known() -> tuple[dict, np.ndarray, np.ndarray]:
+    def known() -> tuple[PoseRecord, np.ndarray, np.ndarray]:
         uncertainty = pose_evidence.remembered_uncertainty(opened)
         pose, mesh_from_model = (
             from_scene.cam_from_model(opened),
@@ -225,12 +228,8 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
     bpy.ops.oneframe.change_units(units="m")
     scaled, scaled_covariances, scaled_pivot_px = known()
     assert pose_evidence.is_refined(opened)
-    assert np.allclose(scaled["standard_deviation_mm"], 1000 * np.array(record["standard_deviation_mm"]), rtol=1e-12)
-    assert scaled["weakest"] == pose_evidence.remembered_uncertainty(opened).weakest
-    ours = {"standard_deviation_mm", "weakest"}
-    assert {key: scaled[key] for key in scaled if key not in ours} == {
-        key: record[key] for key in record if key not in ours
-    }
+    assert np.allclose(scaled.standard_deviation_mm, 1000 * np.array(record.standard_deviation_mm), rtol=1e-12)
+    assert replace(scaled, standard_deviation_mm=record.standard_deviation_mm) == record
     assert np.allclose(scaled_covariances, covariances, rtol=1e-5)
     assert np.allclose(scaled_pivot_px, pivot_px, atol=1e-6)
     (tmp_path / "case").mkdir()
@@ -240,8 +239,7 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
 
     bpy.ops.oneframe.change_units(units="mm")
     back = pose_evidence.remembered(opened)
-    assert back["weakest"] == record["weakest"]
-    assert np.allclose(back["standard_deviation_mm"], record["standard_deviation_mm"], rtol=1e-12)
+    assert np.allclose(back.standard_deviation_mm, record.standard_deviation_mm, rtol=1e-12)
     # an edit moves the mean of the vertices, which is the origin of the frame `model`
     data = from_scene.surface_of(opened).data
     data.vertices[0].co.z += 50
@@ -253,14 +251,14 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
 
 
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
-    assert pose_record(opened)["method"] == "manual"
+    assert pose_record(opened) == PoseRecord(), "given, nobody knows how it was found"
     point = frame_view.surface_point_at(opened, np.array([56.0, 39.0]))
     bpy.ops.oneframe.landmark_pin(point=point, pixel=(64.0, 43.0))
     pulled = pose_record(opened)
-    assert (pulled["method"], pulled["pairs"]) == ("pins", 1)
-    assert pulled["rms_px"] < 0.02
+    assert (pulled.method, pulled.pairs) == ("pins", 1)
+    assert pulled.rms_px < 0.02
     bpy.ops.oneframe.nudge(axis="x")
-    assert pose_record(opened)["method"] == "manual"
+    assert pose_record(opened).method == "manual"
 
 
 @pytest.mark.render

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from oneframe.errors import InputError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.registration.verdict import ACCEPTED, REFUSED
-from scripts.benchmarks.alignment.refinement_basin import WRONG_IMAGES
 from scripts.benchmarks.alignment.registration_trials import RegistrationTrial, share
 from scripts.benchmarks.charts.stability_charts import CHARTS
 from scripts.benchmarks.figures import conditions_note, read_rows, write_rows
@@ -50,14 +49,6 @@ def test_rows_survive_their_table(tmp_path_factory, rows):
     found, lines = read_rows(path, Cell)
     assert (found, lines) == (rows, CONDITIONS.lines())
     assert conditions_note(lines).startswith("seed 3, note two lines; OneFrame ")
-
-
-@pytest.mark.parametrize("kind", WRONG_IMAGES)
-def test_a_wrong_image_is_another_one_of_the_same_size(kind, rng):
-    image = rng.random((48, 64, 3), np.float32)
-    wrong = WRONG_IMAGES[kind](image)
-    assert (wrong.shape, wrong.dtype) == (image.shape, image.dtype)
-    assert np.abs(wrong - image).mean() > 0.1
 
 
 @pytest.mark.parametrize("text", ["", "# only: a comment\n", "other,columns\n1,2\n", "sweep,series\nalone\n"])

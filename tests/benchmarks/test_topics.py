@@ -21,7 +21,7 @@ from scripts.benchmarks.rendering.render_scenes import case_scene
 from scripts.benchmarks.rendering.speed_accuracy import OURS, Configuration
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
-REGISTRATION = ("registration_grid", "stability_registration", "registration_correction")
+REGISTRATION = ("registration_grid", "stability_registration")
 FORMS: dict[str, tuple[str, list[str], list[str]]] = {
     # of a topic, or its form in the light: what --out is, further arguments, and what is written besides
     "speed": ("speed.json", ["--only", "start", "--rounds", "1"], []),
@@ -30,9 +30,6 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
         "chart.csv", ["--without-sample", "--case", "{case}", "{photographs}"], ["chart.png"]
     ),
     "landmarks": ("landmarks.csv", ["--trials", "4"], ["landmarks.png"]),
-    "refinement": ("refinement.csv", ["{case}", "--wrong", "0"], ["refinement.png"]),
-    "surface": ("surface.json", [], []),
-    "reader": ("reader.json", ["{dataset}"], []),
     "evaluation": (
         # writes the sample's case as without --light, and more
         "", ["--light", "--methods", "projective-lens-raster", "--width", "64", "--photographs", "1"],
@@ -54,10 +51,10 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
 
 @pytest.mark.render
 @pytest.mark.parametrize("form", [*TOPICS, "chart --light"])
-def test_a_quick_form_writes_its_files(form, tmp_path, write_tiny_case, render_command):
+def test_a_quick_form_writes_its_files(form, tmp_path, write_tiny_case):
     topic = form.split()[0]
     name, more, written = FORMS[form]
-    case, dataset, out = write_tiny_case(tmp_path / "case"), tmp_path / "dataset", tmp_path / "out"
+    case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     photographs = tmp_path / "photographs.json"
     if topic == "training":
         pytest.importorskip("torch", reason="PyTorch is not installed")
@@ -66,9 +63,7 @@ def test_a_quick_form_writes_its_files(form, tmp_path, write_tiny_case, render_c
     photographs.write_text(json.dumps([{"image": str(case.with_name("frame.png")), "cam_from_mesh": pose.tolist()}]))
     if form != topic:
         write_case(case, replace(read_case(case), light=LensLight((-13.0, -16.0, 0.0), 0.05)))
-    if topic == "reader":
-        subprocess.run(render_command(case, "--out", dataset, "--count", "2"), check=True, capture_output=True)
-    more = [each.format(case=case, dataset=dataset, photographs=photographs) for each in more]
+    more = [each.format(case=case, photographs=photographs) for each in more]
 
     def run(*flags: str) -> dict[str, bytes]:
         command = [sys.executable, SCRIPT, *form.split(), "--quick", "--out", out / name, *more, *flags]

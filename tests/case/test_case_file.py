@@ -7,12 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.camera.distortion import Distortion
-from oneframe.case.alignment_record import KEYS
 from oneframe.case.case_file import Structure, read_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.dataset.options import checked_options
 from oneframe.errors import InputError
 from oneframe.files.numbers import MM_PER_UNIT
 
+KEYS = tuple(PoseRecord.__dataclass_fields__)
 PARTS = {
     "units": 'units = "mm"',
     "image": 'image = "frame.png"',
@@ -63,12 +64,9 @@ def test_a_case_is_read_as_written(tmp_path):
     assert case.cam_from_mesh[:3, 3].tolist() == [2, 3, 300]
     assert case.structures == (Structure("nerve", tmp_path / "nerve.ply", (1.0, 128 / 255, 0.0)),)
     assert case.dataset == {"count": 3}
-    assert case.alignment == {
-        "method": "landmarks",
-        "date": "2026-03-31",
-        "rms_px": 2.0,
-        "standard_deviation_deg": [0.0, 0.1, 1.0],
-    }
+    assert case.alignment == PoseRecord(
+        "landmarks", date="2026-03-31", rms_px=2.0, standard_deviation_deg=(0.0, 0.1, 1.0)
+    )
     # in OpenCV's order
     assert case.distortion == Distortion(k1=0.1, k2=0.02, p1=0.003, p2=0.004, k3=0.05)
     assert case.messages == ()

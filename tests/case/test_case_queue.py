@@ -17,7 +17,8 @@ from oneframe.case.case_queue import (
     queued_cases,
     state_of,
 )
-from oneframe.case.case_update import update_case
+from oneframe.case.case_writer import write_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 
@@ -44,7 +45,7 @@ def test_a_frame_is_added_once_and_never_over_anothers_work(like, tmp_path):
     assert case.image.samefile(like.image.with_name("b.png"))
     assert case.mesh.samefile(like.mesh)
     assert not case.posed
-    update_case(first, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True))
+    write_case(first, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True))
     worked = first.read_bytes()
     add_frames(queue, like, given)
     assert first.read_bytes() == worked
@@ -85,19 +86,19 @@ def image_of(path, size_wh):
 @pytest.mark.parametrize(
     ("record", "state"),
     [
-        ({"method": "another frame", "doubt": "found in another frame"}, ROUGH),
-        ({"method": "pins"}, ROUGH),
-        ({"method": "landmarks"}, ALIGNED),
-        ({"method": "landmarks", "doubt": "two poses fit"}, DOUBTFUL),
-        ({"method": "refined", "refused": "14 % explained"}, DOUBTFUL),
-        ({"method": "landmarks", "doubt": "two poses fit", "checked": "2024-05-06"}, CHECKED),
+        (PoseRecord(method="another frame", doubt="found in another frame"), ROUGH),
+        (PoseRecord(method="pins"), ROUGH),
+        (PoseRecord(method="landmarks"), ALIGNED),
+        (PoseRecord(method="landmarks", doubt="two poses fit"), DOUBTFUL),
+        (PoseRecord(method="refined", refused="14 % explained"), DOUBTFUL),
+        (PoseRecord(method="landmarks", doubt="two poses fit", checked="2024-05-06"), CHECKED),
     ],
 )
 def test_the_state_is_what_the_case_says(like, tmp_path, record, state):
     (path,) = add_frames(tmp_path / "queue", like, frames(like, "a.png"))
     case = read_case(path, posed=False)
     assert state_of(case) == NEW
-    update_case(path, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True, alignment=record))
+    write_case(path, replace(case, cam_from_mesh=like.cam_from_mesh, posed=True, alignment=record))
     assert state_of(read_case(path)) == state
 
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from oneframe.dataset.option_arguments import add_option_arguments, merged_options, option_arguments
 from oneframe.dataset.options import (
     OPTIONS,
-    RIGHT,
     SAMPLERS,
     WRITTEN,
     DatasetOptions,
@@ -81,17 +80,6 @@ def test_an_option_takes_its_limits_and_nothing_beyond_by_flag_and_table(entry):
     for value in illegal:
         with pytest.raises(InputError, match=f"table: {entry.key}: expected"):
             checked_options({entry.key: value}, "table")
-
-
-def test_a_later_option_is_described_only_where_it_is_not_at_its_default():
-    content = DatasetOptions().content()
-    assert set(content) == {name for name, entry in OPTIONS.items() if entry.is_content and not entry.since}
-    for name, entry in OPTIONS.items():
-        if entry.since:
-            # of a right eye alone
-            eye = {"eye": RIGHT} if entry.group == "stereo" else {}
-            assert name in dataclasses.replace(DatasetOptions(), **{name: not entry.default, **eye}).content()
-    assert DatasetOptions(stereo_mm=24.0, converge_mm=300.0).content() == content
 
 
 def test_a_sampler_is_a_class_that_takes_its_options_and_the_docs_list_it():

@@ -24,6 +24,7 @@ from oneframe.blender.dataset.job import Job, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from oneframe.colour.source_view import SourceView
 from oneframe.dataset.options import DatasetOptions
@@ -258,7 +259,7 @@ ANSWERS: dict[str, tuple[Callable[[float], str], float]] = {
     "degeneracy.COLLINEAR_RATIO": (collinear, 0.99),
     "source_view.MAX_INCIDENCE_DEG": (facing, 1.001),
     "source_view.TOLERANCE_PX": (below, 1.02),
-    "colour_doubts.MAX_STATED_ERROR_PX": (lambda value: said(pose_doubt({"error_px": value})), 1.001),
+    "colour_doubts.MAX_STATED_ERROR_PX": (lambda value: said(pose_doubt(PoseRecord(error_px=value))), 1.001),
     "colour_doubts.MAX_MAGNIFICATION": (lambda value: said(magnification_doubt(value, 2.0, 0.5)), 1.001),
     "colour_doubts.MAX_REDUCTION": (lambda value: said(reduction_doubt(2.0, value, 2.0, 1)), 1.001),
     "pinhole.FARTHEST_PRINCIPAL_POINT": (principal_point, 1.001),

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from oneframe.commands import pack, render
-from oneframe.process.arguments import run_command
+from oneframe.process.command import run_command
 from oneframe.process.command_line import run_script
 
 CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir")

@@ -18,11 +18,8 @@ from oneframe.commands.__main__ import dispatch
 from oneframe.dataset.tables.bop import write_test_targets
 from oneframe.dataset.tables.coco import run_lengths
 from oneframe.errors import InputError, RunError
-from oneframe.packing import pack as packing
 from oneframe.packing.layout import mask_columns, mask_json
-from oneframe.packing.pack import PackOptions, pack_dataset
-from oneframe.packing.shard import pack_shard
-from oneframe.packing.verify import verify_pack
+from oneframe.packing.pack import PackOptions, pack_dataset, verify_pack
 from tests.dataset.masks import masks
 from tests.tree import tree
 
@@ -86,38 +83,11 @@ def test_chosen_views_in_their_order(dataset, tmp_path):
     assert list(json.loads(files["key_to_shard.json"])) == list(keys)
     write_test_targets(tmp_path, [0, 2, 3])
     assert files["test_targets_bop19.json"] == (tmp_path / "test_targets_bop19.json").read_bytes()
-    assert not verify_pack(tmp_path / "out", dataset, stream=io.StringIO()).findings
+    assert verify_pack(tmp_path / "out", stream=io.StringIO()) == []
     for views in ([], [0, 0], [4], [-1]):
         with pytest.raises(InputError, match="views to pack: expected different numbers from 0 to 3"):
             pack(dataset, tmp_path / "none", views=views)
     assert not (tmp_path / "none").exists()
-
-
-def test_a_pack_grows_and_never_shrinks(dataset, packed, tmp_path):
-    out = tmp_path / "out"
-    pack(dataset, out, views=range(3))
-    first = (out / "shard-000000.tar").stat().st_mtime_ns
-    with pytest.raises(RunError, match="a pack may only get more views at its end"):
-        pack(dataset, out, views=range(2))
-    assert pack(dataset, out) == tree(packed)
-    assert (out / "shard-000000.tar").stat().st_mtime_ns == first
-
-
-def test_growth_that_was_stopped_at_any_moment_goes_on(copied, packed, tmp_path):
-    out = tmp_path / "out"
-    expected = pack(copied, tmp_path / "expected", views_per_shard=2)
-    pack(copied, out, views=range(3), views_per_shard=2)
-    manifest = (out / "pack.json").read_bytes()
-    (path,) = (copied / "train_synt/000000/rgb").glob("000003*")
-    sound = path.read_bytes()
-    path.write_bytes(b"!")
-    with pytest.raises(RunError, match="000003"):
-        pack(copied, out, views_per_shard=2)
-    assert not (out / "pack.json").exists()
-    path.write_bytes(sound)
-    # as if stopped between the new plan and the removal of the old manifest
-    (out / "pack.json").write_bytes(manifest)
-    assert pack(copied, out, views_per_shard=2) == expected
 
 
 def test_jpeg_is_the_rgb_as_opencv_compresses_it(dataset, tmp_path):
@@ -128,17 +98,9 @@ def test_jpeg_is_the_rgb_as_opencv_compresses_it(dataset, tmp_path):
             data = archive.extractfile(f"000000_{view:06d}.rgb.jpg").read()
             image = cv2.imread(str(dataset / f"train_synt/000000/rgb/{view:06d}.png"))
             assert data == cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes()
-    assert "RGB is JPEG of quality 80." in (out / "dataset_info.md").read_text()
-    rgb = json.loads((out / "pack.json").read_text())["rgb"]
-    assert rgb == {"format": "jpeg", "quality": 80, "opencv": cv2.__version__}
-    assert not verify_pack(out, dataset, stream=io.StringIO()).findings
-    with pytest.raises(RunError, match="its RGB is JPEG of quality 80, now PNG is asked for"):
+    assert verify_pack(out, stream=io.StringIO()) == []
+    with pytest.raises(RunError, match=r"jpeg_quality was 80, is None; opencv was .*, is None"):
         pack(dataset, out, views_per_shard=1000)
-    path = out / "pack.json"
-    path.write_text(path.read_text().replace(cv2.__version__, "1.2"))
-    with pytest.raises(InputError, match=r"OpenCV 1\.2 compressed its RGB.*: leave out the dataset"):
-        verify_pack(out, dataset)
-    assert not verify_pack(out, stream=io.StringIO()).findings
 
 
 @given(mask=masks, data=st.data())
@@ -184,9 +146,7 @@ def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, pa
     path.write_bytes(sound[:30] + b"!" + sound[31:])
     with pytest.raises(RunError, match=f"{path}: expected .*; (or )?remove "):
         pack(copied, tmp_path / "out", workers=1)
-    assert {*tree(tmp_path / "out")} == {
-        ".work/lock", ".work/plan.json", ".work/shard-000000.tar.json", "shard-000000.tar"
-    }  # fmt: skip
+    assert {*tree(tmp_path / "out")} == {"pack.json", "shard-000000.tar"}
     path.write_bytes(sound)
     assert pack(copied, tmp_path / "out") == tree(packed)
 
@@ -214,31 +174,20 @@ def test_other_files_and_packs_are_refused(dataset, copied, copied_pack, tmp_pat
     (other / "thesis.tex").write_text("years of work")
     with pytest.raises(RunError, match=r"found other files \(such as thesis\.tex\)"):
         pack(dataset, other)
-    with pytest.raises(RunError, match="it has 3 views a shard, now 2 are asked for"):
+    with pytest.raises(RunError, match="views_per_shard was 3, is 2"):
         pack(dataset, copied_pack, views_per_shard=2)
-    (copied_pack / "scan.dcm").write_text("mine")
-    with pytest.raises(RunError, match=r"expected only the files of a pack, found scan\.dcm"):
-        pack(dataset, copied_pack)
-    (copied_pack / "scan.dcm").unlink()
+    # notes beside the shards stay
+    (copied_pack / "LICENSE").write_text("mine")
+    assert pack(dataset, copied_pack)["LICENSE"] == b"mine"
     with pytest.raises(RunError, match="expected a new or empty folder or a pack to resume"):
         pack(dataset, copied)
     # the pack of another dataset
     manifest = json.loads((copied_pack / "pack.json").read_text())
     (copied_pack / "pack.json").write_text(json.dumps(manifest | {"identity": "ab" * 32}))
     before = tree(copied_pack)
-    with pytest.raises(RunError, match="it was made from another dataset"):
+    with pytest.raises(RunError, match="identity was abab"):
         pack(dataset, copied_pack)
     assert tree(copied_pack) == before
-
-
-def test_two_packers_at_once_are_refused(dataset, tmp_path, monkeypatch):
-    def beside_another(order, on_view):
-        with pytest.raises(RunError, match="another process packs into this folder"):
-            pack(dataset, tmp_path / "out")
-        return pack_shard(order, on_view)
-
-    monkeypatch.setattr(packing, "pack_shard", beside_another)
-    assert "pack.json" in pack(dataset, tmp_path / "out")
 
 
 def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(dataset, packed, tmp_path):

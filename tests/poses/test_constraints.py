@@ -115,7 +115,7 @@ def some_poses(count=5):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "key"), [("<f8", "cam_from_mesh"), ("<f4", "cam_from_model"), (">f8", None), ("<i4", None)]
+    ("dtype", "key"), [("<f8", "cam_from_mesh"), ("<f4", "cam_from_mesh"), (">f8", None), ("<i4", None)]
 )
 def test_json_and_npy_of_any_number_type_give_the_same_poses(tmp_path, dtype, key):
     poses = some_poses().astype(dtype)

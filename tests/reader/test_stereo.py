@@ -1,13 +1,15 @@
 """The right eye of each view: where it stands, what it sees, and that it is a dataset and a pack as the left one is."""
 
+import shutil
+
 import numpy as np
 import pytest
 
 from oneframe.colour.lens_shading import LensShading
 from oneframe.commands.__main__ import dispatch
+from oneframe.dataset.stereo import right_from_left
 from oneframe.errors import InputError
 from oneframe.light.lens_light import LensLight
-from oneframe.poses.stereo import right_from_left
 from oneframe.reader import open_dataset
 from oneframe.transforms import camera_centre, transform_points
 from tests.tree import tree
@@ -63,39 +65,51 @@ def test_axes_that_converge_meet_before_both_eyes(distance_mm):
     np.testing.assert_allclose(transform_points(pose, meeting), meeting, atol=1e-9)
 
 
-def test_the_left_eye_is_the_dataset_without_a_right_one_and_of_shards(case, pairs, tmp_path):
+def test_the_left_eye_shows_what_a_dataset_without_a_right_one_does_and_shards_make_both(case, pairs, tmp_path):
     assert oneframe("render", case, "--out", tmp_path / "alone", *RENDERED) == 0
-    of_pairs = tree(pairs)
-    left = {name: data for name, data in of_pairs.items() if not name.startswith("right/")}
-    assert tree(tmp_path / "alone") == left
+    for one, other in zip(open_dataset(pairs), open_dataset(tmp_path / "alone"), strict=True):
+        assert (one.rgb == other.rgb).all()
+        assert (one.depth_mm == other.depth_mm).all()
+        assert (one.cam_from_model == other.cam_from_model).all()
     for shard in ("--shard=1/2", "--shard=0/2", "--shard=0/1"):
         assert oneframe("render", case, "--out", tmp_path / "shards", *RENDERED, *EYES, shard) == 0
-    assert tree(tmp_path / "shards") == of_pairs
+    assert tree(tmp_path / "shards") == tree(pairs)
 
 
-def test_both_eyes_are_checked_rendered_again_and_packed(case, pairs, tmp_path, capfd):
-    assert oneframe("check", pairs, "--case", case, "--rerender", 2) == 0
-    assert capfd.readouterr().out.count("2 views rendered again from the case are the same") == 2
-    for words in (("pack", pairs), ("pack", pairs, "--verify"), ("pack", "--verify")):
+def test_both_eyes_are_checked_and_packed(case, pairs, tmp_path, capfd):
+    assert oneframe("check", pairs, "--case", case) == 0
+    assert capfd.readouterr().out.count("complete and consistent (checked") == 2
+    for words in (("pack", pairs), ("pack", "--verify")):
         assert oneframe(*words, "--out", tmp_path / "packed") == 0
-    with open_dataset(tmp_path / "packed") as packed:
-        for one, other in zip(packed, open_dataset(pairs), strict=True):
-            assert (one.right.rgb == other.right.rgb).all()
-            assert (one.right.cam_from_model == other.right.cam_from_model).all()
+    for one, other in zip(open_dataset(tmp_path / "packed"), open_dataset(pairs), strict=True):
+        assert (one.right.rgb == other.right.rgb).all()
+        assert (one.right.cam_from_model == other.right.cam_from_model).all()
 
 
-def test_a_right_eye_of_other_views_is_found(case, pairs, tmp_path, capfd):
-    assert oneframe("render", case, "--out", tmp_path / "d", *RENDERED, "--seed", 5) == 0
+def test_a_right_eye_that_is_missing_or_of_other_views_is_found(case, pairs, tmp_path, capfd):
+    """So are a copy of the left eyes, other views, other eyes, fewer of them, and none at all."""
+    other = tmp_path / "other"
+    assert oneframe("render", case, "--out", other, *RENDERED, "--seed", 5, "--eye=right", *EYES) == 0
+    fewer = tmp_path / "fewer"
+    assert oneframe("render", case, "--out", fewer, *RENDERED, "--count=2", "--eye=right", *EYES) == 0
     with pytest.raises(InputError, match="expected the folder right in it, found none; render with --stereo-mm"):
-        _ = open_dataset(tmp_path / "d")[0].right
-    (pairs / "right").rename(tmp_path / "d" / "right")
-    try:
-        with pytest.raises(InputError, match=r"right eyes of these views: options\.seed was 5, is 0"):
-            _ = open_dataset(tmp_path / "d")[0].right
-        assert oneframe("check", tmp_path / "d") == 1
-        assert "the left eyes are of another dataset: options.seed was 5, is 0" in capfd.readouterr().out
-    finally:
-        (tmp_path / "d" / "right").rename(pairs / "right")
+        _ = open_dataset(other)[0].right
+    copy = shutil.copytree(pairs, tmp_path / "pairs")
+    for right, message in (
+        (pairs, "options.eye was"),
+        (other, "options.seed was 5, is 0"),
+        (fewer, "2 right eyes of 3 views"),
+        (None, "right/dataset.json does not exist"),
+    ):
+        shutil.rmtree(copy / "right")
+        if right is not None:
+            shutil.copytree(right, copy / "right", ignore=shutil.ignore_patterns("right"))
+        capfd.readouterr()
+        assert oneframe("check", copy) == 1
+        assert message in capfd.readouterr().out
+    shutil.copytree(other, copy / "right")
+    with pytest.raises(InputError, match=r"right eyes of these views: options\.seed was 5, is 0"):
+        _ = open_dataset(copy)[0].right
 
 
 def test_both_eyes_see_the_surface_by_the_lamp_of_the_left_one(oblique_pose):

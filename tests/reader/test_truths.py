@@ -9,7 +9,7 @@ from oneframe.errors import InputError
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.reader import Dataset, open_dataset
-from oneframe.reader.flow import flow
+from oneframe.reader.view import flow
 from oneframe.transforms import camera_centre, inverse_rigid, rotation_angle_deg, transform_points
 from tests.conftest import intersect
 from tests.dataset.synthetic_dataset import CAMERA, MESH

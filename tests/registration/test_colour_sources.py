@@ -1,14 +1,15 @@
 """Which frames colour the surface: none that is blurred or covered, and those that the frames left out speak for."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
 
 from oneframe.colour.source_view import SourceView
 from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.registration.colour_sources import MOST_CANDIDATES, Candidate, Candidates, chosen_sources
-from oneframe.registration.register import RegisteredFrame
-from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
+from oneframe.registration.colour_sources import chosen_sources
+from oneframe.registration.further_frames import FurtherFrame
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, SOURCE, photograph, seen_from
 
@@ -30,10 +31,10 @@ def tinted(image: np.ndarray) -> np.ndarray:
     return np.clip(image * [1.1, 0.95, 0.8], 0, 1).astype(np.float32)
 
 
-def candidate(number: int, tilt: float, roll: float, spoil=lambda image: image) -> Candidate:
+def candidate(number: int, tilt: float, roll: float, spoil=lambda image: image) -> tuple[FurtherFrame, np.ndarray]:
     pose = seen_from(tilt, roll)
     image = spoil(tinted(photograph(MESH, pose, seed=0)))
-    return Candidate(number, np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8), EVERYWHERE, pose)
+    return FurtherFrame("", number, np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8), EVERYWHERE), pose
 
 
 def under_an_instrument(image: np.ndarray) -> np.ndarray:
@@ -67,16 +68,17 @@ def test_spoilt_frames_are_not_taken_and_others_bring_gain(source):
         for number, spoil in enumerate(SPOILT.values())
     ]
     choice = chosen_sources(MESH, source, [*spoilt, *clear], 3)
-    assert (choice.compared, choice.blurred, choice.covered) == (10, 2, 3)
-    numbers = [each.candidate.number for each in choice.frames]
-    assert numbers
-    assert set(numbers) <= {each.number for each in clear}
-    assert choice.frames[0].added > 0.15
-    for each in choice.frames:
-        assert each.error_after < each.error_before
+    assert "of 10 accepted frames, 2 are blurred and 3 covered in part" in choice.lines[-1]
+    assert choice.numbers
+    assert set(choice.numbers) <= {frame.number for frame, _ in clear}
+    assert len(choice.lines) == len(choice.numbers) + 1
+    figures = [[float(figure) for figure in re.findall(r"\d+(?:\.\d+)?", line)] for line in choice.lines[:-1]]
+    assert figures[0][1] > 15
+    for *_, after, before, _ in figures:
+        assert after < before
     # the order of the frames says nothing
     backwards = chosen_sources(MESH, source, [*clear, *spoilt][::-1], 3)
-    assert [each.candidate.number for each in backwards.frames] == numbers
+    assert backwards.numbers == choice.numbers
 
 
 def test_what_the_others_do_not_show_is_not_taken(source):
@@ -89,20 +91,6 @@ def test_what_the_others_do_not_show_is_not_taken(source):
 
     honest = [candidate(number, 0, 0) for number in range(3)]
     choice = chosen_sources(MESH, source, [candidate(9, 0, 0, repainted), *honest], 4)
-    assert [each.candidate.number for each in choice.frames] == [0]
-    assert not chosen_sources(MESH, source, honest[:1], 4).frames
-    assert "none bring" in chosen_sources(MESH, source, honest[:1], 4).lines()[-1]
-
-
-def test_candidates_are_evenly_chosen_of_a_long_film():
-    found, refused = (
-        RegisteredFrame(Verdict(state, 1.0, ""), cam_from_model=None if state == REFUSED else SOURCE)
-        for state in (ACCEPTED, REFUSED)
-    )
-    candidates = Candidates()
-    for number in range(1000):
-        candidates.add(number, np.zeros((1, 1, 3), np.uint8), EVERYWHERE, refused if number % 5 == 0 else found)
-    numbers = np.array([each.number for each in candidates.frames])
-    assert MOST_CANDIDATES / 2 <= len(numbers) <= MOST_CANDIDATES
-    assert (numbers % 5 > 0).all()
-    assert np.diff(numbers).max() <= 1.3 * np.diff(numbers).min()
+    assert choice.numbers == (0,)
+    assert not chosen_sources(MESH, source, honest[:1], 4).numbers
+    assert "none bring" in chosen_sources(MESH, source, honest[:1], 4).lines[-1]

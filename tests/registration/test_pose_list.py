@@ -10,17 +10,21 @@ import pytest
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.alignment_record import checked_alignment_record, scaled_record
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
 from oneframe.case.frame import load_frame, load_posed_frame
+from oneframe.case.pose_record import PoseRecord
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.poses.view_spread import spread_views
-from oneframe.registration.pose_list import encoded_list, found_of, pose_entry, read_photographs
-from oneframe.registration.register import RegisteredFrame
-from oneframe.registration.register_frames import accepted_poses
-from oneframe.registration.report import registration_record
+from oneframe.registration.pose_list import (
+    encoded_list,
+    pose_entry,
+    read_photographs,
+    registered_of,
+    registration_record,
+)
+from oneframe.registration.register import RegisteredFrame, accepted_poses
 from oneframe.registration.verdict import ACCEPTED, REFUSED, Verdict
 from oneframe.transforms import inverse_rigid, se3_exp
 
@@ -56,7 +60,7 @@ def test_a_list_gives_back_what_was_found(mm_per_unit):
     mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
     frames = {7: found_in(rng), 2: found_in(rng, REFUSED), 30: replace(found_in(rng), changed=True)}
     entries = [pose_entry("", number, found, mesh_from_model, mm_per_unit) for number, found in frames.items()]
-    back = found_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
+    back = registered_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
     assert back.keys() == frames.keys()
     for number, found in frames.items():
         assert_same(found, back[number])
@@ -67,20 +71,20 @@ def test_a_list_gives_back_what_was_found(mm_per_unit):
 def test_a_case_in_a_queue_keeps_pose_and_covariance_as_found(write_tiny_case, tmp_path, state):
     rng, like = np.random.default_rng(4), read_case(write_tiny_case(tmp_path / "like"))
     mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
-    found, source = found_in(rng, state), {"method": "landmarks"}
+    found, source = found_in(rng, state), PoseRecord("landmarks")
     record = registration_record(found, CAMERA, mesh_from_model, source, "first.png", "OneFrame", "2024-05-06")
     frame = NewFrame(like.image, ("film.mp4", 7), found.cam_from_model @ inverse_rigid(mesh_from_model), record)
     (path,) = add_frames(tmp_path / "queue", like, [frame])
     case = read_case(path)
     assert (case.video, state_of(case)) == (("film.mp4", 7), ALIGNED if state == ACCEPTED else DOUBTFUL)
-    assert case.alignment["probability"] == found.verdict.probability
+    assert case.alignment.probability == found.verdict.probability
     pose = case.cam_from_mesh @ mesh_from_model
     stated = PoseUncertainty.stated(case.alignment, np.zeros((1, 3)), pose, mesh_from_model)
     assert_same(found, RegisteredFrame(found.verdict, pose, stated))
     # as the uncertainty of the pose of a surface of another size
-    scaled = checked_alignment_record(scaled_record(case.alignment, 1000.0), "record")
+    scaled = case.alignment.scaled(1000.0)
     for key, value in found.uncertainty.scaled(1000.0).entry(se3_exp(np.array([3e5, -2e4, 5e3, 0, 0, 0]))).items():
-        np.testing.assert_allclose(scaled[key], value, rtol=1e-6)
+        np.testing.assert_allclose(getattr(scaled, key), value, rtol=1e-6)
 
 
 def test_a_pose_that_is_found_goes_to_a_case_without_one_alone(write_tiny_case, tmp_path):
@@ -89,9 +93,9 @@ def test_a_pose_that_is_found_goes_to_a_case_without_one_alone(write_tiny_case, 
     (path,) = add_frames(queue, like, [new])
     for shift, expected in ((1.0, 1.0), (2.0, 1.0)):
         pose = se3_exp(np.array([shift, 0, 0, 0, 0, 0])) @ like.cam_from_mesh
-        add_frames(queue, like, [NewFrame(like.image, None, pose, {"method": "registered"})])
+        add_frames(queue, like, [NewFrame(like.image, None, pose, PoseRecord("registered"))])
         case = read_case(path)
-        assert case.alignment == {"method": "registered"}
+        assert case.alignment == PoseRecord("registered")
         assert case.cam_from_mesh[0, 3] - like.cam_from_mesh[0, 3] == pytest.approx(expected)
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from oneframe.registration.flow_refinement import FlowFit, refined_by_flow
 from oneframe.registration.frame_blur import Blur, blur_between
-from oneframe.registration.register import at_same_focal_length, zoom_of
 from oneframe.registration.verdict import ACCEPTED, LEAST_ACCEPTED, blocks_of, judge
+from oneframe.registration.zoom import at_same_focal_length, zoom_of
 from tests.registration import test_registration as scene
 
 mesh, registrar = scene.mesh, scene.registrar
@@ -55,15 +55,15 @@ def test_a_frame_under_motion_blur_is_found_by_a_view_blurred_alike(registrar, m
     near = scene.se3_exp(np.array([0.3, -0.3, 1.0, 0.01, -0.01, 0.01])) @ true
     shaken = cv2.filter2D(scene.photograph(mesh, true), -1, np.full((1, length), 1 / length))
     fits = [
-        refined_by_flow(registrar._views, scene.codes(shaken), scene.everywhere(), near, blurred=blurred)
+        refined_by_flow(registrar.views, scene.codes(shaken), scene.everywhere(), near, blurred=blurred)
         for blurred in (False, True)
     ]
     verdicts = [judge(fit, None, scene.PIVOT)[0] for fit in fits]
     assert [verdict.state == ACCEPTED for verdict in verdicts] == [False, True]
-    found = registrar.register(scene.codes(shaken), scene.everywhere(), near)
+    found = scene.found_in(registrar, scene.codes(shaken), near)
     assert found.verdict == verdicts[1]
     assert np.abs(found.cam_from_model - true).max() < 0.5
     # and less sure than a sharp frame
-    sharp = registrar.register(scene.codes(scene.photograph(mesh, true)), scene.everywhere(), near)
+    sharp = scene.found_in(registrar, scene.codes(scene.photograph(mesh, true)), near)
     wider = found.uncertainty.covariance - sharp.uncertainty.covariance
     assert np.linalg.eigvalsh(wider)[0] > 0

@@ -87,8 +87,8 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     written = read_case(out)
     assert np.array_equal(written.cam_from_mesh, pose)
     assert written.landmarks == (*landmarks, wrong, *unused)
-    assert written.alignment["method"] == "landmarks"
-    assert written.alignment["pairs"] == 7
+    assert written.alignment.method == "landmarks"
+    assert written.alignment.pairs == 7
     assert written.image.resolve() == read_case(case_path).image.resolve()
     assert picture.read_bytes().startswith(b"\x89PNG")
 
@@ -117,12 +117,12 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
     metres.write_text(case_path.read_text().replace('"mm"', '"m"'))
     record, out = tmp_path / "pose.json", tmp_path / "out.toml"
     # the mesh file is in millimetres: taken as metres, its landmarks lie far beside it
-    refused = align(metres, "--pairs", pairs, FINE)
+    refused = align(metres, "--landmarks", pairs, FINE)
     assert refused.returncode == 2
     assert "expected points on surface.ply, all lie beside it" in refused.stderr
     ply = read_mesh(case_path.with_name("surface.ply"))[0].scaled(1e-3)
     write_ply(case_path.with_name("surface.ply"), ply)
-    ended = align(metres, "--pairs", pairs, FINE, "--json", record, "--out", out)
+    ended = align(metres, "--landmarks", pairs, FINE, "--json", record, "--out", out)
     assert ended.returncode == 0, ended.stderr
     pose = np.array(json.loads(record.read_text())["cam_from_mesh"])
     assert pose == pytest.approx(true_case(case_path).cam_from_mesh, abs=1e-5)
@@ -140,18 +140,18 @@ def test_a_refused_pose_is_taken_by_choice_and_marked_as_such(case_path, tmp_pat
     assert not out.exists()
     # with landmarks there is a pose all the same
     write_landmarks(tmp_path / "pairs.csv", clicked_landmarks(case_path))
-    pairs = ("--pairs", tmp_path / "pairs.csv", FINE)
+    pairs = ("--landmarks", tmp_path / "pairs.csv", FINE)
     ended = align(true, *pairs, "--refine", "--out", out)
     assert ended.returncode == 0, ended.stderr
     assert "note: " in ended.stdout
-    assert read_case(out).alignment["method"] == "landmarks"
+    assert read_case(out).alignment.method == "landmarks"
     ended = align(true, *pairs, "--refine", "--take-refused", "--out", out, "--json", record)
     assert ended.returncode == 0, ended.stderr
     assert "warning: taken although refused: " in ended.stdout
     found, table = read_case(out), json.loads(record.read_text())
-    assert found.alignment["method"] == "refined"
-    assert found.alignment["refused"] in ended.stdout
-    assert (found.alignment["start_method"], found.alignment["start_pairs"]) == ("landmarks", 7)
+    assert found.alignment.method == "refined"
+    assert found.alignment.refused in ended.stdout
+    assert found.alignment.start_method == "landmarks"
     assert table["refinement"]["taken_although_refused"]
     assert not table["refinement"]["accepted"]
     assert np.array_equal(np.array(table["cam_from_mesh"]), found.cam_from_mesh)

@@ -12,7 +12,7 @@ import pytest
 
 from oneframe.commands.__main__ import COMMANDS, EPILOG, command_module, dispatch
 from oneframe.errors import InputError
-from oneframe.process.arguments import command_parser
+from oneframe.process.command import command_parser
 from oneframe.process.command_line import blender_command
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,7 +80,7 @@ def test_help_needs_neither_blender_nor_numpy(run_command):
         # before the missing --out is complained about
         (["render", "case.toml", "--ot", "dataset"], "unknown argument '--ot'; did you mean '--out'?"),
         (["render", "case.toml"], "the following arguments are required: --out"),
-        (["pack", "--out", "x"], "expected the folder of the dataset, DIR; only --verify works without it"),
+        (["pack", "--out", "x"], "expected the folder of the dataset, DIR, or --verify without it"),
         (["evaluate", "case.toml", "--out", "x"], "the following arguments are required: PHOTOGRAPHS.json"),
     ],
     ids=str,

@@ -47,7 +47,7 @@ def written(folder, law) -> Case:
 def test_the_case_gets_its_lamp_and_keeps_all_else(tmp_path, light):
     case = written(tmp_path, lit_by(LAMP))
     before = case.path.read_text()
-    run = light(case.path, tmp_path / "registered", "--out", tmp_path / "lit.toml", "--picture", tmp_path / "lamp.png")
+    run = light(case.path, tmp_path / "registered", "--out", tmp_path / "lit.toml")
     assert run.returncode == 0, run.stderr
     assert "explains" in run.stdout
     assert case.path.read_text() == before
@@ -55,18 +55,16 @@ def test_the_case_gets_its_lamp_and_keeps_all_else(tmp_path, light):
     np.testing.assert_allclose(lit.lamp_cam_mm, LAMP.lamp_cam_mm, atol=1.5)
     assert lit.origin["method"] == "found"
     assert lit.origin["frames"] == 5
-    assert (tmp_path / "lamp.png").stat().st_size > 1000
     # over the case itself, and anew over an older lamp
     write_case(case.path, replace(case, light=LensLight((1.0, 2.0, 3.0), 0.5)), comment="mine")
     assert light(case.path, tmp_path / "registered").returncode == 0
-    assert case.path.read_text().startswith("# mine\n")
     assert read_case(case.path).light == lit
 
 
 def test_a_sun_is_refused_with_its_figures_and_nothing_is_written(tmp_path, light):
     case = written(tmp_path, sun)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    run = light(case.path, tmp_path / "registered", "--picture", tmp_path / "lamp.png")
+    run = light(case.path, tmp_path / "registered")
     assert run.returncode == 2
     (line,) = run.stderr.splitlines()
     assert "explains" in line

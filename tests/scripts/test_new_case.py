@@ -11,6 +11,7 @@ import pytest
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import NEW, queued_cases, state_of
 from oneframe.case.loaded_case import load_case
+from oneframe.case.pose_record import PoseRecord
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.image_reader import read_image
@@ -107,7 +108,7 @@ def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_onef
     assert (structure.name, structure.colour) == ("facial_nerve", (1.0, 0.0, 1.0))
     assert (loaded.frame.camera.fx, loaded.frame.camera.cy) == (900.0, 36.5)
     assert loaded.case.distortion.k1 == 0.1
-    assert loaded.case.alignment == {"method": "initial guess"}
+    assert loaded.case.alignment == PoseRecord("initial guess")
     colours, shown = read_image(out / "frame.png")
     assert np.array_equal(np.rint(colours * 255), frame_codes(255))
     assert shown[10:].all()
@@ -262,7 +263,7 @@ def test_meshes_of_others_in_metres_with_a_pose(given, tmp_path, capfd):
     case = read_case(tmp_path / "case" / "case.toml")
     assert case.mm_per_unit == 1000
     np.testing.assert_allclose(case.cam_from_mesh, pose, atol=1e-9)
-    assert case.alignment == {}
+    assert case.alignment == PoseRecord()
     assert {each.name: each.colour for each in case.structures}["chorda"] == (0, 1, 0)
     loaded = load_case(case)
     np.testing.assert_allclose(

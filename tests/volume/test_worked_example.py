@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.surface.deviation import SurfaceTree
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.volume.bone.bone import bone_voxels
 from oneframe.volume.bone.bone_surface import bone_surface
 from oneframe.volume.bone.structures import structure_meshes, structure_names, without_bone
-from oneframe.volume.drill.clearance import clearances, violations
 from oneframe.volume.drill.drill_plan import read_drill_plan
+from oneframe.volume.drill.virtual_drill import clearances, surface_distances, violations
 from oneframe.volume.make_surface import finish_of, removed_of
 from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
@@ -26,14 +25,14 @@ RADIUS_MM = 1.0
 
 def widest_sight_line(surface: TriangleMesh, tip: np.ndarray, start_mm: float, directions: np.ndarray) -> float:
     """Radius of the widest free cylinder from ``start_mm`` above a point outwards, along one of the directions."""
-    tree = SurfaceTree(surface)
     lower, upper = surface.bounds
-    widest = 0.0
-    for direction in directions / np.linalg.norm(directions, axis=1, keepdims=True):
-        points = tip + np.arange(start_mm, np.linalg.norm(upper - lower), 0.2)[:, None] * direction
-        points = points[((points > lower - 3) & (points < upper + 3)).all(axis=1)]
-        widest = max(widest, float(tree.distances(points).min()))
-    return widest
+    along = np.arange(start_mm, np.linalg.norm(upper - lower), 0.2)
+    units = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    points = (tip + along[:, None] * units[:, None]).reshape(-1, 3)
+    within = ((points > lower - 3) & (points < upper + 3)).all(axis=1)
+    distance = np.full(len(points), np.inf)
+    distance[within] = surface_distances(points[within], surface)
+    return float(distance.reshape(len(units), -1).min(axis=1).max())
 
 
 @pytest.mark.skipif(not BONES.is_dir(), reason="no folder shared/data beside the repository")

@@ -77,7 +77,7 @@ def refine(user):
     yield from user.until(lambda: not np.array_equal(from_scene.cam_from_model(scene), before), "a refined pose")
     yield from user.picture("5_preview")
     yield from user.key("RET")
-    yield from user.until(lambda: pose_record(scene)["method"] == "refined", "the refined pose kept")
+    yield from user.until(lambda: pose_record(scene).method == "refined", "the refined pose kept")
     yield from user.redraw()
 
 

@@ -109,7 +109,7 @@ def take(user):
     yield from user.until(lambda: state()[0] != before[0], "another frame", 30)
     assert np.array_equal(pose(user), found.cam_from_model)
     yield from user.press("rescale_camera")
-    assert part("setup.alignment_record").pose_record(user.window.scene)["method"] == "registered"
+    assert part("setup.alignment_record").pose_record(user.window.scene).method == "registered"
     for _ in range(2):
         yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: state() == before, "all as before")

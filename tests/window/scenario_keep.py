@@ -1,12 +1,10 @@
-"""What the user would lose is asked about: another case, quitting, a pose in doubt, the file of another case."""
+"""What runs is stopped by Escape, or asked about when Blender quits; dialogs begin beside the case."""
 
 from pathlib import Path
 
 import bpy
 from bl_ext.user_default.oneframe.dataset import background_job
-from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.refine.status_line import status
-from bl_ext.user_default.oneframe.setup.case_in_scene import unsaved_parts
 
 
 def scenario(user):
@@ -31,28 +29,6 @@ def scenario(user):
     user.call("preview_view")
     assert not [image.name for image in bpy.data.images if image.is_dirty]
 
-    # another case: a question, however it would be opened; Return and Escape are safe answers, and leave no dialog
-    user.call("nudge", "INVOKE_DEFAULT", axis="x")
-    assert unsaved_parts(scene) == ("pose",)
-    dropped = {"directory": str(user.case.parent), "files": [{"name": user.case.name}]}
-    for operator, settings_of, answer in (
-        ("open_case", {}, "ESC"),
-        ("open_case", {"filepath": str(user.case)}, "RET"),
-        ("open_sample", {}, "RET"),
-        ("drop_files", dropped, "RET"),
-    ):
-        user.call(operator, "INVOKE_DEFAULT", **settings_of)
-        yield 0.5
-        yield from user.key(answer)
-        yield 0.5
-        assert unsaved_parts(user.window.scene) == ("pose",), operator
-        assert not [area for area in user.window.screen.areas if area.type == "FILE_BROWSER"], operator
-    # the key that its button underlines
-    user.call("drop_files", "INVOKE_DEFAULT", **dropped)
-    yield 0.5
-    yield from user.key("O")
-    yield from user.until(lambda: not unsaved_parts(user.window.scene), "the case as its file has it")
-
     # a run renders a snapshot, and keeps the file "modified" even after it has been saved
     settings.dataset_out = str(user.folder / "dataset")
     settings.dataset.count = 2000
@@ -74,27 +50,3 @@ def scenario(user):
     selector = yield from user.file_selector()
     assert Path(selector.spaces.active.params.directory.decode()) == user.case.parent
     yield from user.leave_file_selector()
-
-    # a pose that nobody has aligned: asked about, Return is the safe answer
-    surface = user.folder / "bone.ply"
-    surface.write_bytes((user.case.parent / "surface.ply").read_bytes())
-    user.call("load_surface", filepath=str(surface))
-    for answer in ("RET", "S"):
-        assert all(area.type != "FILE_BROWSER" for area in user.window.screen.areas), "Return asks for no file"
-        user.call("save_case", "INVOKE_DEFAULT")
-        yield 0.7
-        yield from user.key(answer)
-        yield 0.7
-    yield from user.leave_file_selector()
-
-    # another surface has no file yet; that of the case before is replaced by choice only
-    yield from user.key("RIGHT_ARROW", user.middle())
-    text = user.case.read_bytes()
-    for answer in ("RET", "R"):
-        assert user.case.read_bytes() == text
-        yield from user.press("save_case")
-        yield from user.choose_file(user.case)
-        yield 0.5
-        yield from user.key(answer)
-        yield 0.5
-    yield from user.until(lambda: read_case(user.case).mesh.resolve() == surface, "the case replaced by choice")

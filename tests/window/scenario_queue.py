@@ -1,11 +1,8 @@
-"""A queue by keys: each frame starts at the pose before; a stray key over a checked pose asks, undo takes it back."""
+"""A queue by keys: each frame starts at the pose before; two keys or drags a frame."""
 
 import bpy
 import numpy as np
 from bl_ext.user_default.oneframe.case_queue import queued
-from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
-from bl_ext.user_default.oneframe.pipeline.case.case_history import earlier_poses
-from bl_ext.user_default.oneframe.setup import autosave
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
 
@@ -40,40 +37,6 @@ def scenario(user):
         assert user.view.view_camera_zoom == zoom
         with user.context():
             assert active_tool(bpy.context) == PIN_TOOL
-    yield from user.key("PAGE_UP", user.middle())
-    yield from user.until(lambda: at() == FRAMES - 2, "the frame before")
-    yield from over_a_checked_pose(user, entries[FRAMES - 2].path)
-
-
-def over_a_checked_pose(user, path):
-    """A question before hands replace it, Escape keeps it; undo after Replace brings pose, file and history back."""
-    here, kept, text = at(), pose(), path.read_bytes()
-    x, y = user.middle()
-    yield from user.drag((x + SHIFT_PX, y), (x + 2 * SHIFT_PX, y))  # the pin that the file has
-    moved = pose()
-    assert len(bpy.context.scene.oneframe.landmarks) == 1
-    assert not np.array_equal(moved, kept)
-    for alt in (False, True):
-        yield from user.key("PAGE_DOWN", user.middle(), alt=alt)
-        yield 0.7
-        yield from user.key("ESC")
-        yield 0.5
-        assert (at(), path.read_bytes()) == (here, text)
-    yield from user.key("PAGE_DOWN", user.middle())
-    yield 0.7
-    yield from user.picture("3_question")
-    yield from user.key("R")
-    yield from user.until(lambda: at() == here + 1, "the next frame after Replace")
-    assert read_case(path).alignment["method"] == "pins"
-    assert "checked" in earlier_poses(path)[0].alignment
-    yield from user.undo(lambda: at() == here, "the frame before, by undo")
-    assert path.read_bytes() == text
-    assert np.allclose(pose(), moved, atol=1e-9)
-    yield autosave.PERIOD_S + 1
-    assert autosave.aside(path).exists()
-    yield from user.undo(lambda: np.array_equal(pose(), kept), "the checked pose, by undo")
-    yield autosave.PERIOD_S + 1
-    assert not autosave.aside(path).exists()
 
 
 def pull(user):

@@ -26,7 +26,7 @@ def scenario(user):
     yield from user.key("ESC")
     yield 0.3
     assert np.array_equal(pose(), start)
-    assert pose_record(scene)["method"] == "manual"
+    assert pose_record(scene).method == "manual"
 
     mirrored = user.folder / "mirrored.png"
     image = to_uint8(read_image(user.case.parent / "frame.png")[0])[:, ::-1]
@@ -38,12 +38,12 @@ def scenario(user):
     yield from user.key("ESC")
     yield 0.3
     assert np.array_equal(pose(), start)
-    assert pose_record(scene)["method"] == "another frame"
+    assert pose_record(scene).method == "another frame"
     yield from user.move(user.middle())
     user.call("take_refused", "INVOKE_DEFAULT", True)
     yield from user.until(lambda: np.array_equal(pose(), refused), "the refused pose once more")
     yield from user.key("RET", user.middle(), ctrl=True)
-    yield from user.until(lambda: "refused" in pose_record(bpy.context.scene), "the refused pose taken")
+    yield from user.until(lambda: pose_record(bpy.context.scene).refused, "the refused pose taken")
 
 
 def preview(user, start):

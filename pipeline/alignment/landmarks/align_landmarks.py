@@ -7,6 +7,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
+from ...case.pose_record import PoseRecord
 from ...errors import InputError
 from ...surface.deviation import deviation
 from ...surface.mesh import TriangleMesh
@@ -52,6 +53,18 @@ class Alignment:
     def pixels(self) -> np.ndarray:
         """``(N, 2)`` as clicked."""
         return landmark_arrays(self.landmarks)[1]
+
+    def record(self, tool: str, date: str) -> PoseRecord:
+        """The record of the pose; day in ISO 8601."""
+        return PoseRecord(
+            method="landmarks",
+            tool=tool,
+            date=date,
+            pairs=int(self.estimate.inliers.sum()),
+            rms_px=self.estimate.rms_px,
+            click_sigma_px=self.click_sigma_px,
+            **self.estimate.uncertainty.deviations(),
+        )
 
 
 def complete_landmarks(landmarks: Sequence[Landmark]) -> dict[int, Landmark]:
@@ -143,13 +156,7 @@ def off_surface(distances: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def check_landmarks_belong(distances: Mapping[str, float], mesh: TriangleMesh, name: str) -> None:
-    """Refuse landmarks that all lie far from the surface called ``name``, by their :func:`landmark_distances` from it.
-
-    Raises
-    ------
-    InputError
-        They do: no pose that they give could be that of this surface.
-    """
+    """Refuse landmarks that all lie far from the surface ``name``, by their :func:`landmark_distances` from it."""
     nearest = min(distances.values(), default=0.0)
     if nearest > ELSEWHERE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))):
         raise InputError(

@@ -47,11 +47,6 @@ def nudged(
         Pixels of the frame.
     radius_mm
         Radius of the moved surface about the pivot, e.g. half the extent of its visible part.
-
-    Raises
-    ------
-    InputError
-        A pivot at or behind the camera.
     """
     pivot = transform_points(cam_from_model, np.asarray(pivot_model, float))
     if not pivot[2] > 0:

@@ -59,11 +59,6 @@ def pull_pins(
         The pin in the hand: where pins contradict each other, it wins, and it is always where it is wanted.
     radius_mm
         Radius of a ball about the pivot that holds the surface.
-
-    Raises
-    ------
-    InputError
-        A pin or the pivot at or behind the camera.
     """
     depths = transform_points(cam_from_model, np.vstack([points_model, pivot_model]))[:, 2]
     if not (depths > 0).all():

@@ -90,11 +90,6 @@ def refine_pose(
         ``(V, 3)`` per vertex, 0..1, if the surface's own colours are known.
     progress
         Called with the fraction done, 0..1; an exception that it raises ends the refinement.
-
-    Raises
-    ------
-    InputError
-        A matrix that is not a rigid transform.
     """
     start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
     report = progress or (lambda fraction: None)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...case.pose_record import PoseRecord
 from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
 from ..pose_uncertainty import PoseUncertainty
@@ -87,6 +88,28 @@ class Refinement:
     def can_be_taken(self) -> bool:
         """Whether it was refused, but found a pose to look at and to take all the same."""
         return not self.accepted and not self.verified and self.verification is not None
+
+    def record(self, start: PoseRecord, tool: str, date: str) -> PoseRecord:
+        """The record of ``found``; ``start`` is that of the initial pose, ``date`` a day in ISO 8601."""
+        # a pose that failed the verification may be anywhere: standard deviations would promise too much
+        uncertainty = self.uncertainty if self.verified else None
+        return PoseRecord(
+            method="refined",
+            tool=tool,
+            date=date,
+            refused="" if self.accepted else self.objection,
+            start_method=start.method,
+            error_px=_known(self.after.error_px),
+            start_error_px=_known(self.before.error_px),
+            explained=_known(self.after.score),
+            moved_px=_known(self.moved_px),
+            moved_deg=_known(self.rotation_deg),
+            **({} if uncertainty is None else uncertainty.deviations()),
+        )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def refused_unsearched(start: np.ndarray, reason: str) -> Refinement:

@@ -118,13 +118,7 @@ def put_camera(
 
 
 def camera_of(camera_object: bpy.types.Object) -> PinholeCamera:
-    """The intrinsics that :func:`put_camera` set, exactly.
-
-    Raises
-    ------
-    InputError
-        The object has no such intrinsics.
-    """
+    """The intrinsics that :func:`put_camera` set, exactly."""
     values = exact(camera_object, INTRINSICS)
     if values is None or values.shape != (6,):
         raise InputError(

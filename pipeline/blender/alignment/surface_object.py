@@ -55,13 +55,7 @@ def set_pose(camera_object: bpy.types.Object | None, surface: bpy.types.Object, 
 
 
 def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> np.ndarray:
-    """``cam_from_model`` (4x4, mm) of the objects; the exact pose that was set if they have not moved since.
-
-    Raises
-    ------
-    InputError
-        The surface or the camera is scaled, sheared or mirrored: that is not a rigid pose.
-    """
+    """``cam_from_model`` (4x4, mm) of the objects; the exact pose that was set if they have not moved since."""
     camera = None if camera_object is None else (_placement(camera_object).tobytes(), camera_object.name)
     placed = _placed(camera, _placement(surface).tobytes(), surface.name)
     stored = exact(surface, POSE)
@@ -102,13 +96,7 @@ def mesh_from_model_of(surface: bpy.types.Object) -> np.ndarray:
 
 
 def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
-    """The surface object's current mesh (model frame, mm), with polygons split into triangles.
-
-    Raises
-    ------
-    InputError
-        It has no faces left.
-    """
+    """The surface object's current mesh (model frame, mm), with polygons split into triangles."""
     if surface.mode == "EDIT":
         surface.update_from_editmode()
     data = surface.data
@@ -121,8 +109,11 @@ def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
 
 
 def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model: np.ndarray) -> None:
-    """Replace the mesh of the surface object by another one (model frame)."""
-    old = surface.data
+    """Replace the mesh of the surface object by another one (model frame); its children stay where they are.
+
+    The pose is to be set again: the new mesh has a model frame of its own.
+    """
+    old, shift = surface.data, mesh_from_model_of(surface)[:3, 3] - mesh_from_model[:3, 3]
     fresh = new_mesh_object(SURFACE, mesh)
     surface.data = fresh.data
     bpy.data.objects.remove(fresh)
@@ -130,16 +121,26 @@ def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model:
         surface.data.materials.append(material)
     if old.users == 0:
         bpy.data.meshes.remove(old)
+    for child in surface.children:
+        child.location = Vector(child.location) + Vector(shift)
     set_exact(surface, OFFSET, mesh_from_model)
 
 
-def scale_mesh(mesh_object: bpy.types.Object, factor: float) -> None:
-    """Multiply the coordinates of an object's mesh; its attributes, such as colours, stay."""
-    data = mesh_object.data
-    vertices = np.empty(3 * len(data.vertices), np.float32)
-    data.vertices.foreach_get("co", vertices)
-    data.vertices.foreach_set("co", (vertices * factor).astype(np.float32))
-    data.update()
+def scale(camera_object: bpy.types.Object | None, surface: bpy.types.Object, factor: float) -> None:
+    """Scale surface and children about the camera's centre: the picture stays, and so do attributes such as colours."""
+    pose, mesh_from_model = pose_of(camera_object, surface).copy(), mesh_from_model_of(surface)
+    for scaled in (surface, *surface.children):
+        if scaled.type == "MESH":
+            vertices = np.empty(3 * len(scaled.data.vertices), np.float32)
+            scaled.data.vertices.foreach_get("co", vertices)
+            scaled.data.vertices.foreach_set("co", (vertices * factor).astype(np.float32))
+            scaled.data.update()
+    for child in surface.children:
+        child.location = factor * Vector(child.location)
+    for b_from_model in (pose, mesh_from_model):
+        b_from_model[:3, 3] *= factor
+    set_exact(surface, OFFSET, mesh_from_model)
+    set_pose(camera_object, surface, pose)
 
 
 def radius_of(surface: bpy.types.Object) -> float:
@@ -183,13 +184,7 @@ def _check_unscaled(world_from_object: np.ndarray, name: str) -> None:
 def first_hit(
     surface: bpy.types.Object, origin: Sequence[float] | Vector, direction: Sequence[float] | Vector
 ) -> tuple[Vector, Vector] | None:
-    """Point and normal where a ray (model frame) first meets the surface object, ``None`` if it misses.
-
-    Raises
-    ------
-    InputError
-        The object is not in the view layer, so Blender has no evaluated mesh.
-    """
+    """Point and normal where a ray (model frame) first meets the surface object, ``None`` if it misses."""
     try:
         hit, point, normal, _ = surface.ray_cast(origin, direction)
     except RuntimeError:  # Blender raises nothing more specific

@@ -50,14 +50,7 @@ def new_camera(
 
 
 def set_intrinsics(scene: bpy.types.Scene, camera_object: bpy.types.Object, camera: PinholeCamera) -> None:
-    """Give a camera object (and the scene's resolution and pixel aspect) the intrinsics of ``camera``.
-
-    Raises
-    ------
-    InputError
-        Width or height below :data:`SMALLEST_VIEW_PX`, or fx and fy that differ by more than
-        :data:`MAX_PIXEL_ASPECT`, which Blender's camera cannot represent.
-    """
+    """Give a camera object (and the scene's resolution and pixel aspect) the intrinsics of ``camera``."""
     if min(camera.size_wh) < SMALLEST_VIEW_PX:
         raise InputError(
             f"view: expected at least {SMALLEST_VIEW_PX} px along each side, found {camera.width}x{camera.height}; "

@@ -14,13 +14,7 @@ from ...process.own_process import delayed_interrupts
 
 
 def decode(data: bytes, where: str) -> np.ndarray:
-    """Code values of a checked image file, ``(H, W, C)`` float32, top row first, for :func:`.read_image`.
-
-    Raises
-    ------
-    InputError
-        Not an image that Blender can read; or Blender has other colours than its own.
-    """
+    """Code values of a checked image file, ``(H, W, C)`` float32, top row first, for :func:`.read_image`."""
     _check_own_colours(where)
     image = bpy.data.images.new("image", 1, 1)
     try:

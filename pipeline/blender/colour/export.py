@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...colour.reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
+from ...colour.reference_view import baked_colour_of, reference_view, unseen_colours_of
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
@@ -36,13 +36,6 @@ def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None
     """Check before any work that the coloured surface can be written, with the files that go with it.
 
     ``inputs`` are files that must not be replaced, by what they are.
-
-    Raises
-    ------
-    InputError
-        Another extension, a colour mode that the format does not support, or a file that must not be replaced.
-    RunError
-        The files cannot be written.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -76,17 +69,10 @@ def export_coloured_surface(
     Returns
     -------
     Messages for the user: resolution and coverage.
-
-    Raises
-    ------
-    InputError
-        As :func:`check_export`, for the files of the case.
-    RunError
-        A file cannot be written.
     """
     check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()
-    reference = colouring_view_of(loaded)
+    reference = reference_view(loaded)
     filled = unseen_colours_of(reference, unseen)
     surface_colour, messages = baked_colour_of(reference, colour, unseen=filled)
     given = reference.mesh.moved(loaded.surface.mesh_from_model[:3, 3])

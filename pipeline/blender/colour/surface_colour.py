@@ -24,14 +24,14 @@ from ..bridge.data_blocks import set_corner_uv, set_vertex_colors
 from ..bridge.image import new_packed_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
-from ..render.material import COLOUR_ATTRIBUTE, UV_MAP
+from ..render.material import COLOUR_ATTRIBUTE
 
 OBSERVED_ATTRIBUTE = "frame_observed"
 """Boolean attribute of the vertices: whether the frame saw them."""
 MATERIAL, TEXTURE, MARKED_TEXTURE = "OneFrame colour", "OneFrame texture", "OneFrame texture (unseen marked)"
 RECORD, PLAIN_MATERIAL = "oneframe_colour", "oneframe_plain_material"
 """Custom properties of the object: the record of its colours (JSON), and its material before."""
-COLOUR_NODE = "frame"
+COLOUR_NODE, UV_MAP = "frame", "frame_uv"
 
 
 def put_colour(
@@ -117,16 +117,6 @@ def colour_record(surface: bpy.types.Object) -> dict | None:
     except ValueError:
         return None
     return record if isinstance(record, dict) else None
-
-
-def rescale_colour(surface: bpy.types.Object, factor: float) -> None:
-    """Let the record of an object's colours follow a change of units: its pose scales, its figures stay."""
-    record = colour_record(surface)
-    if record is None or "cam_from_model" not in record:
-        return
-    pose = np.array(record["cam_from_model"])
-    pose[:3, 3] *= factor
-    surface[RECORD] = json.dumps({**record, "cam_from_model": pose.tolist()})
 
 
 def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:

@@ -55,13 +55,7 @@ def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> None:
 
 
 def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
-    """Write the tables of a complete dataset, its overlay and its contact sheet; gives sums over all views.
-
-    Raises
-    ------
-    RunError
-        A record is missing, damaged or of another run.
-    """
+    """Write the tables of a complete dataset, its overlay and its contact sheet; gives sums over all views."""
     out, camera, mesh = job.job.out, renderer.camera, renderer.reference.mesh
     depth_scale = renderer.depth_scale
     description = read_description(out / RECORD)

@@ -17,14 +17,14 @@ from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, instrument_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
-from ...dataset.options import NONE, RIGHT, SHADOWS, DatasetOptions
+from ...dataset.options import NONE, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
+from ...dataset.stereo import camera_from_planned
 from ...dataset.view import RenderedSample, write_view
 from ...errors import InputError, RunError
 from ...files.content import hashed_reading
 from ...occlusion.instruments import Instrument, own_instrument
 from ...poses.pose_file import read_poses
-from ...poses.stereo import right_from_left
 from ...process.own_process import STDOUT
 from ...surface.mesh_reader import read_mesh
 from ..render.engines import reference_view_of
@@ -118,21 +118,12 @@ class OpenJob:
 
 
 def light_of(loaded: LoadedCase, options: DatasetOptions) -> LensShading | None:
-    """The light at the lens, if options ask for it.
-
-    Errors are those of :func:`.lens_shading_of`.
-    """
+    """The light at the lens, if options ask for it."""
     return None if options.light == NONE else lens_shading_of(loaded, shadows=options.light == SHADOWS)
 
 
 def open_job(job: Job) -> OpenJob:
-    """Read and check all inputs of a job; its case file has been read before.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used.
-    """
+    """Read and check all inputs of a job; its case file has been read before."""
     case, files = job.case, input_files(job.case, job.options)
     given_poses: np.ndarray | None = None
     messages: list[str] = []
@@ -142,20 +133,14 @@ def open_job(job: Job) -> OpenJob:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
-            if job.options.eye == RIGHT:
-                given_poses = right_from_left(job.options.stereo_mm, job.options.converge_mm) @ given_poses
+            beside = camera_from_planned(job.options.content())
+            given_poses = given_poses if beside is None else beside @ given_poses
     read = {name: hashes[path] for name, path in files.items()}
     return OpenJob(job, loaded, given_poses, tuple(messages), read, instruments)
 
 
 def own_instruments(options: DatasetOptions) -> tuple[Instrument, ...]:
-    """The user's instruments that options name.
-
-    Raises
-    ------
-    InputError
-        One cannot be used, there is none, or none is asked for.
-    """
+    """The user's instruments that options name."""
     if options.occluder_meshes is None:
         return ()
     if not options.occluders:
@@ -179,11 +164,6 @@ def render_views(
         Numbers of the views; ``None`` means "nothing to do now".
     finished
         Called from another thread with the number of a view that is on disk.
-
-    Raises
-    ------
-    RunError
-        A file cannot be written; all views reported as finished are on disk.
     """
 
     def write(index: int, sample: RenderedSample) -> None:

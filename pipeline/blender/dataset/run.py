@@ -4,16 +4,17 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files
-from ...dataset.options import LEFT
+from ...dataset.option_arguments import option_arguments
 from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished, report_ready
 from ...dataset.run.run_folder import RunFolder
 from ...dataset.run.same_run import check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
+from ...dataset.stereo import further_datasets
 from ...dataset.truths import written_truths
 from ...files.machine import available_cores
 from ...progress import LINE_SECONDS, Progress
@@ -32,7 +33,7 @@ def run(
     verify: bool = False,
     progress_seconds: float = LINE_SECONDS,
 ) -> None:
-    """Render the missing views of a job and, when the dataset is complete, write its tables.
+    """Render the missing views of a job and, when the dataset is complete, write its tables; then what belongs in it.
 
     Parameters
     ----------
@@ -48,16 +49,16 @@ def run(
         Compare the hashes of all existing files, not only their sizes.
     progress_seconds
         Time between lines of progress where there is no terminal.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used.
-    RunError
-        The folder is in use or holds another dataset, or a file cannot be written. Finished views are kept.
     """
-    means = _Means(workers, worker_command, stream, progress_seconds)
     engine_named(job.options.engine).check()
+    _run(job, _Means(workers, worker_command, stream, progress_seconds), verify=verify)
+    for folder, options in further_datasets(job.options).items():
+        further = replace(job, out=job.out / folder, options=options)
+        command = [*worker_command, f"--out={further.out}", *option_arguments(options)]
+        _run(further, _Means(workers, command, stream, progress_seconds), verify=verify)
+
+
+def _run(job: Job, means: "_Means", *, verify: bool) -> None:
     opened = open_job(job)
     with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
         try:
@@ -70,8 +71,7 @@ def run(
         if tally is not None:
             folder.finish()
     if tally is not None:
-        views = "views" if job.options.eye == LEFT else "right eyes"
-        for message in (*tally.messages(opened.count), f"dataset of {opened.count} {views}: {job.out}"):
+        for message in (*tally.messages(opened.count), f"dataset of {opened.count} views: {job.out}"):
             means.report(message)
     elif job.shard.count > 1:
         means.report(

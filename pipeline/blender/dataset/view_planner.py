@@ -8,12 +8,12 @@ from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...colour.reference_view import ReferenceView, limited_to_incidence, without_highlights
 from ...dataset.description import distribution_of, trajectory_of, view_camera
-from ...dataset.options import DROP, RIGHT, DatasetOptions
+from ...dataset.options import DROP, DatasetOptions
+from ...dataset.stereo import camera_from_planned
 from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, ReferencePose
 from ...poses.pose_file import OTHER_CONVENTION
-from ...poses.stereo import right_from_left
 from ..render.surface_tree import ViewProbe
 
 SAMPLED_VIEWS = 4
@@ -64,11 +64,10 @@ class ViewPlanner:
             if given_poses is None
             else Listed(reference=pose, poses=given_poses)
         )
-        self._right_from_left = np.eye(4)
-        if options.eye == RIGHT:
-            self._right_from_left = right_from_left(options.stereo_mm, options.converge_mm)
-        # listed poses are already those of the eye
-        self._is_beside = options.eye == RIGHT and given_poses is None
+        beside = camera_from_planned(options.content())
+        self._camera_from_planned = np.eye(4) if beside is None else beside
+        # listed poses are already those of the camera
+        self._is_beside = beside is not None and given_poses is None
         self.depth_scale = depth_scale_for(self._distribution.farthest_mm(reference.mesh.radius))
         self.probe = ViewProbe(reference.mesh, self.camera, self.reference.observed)
         self._constraints = Constraints(
@@ -87,13 +86,7 @@ class ViewPlanner:
         self.messages = (*loaded.messages, *reference.messages, *filter(None, doubts))
 
     def plan(self, index: int) -> PlannedPose:
-        """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
-
-        Raises
-        ------
-        InputError
-            No pose meets the constraints.
-        """
+        """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index)."""
         fixed = self._distribution.fixed_pose(index, self._count)
         if fixed is not None:
             planned = plan_given_pose(fixed, self._constraints, self.probe)
@@ -102,18 +95,13 @@ class ViewPlanner:
             planned = plan_pose(self._distribution, self._constraints, self.probe, seed=seed, index=index)
         if not self._is_beside:
             return planned
-        pose = self._right_from_left @ planned.cam_from_model
+        pose = self._camera_from_planned @ planned.cam_from_model
         return replace(planned, cam_from_model=pose, statistics=self.probe(pose))
 
     def sampling_doubt(self) -> str:
         """A message if hardly any pose meets the constraints, or listed ones show nothing; empty otherwise.
 
         See :func:`oneframe.poses.constraints.sampling_doubt`.
-
-        Raises
-        ------
-        InputError
-            One of the first views finds no pose.
         """
         plans = [self.plan(index) for index in range(min(SAMPLED_VIEWS, self._count))]
         if isinstance(self._distribution, Listed) and not any(plan.statistics.surface_fraction for plan in plans):

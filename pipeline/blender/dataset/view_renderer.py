@@ -68,8 +68,8 @@ class ViewRenderer(ViewPlanner):
         self.messages = (*self.messages, *messages)
         unseen = unseen_colours_of(self.reference, options.unseen)
         # both eyes see everything by the left one's lamp
-        light = None if reference.light is None else reference.light.moved(self._right_from_left)
-        head = head_light(reference.pivot_model).moved(self._right_from_left)
+        light = None if reference.light is None else reference.light.moved(self._camera_from_planned)
+        head = head_light(reference.pivot_model).moved(self._camera_from_planned)
         surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model, light)
         self._front = Front(self.camera, light or head, options.samples)
         self._lit = None
@@ -96,7 +96,7 @@ class ViewRenderer(ViewPlanner):
         for number, instrument in enumerate(self._own, start=1):
             without = 0
             for view in views:
-                pose = inverse_rigid(self._right_from_left) @ self.plan(view).cam_from_model
+                pose = inverse_rigid(self._camera_from_planned) @ self.plan(view).cam_from_model
                 stream = np.random.default_rng([self._options.seed, view, STREAM])
                 without += held_instrument(instrument, stream, self.probe, (), self.camera, pose) is None
             if without:
@@ -115,7 +115,7 @@ class ViewRenderer(ViewPlanner):
         """View ``index`` with what is in front and around, by seed and number alone; the same for both eyes."""
         mean, pose, occluders, shadow = self._options.occluders, planned.cam_from_model, None, None
         if mean > 0:
-            left = inverse_rigid(self._right_from_left) @ pose
+            left = inverse_rigid(self._camera_from_planned) @ pose
             seed = self._options.seed, index
             occluders = draw_occluders(mean, seed, self.probe, self.camera, left, self._instruments)
         if self._lit is not None and occluders is not None:

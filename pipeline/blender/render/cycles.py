@@ -13,10 +13,8 @@ from ...camera.pinhole import PinholeCamera
 from ...colour.anti_aliasing import filtered_image, footprint_scale
 from ...colour.footprint_filter import squares_for
 from ...colour.ray_tracer import RayTracer
-from ...colour.shading import ColouredSurface, source_of
+from ...colour.shading import ColouredSurface
 from ...colour.source_view import SourceView
-from ...colour.texture_atlas import TextureAtlas
-from ...colour.vertex_colours import VertexColours
 from ...process.own_process import delayed_interrupts
 from ...projection.rendered_view import Render, RenderedView
 from ..bridge.image import new_float_image
@@ -118,17 +116,16 @@ class EdgeSampler:
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render a pose (4x4, mm): anti-aliased colour; depth and observed surface at the pixel centres."""
         for number, colour in enumerate(self._surface.colours):
-            source = source_of(colour)
-            if source is not None and not isinstance(colour, VertexColours):
-                scale = footprint_scale(source, self._surface.pivot_model, self._scene.camera, cam_from_model)
-                self._fit_filter(number, colour, source, scale)
+            if isinstance(colour, SourceView):
+                scale = footprint_scale(colour, self._surface.pivot_model, self._scene.camera, cam_from_model)
+                self._fit_filter(number, colour, scale)
         return self._tracer.smoothed(self._scene.render(cam_from_model), cam_from_model)
 
-    def _fit_filter(self, number: int, colour: TextureAtlas | SourceView, source: SourceView, scale: float) -> None:
+    def _fit_filter(self, number: int, source: SourceView, scale: float) -> None:
         """Set the filtered frame for a view's scale in the surface's material."""
         side, offset = squares_for(scale)
         if (number, side) not in self._images:
-            filtered, place = filtered_image(colour, source, side)
+            filtered, place = filtered_image(source, side)
             with self._scene.owning():
                 self._images[number, side] = new_float_image("filtered frame", filtered), place
         image, place = self._images[number, side]

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from importlib import import_module
 
 import bpy
+import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.lens_shading import LensShading
-from ...colour.reference_view import ReferenceView, view_of_renders
+from ...colour.reference_view import ReferenceView, reference_view
 from ...colour.shading import ColouredSurface
 from ...errors import InputError
 from ...evaluation.methods import Renderers
@@ -38,14 +39,11 @@ class Engine:
         Raises ``InputError`` if the engine does not work on this machine.
     reference
         Name of the engine that finds what the frames saw; its own if left out.
-    proof
-        Name of the engine that proves its views by rendering them again; its own if left out.
     """
 
     opened: Callable[[ColouredSurface, PinholeCamera, int, int], AbstractContextManager[Render]]
     check: Callable[[], None] = lambda: None
     reference: str | None = None
-    proof: str | None = None
 
 
 def engine_named(name: str) -> Engine:
@@ -57,13 +55,7 @@ def engine_named(name: str) -> Engine:
 def opened_engine(
     name: str, surface: ColouredSurface, camera: PinholeCamera, *, samples: int = 1, threads: int = 0
 ) -> AbstractContextManager[Render]:
-    """What renders a surface: see :class:`Engine`.
-
-    Raises
-    ------
-    InputError
-        The views are too large, or the engine cannot render them.
-    """
+    """What renders a surface: see :class:`Engine`."""
     if camera.width * camera.height > LARGEST_VIEW_PX:
         raise InputError(
             f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"
@@ -73,22 +65,14 @@ def opened_engine(
 
 
 def reference_view_of(loaded: LoadedCase, engine: str = "cycles", light: LensShading | None = None) -> ReferenceView:
-    """Render each frame's own pose to find the surface that it saw, by the :attr:`.Engine.reference` of an engine.
+    """The reference view by the :attr:`.Engine.reference` of an engine, as of :func:`.reference_view`."""
+    name = engine_named(engine).reference or engine
 
-    A light at the lens is taken out of the frames.
+    def look(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
+        with opened_engine(name, surface, camera) as render:
+            return render(cam_from_model)
 
-    Raises
-    ------
-    InputError
-        No pixel of a frame shows the surface, or there is no such engine here.
-    """
-    engine = engine_named(engine).reference or engine
-    surface = ColouredSurface(loaded.surface.mesh, light=light)
-    seen: list[RenderedView] = []
-    for frame in loaded.frames:
-        with opened_engine(engine, surface, frame.camera) as render:
-            seen.append(render(frame.cam_from_model))
-    return view_of_renders(loaded, seen, light)
+    return reference_view(loaded, look, light)
 
 
 def keep_freed_memory() -> None:

@@ -1,13 +1,13 @@
-"""Surface colour as emission: the three colour modes as shader nodes, each with its observed flag.
+"""Surface colour as emission: both colour modes as shader nodes, each with its observed flag.
 
 Of several frames, the surface shows the colour of the first one whose flag is 1.
 
-All modes compute two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface emits the
+Both compute two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface emits the
 colour, or that of unseen surface where the flag is 0; the flag goes to the pass :data:`OBSERVED_PASS`. There is no
 light, so renders show the code values unchanged. Back sides are never observed.
 
-The flag is the rule of :mod:`oneframe.colour.source_view` at the shaded point, in all modes. In the baked ones, the
-lookup must also find colour: a texel that the frame saw, or three vertices with a colour from it.
+The flag is the rule of :mod:`oneframe.colour.source_view` at the shaded point, in both. Of vertices, all three must
+also have a colour from the frame.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ import numpy as np
 from ...colour.lens_shading import LensShading, corner_normals
 from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
-from ...colour.texture_atlas import COVERED_LEAST, OBSERVED_LEAST, TextureAtlas
+from ...colour.texture_atlas import OBSERVED_LEAST
 from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
@@ -31,7 +31,6 @@ OBSERVED_PASS, SOURCE_PASS = "observed", "source"
 """The flag of the frame that colours a point, and its number from 1, or 0."""
 COLOUR_ATTRIBUTE = "frame_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
-UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
 NORMAL_ATTRIBUTE, LAMP_NODE = "frame_normal", "lamp"
 """Of surfaces in the light at the lens: their normals, and the node that :func:`move_lamp` sets."""
@@ -172,13 +171,9 @@ class _Frame:
 
     def colour(self, colour: SurfaceColour) -> tuple:
         """Colour, flag, and addition to the flag or ``None``."""
-        match colour:
-            case VertexColours():
-                return self._vertex_colour(colour)
-            case TextureAtlas():
-                return self._texture(colour)
-            case SourceView():
-                return self._projection(colour, filtered=self.filtered)
+        if isinstance(colour, SourceView):
+            return self._projection(colour, filtered=self.filtered)
+        return self._vertex_colour(colour)
 
     def _corner_vectors(self, name: str, vectors: np.ndarray) -> bpy.types.NodeSocket:
         name = f"{name} {self.number}"
@@ -189,26 +184,11 @@ class _Frame:
         name = f"{COLOUR_ATTRIBUTE} {self.number}"
         set_vertex_colors(self.mesh_object, name, np.concatenate([colour.rgb, colour.least[:, None]], axis=1))
         attribute = self.nodes.add("ShaderNodeAttribute", attribute_name=name)
-        return attribute.outputs["Color"], self._flag(attribute.outputs["Alpha"], colour), None
-
-    def _texture(self, atlas: TextureAtlas) -> tuple:
-        # not as a UV map, of which a mesh has at most 8
-        uv = self._corner_vectors(UV_MAP, np.pad(atlas.uv, ((0, 0), (0, 0), (0, 1))))
-        rgb, cover, addition = self._image_lookup(
-            new_float_image("frame_atlas", atlas.premultiplied()), uv, self.filtered
-        )
-        if not self.filtered:
-            rgb = self.nodes.scaled(rgb, self.nodes.math("DIVIDE", 1.0, cover))
-        return rgb, self._flag(cover, atlas), addition
-
-    def _flag(self, cover: bpy.types.NodeSocket, colour: VertexColours | TextureAtlas) -> bpy.types.NodeSocket:
-        """1 where the lookup is covered and the reference view saw the shaded point, else 0."""
-        is_premultiplied = isinstance(colour, TextureAtlas) and colour.source is not None
-        covered = self.nodes.math("GREATER_THAN", cover, COVERED_LEAST if is_premultiplied else OBSERVED_LEAST)
-        if colour.source is None:
-            return covered
-        _, seen, _ = self._projection(colour.source, filtered=False)
-        return self.nodes.math("MULTIPLY", covered, seen)
+        flag = self.nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST)
+        if colour.source is not None:
+            _, seen, _ = self._projection(colour.source, filtered=False)
+            flag = self.nodes.math("MULTIPLY", flag, seen)
+        return attribute.outputs["Color"], flag, None
 
     def _projection(self, source: SourceView, *, filtered: bool) -> tuple:
         """The pinhole projection per shaded point, and the rule of :mod:`oneframe.colour.source_view`.

@@ -17,4 +17,4 @@ def _opened(surface: ColouredSurface, camera: PinholeCamera, samples: int, threa
     yield RayTracer(surface, camera, samples=samples).render
 
 
-ENGINE = Engine(_opened, require_embree, proof="cycles")
+ENGINE = Engine(_opened, require_embree)

@@ -100,11 +100,6 @@ def take_photographs(
     Yields
     ------
     The path of each file once it is complete.
-
-    Raises
-    ------
-    RunError
-        A file cannot be written.
     """
     with temporary_data():
         scene = bpy.data.scenes.new("sample photograph")

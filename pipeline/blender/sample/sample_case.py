@@ -31,15 +31,7 @@ COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
 
 
 def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_out: bool = True) -> None:
-    """Check before any work that the files of :func:`write_sample_case` can be written.
-
-    Raises
-    ------
-    InputError
-        The folder holds another case, or something else and no case.
-    RunError
-        The files cannot be written.
-    """
+    """Check before any work that the files of :func:`write_sample_case` can be written."""
     case, text = folder / "case.toml", case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
     if not case.exists():
         check_own_folder(folder, _NAMES, {})
@@ -74,8 +66,6 @@ def write_sample_case(
     Yields
     ------
     Each file's path once it is complete; ``case.toml`` is the last.
-
-    Errors are those of :func:`check_sample_case`.
     """
     check_sample_case(folder, camera=camera, held_out=held_out)
     with writing(folder / "case.toml"):
@@ -108,11 +98,6 @@ def write_sample_film(folder: Path, surface: SampleSurface, *, camera: PinholeCa
     Yields
     ------
     Each file's path once it is complete.
-
-    Raises
-    ------
-    RunError
-        A file cannot be written.
     """
     small, poses = camera.resized(camera.width // 2, camera.height // 2), film_poses()
     with temporary_folder() as pictures:

@@ -1,6 +1,5 @@
 """The stages of ``oneframe surface``: inputs, bone, what is removed, surface, files."""
 
-import argparse
 import json
 import platform
 import re
@@ -9,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -22,13 +21,15 @@ from ...volume.bone.bone import bone_voxels
 from ...volume.bone.isosurface import RemovedField
 from ...volume.bone.structures import structure_names, without_bone
 from ...volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
-from ...volume.drill.clearance import clearances, violations
-from ...volume.drill.drill_guard import check_margins
-from ...volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
+from ...volume.drill.drill_plan import DrillPlan, check_margins, check_strokes, read_drill_plan, unprotected
+from ...volume.drill.virtual_drill import clearances, violations
 from ...volume.make_surface import MadeSurface, SurfaceSettings, make_surface
 from ...volume.reading.label_map import read_labels
 from ...volume.reading.volume_reader import read_volume
 from ...volume.volume import Volume
+
+if TYPE_CHECKING:
+    from . import Arguments
 
 MOST_REMOVED = 0.5
 """Share of the bone; above it, something else than what was removed was given by mistake."""
@@ -65,18 +66,9 @@ class _Work:
             self.bar = None
 
 
-def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
-    """Make the surface that the arguments of ``oneframe surface`` describe, and report every stage.
-
-    Raises
-    ------
-    InputError
-        An input cannot be used, or an output must not be replaced.
-    RunError
-        A file cannot be written.
-    """
+def write_surface(arguments: "Arguments", out: Path, output: TextIO) -> None:
+    """Make the surface that the arguments of ``oneframe surface`` describe, and report every stage."""
     work = _Work(output)
-    out: Path = arguments.out
     inputs = {
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
@@ -88,7 +80,7 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
         work.end_bar()
 
 
-def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping[str, Path]) -> None:
+def _make(arguments: "Arguments", work: _Work, out: Path, inputs: Mapping[str, Path]) -> None:
     # small, and quick to refuse
     plan = None if arguments.drill is None else read_drill_plan(arguments.drill)
     crop = None if arguments.crop is None else np.array(arguments.crop).reshape(2, 3)
@@ -99,7 +91,7 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
         "size": list(size), "spacing_mm": spacing, "mesh_from_index": volume.grid.mesh_from_index.tolist()
     }  # fmt: skip
     work.say(f"volume: {_by(size)} voxels of {_by(spacing)} mm")
-    if plan is not None:
+    if plan is not None and arguments.drill is not None:
         for message in check_strokes(plan, volume.grid, arguments.drill.name):
             work.say(message)
         for message in unprotected(plan.margins_mm):
@@ -132,7 +124,7 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
     _write_record(work, out)
 
 
-def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, str]:
+def _threshold(arguments: "Arguments", volume: Volume) -> tuple[float, str]:
     if arguments.threshold == "otsu":
         return otsu_threshold(volume), "otsu"
     level, how = (DEFAULT_HU, "default") if arguments.threshold is None else (float(arguments.threshold), "given")

@@ -5,7 +5,7 @@ from the code that wrote them; tables are made again from the records. The check
 keeps little of each, so its memory does not grow with the masks. Needs cv2, and PyAV for a video.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -17,10 +17,11 @@ from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
-from ..identity import eyes_apart, poses_hash
-from ..layout import CASES, RECORD, SPLIT, WORK, ViewPaths, advice_without_record, check_no_pack
+from ..identity import poses_hash
+from ..layout import CASES, FURTHER, RECORD, SPLIT, WORK, ViewPaths, advice_without_record, check_no_pack
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
+from ..stereo import eyes_apart, has_further, right_from_left
 from .comparison import require_equal, require_pose, require_rotation
 from .contents import check_names, check_sums
 from .depth import DepthAgreement
@@ -28,7 +29,6 @@ from .findings import Findings
 from .images import check_images, check_pose
 from .inputs import check_inputs
 from .model import check_model
-from .rerendered import Rerendering, check_rerendered
 from .tables import check_tables
 from .video import check_video
 
@@ -51,15 +51,12 @@ class CheckReport:
         Number of files whose hash was compared.
     compared
         Agreement of depth image and surface, for each view whose pixels were checked and fit.
-    rerendered
-        Number of views that were rendered again; 0 also if something else was wrong before.
     """
 
     count: int
     findings: Findings
     hashed: int
     compared: tuple[DepthAgreement, ...]
-    rerendered: int = 0
 
     def summary(self) -> str:
         """The result as one line."""
@@ -73,13 +70,10 @@ class CheckReport:
         if pixels:
             agreeing = sum(view.agreeing for view in self.compared) / pixels
             dz = np.median([view.median_dz_mm for view in self.compared if view.compared])
-            shift = max(float(np.hypot(*view.shift_px)) for view in self.compared)
             checked += (
                 f"; the reprojected surface agrees with the depth images at {agreeing:.2%} of {pixels} px, "
-                f"median |dz| = {dz:.2g} mm, largest shift of a view {shift:.2g} px"
+                f"median |dz| = {dz:.2g} mm"
             )
-        if self.rerendered:
-            checked += f"; {self.rerendered} views rendered again from the case are the same"
         return f"dataset of {self.count} views: complete and consistent ({checked})"
 
 
@@ -90,7 +84,6 @@ def check_dataset(
     hashes: bool = True,
     case: Case | None = None,
     poses: Path | None = None,
-    rerendering: Rerendering | None = None,
     stream: TextIO | None = None,
 ) -> CheckReport:
     """Check a dataset.
@@ -107,15 +100,8 @@ def check_dataset(
         The case that the dataset was rendered from, to compare its files.
     poses
         The file of the views' poses, if they were listed and the case does not name it.
-    rerendering
-        Renders views again, if nothing else is wrong.
     stream
         Stream for the progress.
-
-    Raises
-    ------
-    InputError
-        Not a dataset at all, or one of another format.
     """
     root = Path(root)
     check_no_pack(root)
@@ -138,12 +124,7 @@ def check_dataset(
     report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
     if case is not None:
         check_inputs(description, case, poses, findings)
-    if rerendering is None or findings:
-        return report
-    chosen = sorted(_evenly_spaced(description.count, rerendering.views))
-    with rerendering.open(description) as renderer:
-        check_rerendered(root, description, renderer, chosen, findings, stream)
-    return replace(report, rerendered=len(chosen))
+    return report
 
 
 class _Check:
@@ -228,7 +209,8 @@ class _Check:
             stored = check_images(paths, record, description)
             if surface is not None:
                 with findings.collecting("views whose pose does not fit the pixels"):
-                    self._compared.append(check_pose(paths, record, stored, surface))
+                    if (fit := check_pose(paths, record, stored, surface)) is not None:
+                        self._compared.append(fit)
 
     def _check_poses(self) -> None:
         """Compare listed poses with their hash."""
@@ -240,17 +222,21 @@ class _Check:
             self._findings.add(FOREIGN, f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed")
 
     def _check_eyes(self) -> None:
-        """Compare a dataset of right eyes with that of the left ones, in whose folder it is."""
-        left, right_from_left = self._root.parent, self._description.right_from_left
-        if right_from_left is None or not (left / RECORD).is_file():
+        """Compare the right eyes, which are a dataset of their own in the folder, with these left ones."""
+        if not has_further(self._description.content):
             return
-        with self._findings.collecting("right eyes that differ from the left ones"):
-            if apart := eyes_apart(read_description(left / RECORD).content, self._description.content):
-                raise InputError(f"{RECORD}: the left eyes are of another dataset: {apart}")
+        options, root = self._description.content["options"], self._root / FURTHER
+        right_eye = right_from_left(options["stereo_mm"], options["converge_mm"])
+        with self._findings.collecting("right eyes that are missing or of other views"):
+            right = read_description(root / RECORD)
+            if apart := eyes_apart(self._description.content, right.content):
+                raise InputError(f"{FURTHER}/{RECORD}: expected the right eyes of these views: {apart}")
+            if right.count != self._description.count:
+                raise InputError(f"{FURTHER}/{RECORD}: {right.count} right eyes of {self._description.count} views")
             for index, pose in self._poses.items():
-                paths = ViewPaths(left, index)
-                expected = right_from_left @ read_record(paths, with_mask=False).cam_from_model
-                require_pose(pose, expected, paths.relative("frame"), "the right eye of the left view")
+                paths = ViewPaths(root, index)
+                found = read_record(paths, with_mask=False).cam_from_model
+                require_pose(found, right_eye @ pose, f"{FURTHER}/{paths.relative('frame')}", "the left eye, beside it")
 
 
 def _evenly_spaced(count: int, views: int) -> set[int] | range:

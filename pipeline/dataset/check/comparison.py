@@ -15,13 +15,7 @@ RELATIVE = 1e-9
 
 
 def read_table(root: Path, name: str) -> Any:
-    """The value in a JSON file of the dataset.
-
-    Raises
-    ------
-    InputError
-        Missing or damaged.
-    """
+    """The value in a JSON file of the dataset."""
     return parsed_json(read_content(root / name, "a table of the dataset", name), name)
 
 
@@ -29,11 +23,6 @@ def require_equal(found: object, expected: object, where: str, *, relative: floa
     """Check that two JSON values are the same, all keys included.
 
     Numbers may differ by ``relative`` of the largest in their list, of lists and of 1.
-
-    Raises
-    ------
-    InputError
-        They are not; with the first difference.
     """
     for change in changed_values(found, expected):
         if not (relative and _is_near(change.found, change.asked, relative)):

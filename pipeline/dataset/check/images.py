@@ -25,11 +25,6 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
     Returns
     -------
     What they hold.
-
-    Raises
-    ------
-    InputError
-        One is damaged, or they disagree.
     """
     images = {kind: _decoded(paths, kind, description) for kind in description.kinds}
     stored = Stored(images, record.depth_scale, description.frames, description.camera, record.cam_from_model)
@@ -41,18 +36,17 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
     return stored
 
 
-def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement:
+def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement | None:
     """Check that the depth image and the numbers of the silhouette are those of the surface at the view's pose.
 
-    Raises
-    ------
-    InputError
-        They are not.
+    ``None`` where the surface cannot be projected, see :func:`.surface_depth`.
     """
     camera, pose = stored.camera, stored.cam_from_model
     occluder, projected = stored.occluder, surface_depth(surface.mesh, camera, pose)
+    if projected is None:
+        return None
     depth = np.where(occluder, np.uint16(0), stored.arrays["depth"])
-    found = agreement(depth, record.depth_scale, projected, camera.fx, hidden=stored.mask & occluder)
+    found = agreement(depth, record.depth_scale, projected, hidden=stored.mask & occluder)
     if found.misfit:
         where = paths.relative("depth")
         raise InputError(f"{where}: the surface projected with scene_gt and cam_K does not fit: {found.misfit}")

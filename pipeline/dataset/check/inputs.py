@@ -23,11 +23,6 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
     ----------
     poses
         The file of the views' poses, if they were listed and the case does not name it.
-
-    Raises
-    ------
-    InputError
-        The file of the poses is not known.
     """
     content = description.content
     files = {name: path for name, path in case.input_files().items() if name != "case"}
@@ -72,7 +67,7 @@ def _check_poses(description: Description, path: Path) -> None:
     """Check that a list of poses begins with those of the views; InputError if not."""
     mm_per_unit = description.content["mm_per_unit"]
     poses, _ = read_poses(path, mesh_from_model=description.mesh_from_model, mm_per_unit=mm_per_unit)
-    if description.right_from_left is not None:
-        poses = description.right_from_left @ poses
+    if description.camera_from_planned is not None:
+        poses = description.camera_from_planned @ poses
     if len(poses) < description.count or poses_hash(poses[: description.count]) != description.poses_hash:
         raise InputError(f"dataset.json: poses_sha256: {path} does not hold the poses of the dataset")

@@ -17,13 +17,7 @@ FRAMES_PER_SECOND = 24
 
 
 def check_video(root: Path, description: Description) -> None:
-    """Check that the video can be decoded to its end, and has a frame of the right size for each pose.
-
-    Raises
-    ------
-    InputError
-        It has not, or a file is damaged.
-    """
+    """Check that the video can be decoded to its end, and has a frame of the right size for each pose."""
     poses = read_video_poses(root)
     if read_beginning(root / VIDEO, "a video", 8, VIDEO)[4:] != b"ftyp":
         raise InputError(f"{VIDEO}: expected an MP4 video, found another file")
@@ -39,13 +33,7 @@ def check_video(root: Path, description: Description) -> None:
 
 
 def read_video_poses(root: Path) -> list[np.ndarray]:
-    """The 4x4 poses of ``video/poses.csv``, mm.
-
-    Raises
-    ------
-    InputError
-        The file is damaged.
-    """
+    """The 4x4 poses of ``video/poses.csv``, mm."""
     header, *rows = read_content(root / VIDEO_POSES, "the poses of a video", VIDEO_POSES).splitlines()
     columns = ("frame", "time_s", *POSE_COLUMNS)
     try:

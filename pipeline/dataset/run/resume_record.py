@@ -116,13 +116,7 @@ class ViewRecord:
 
     @classmethod
     def from_json(cls, content: Any, where: str) -> "ViewRecord":
-        """Read the record from a file's JSON object; ``where`` names the file in messages.
-
-        Raises
-        ------
-        RunError
-            A key is missing, or its value is of the wrong kind.
-        """
+        """Read the record from a file's JSON object; ``where`` names the file in messages."""
         try:
             info, whole = content["gt_info"], operator.index
             record = cls(
@@ -178,11 +172,6 @@ def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
         The view's files.
     with_mask
         False leaves the run lengths empty: they are only checked to be whole, which takes a tenth of the time.
-
-    Raises
-    ------
-    RunError
-        Missing, damaged, or of another view; the message names the file.
     """
     path = paths.file("frame")
     where = str(path)

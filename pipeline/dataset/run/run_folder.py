@@ -49,13 +49,7 @@ class Shard:
 
 
 def parse_shard(text: str) -> Shard:
-    """Parse ``"I/N"``, I from 0 to N - 1.
-
-    Raises
-    ------
-    InputError
-        The text is something else.
-    """
+    """Parse ``"I/N"``, I from 0 to N - 1."""
     try:
         index, count = (int(part) for part in text.split("/"))
     except ValueError:
@@ -92,12 +86,6 @@ class RunFolder(WorkFolder):
             Different shards of the same run may share the folder.
         poses
             ``(N, 4, 4)`` listed ``cam_from_model``, mm, or ``None`` if the poses are drawn.
-
-        Raises
-        ------
-        RunError
-            The folder cannot be written to, holds something else or another run's data, or is in use. Nothing in it
-            has been touched then.
         """
         super().__init__(path, doing="renders into", work_files=r"surface-[0-9a-f]{16}\.npz")
         self._description = description

@@ -50,12 +50,6 @@ def check_description(
         Whether the dataset may have been started for more views, none of which exists.
     advice
         What to do if the two differ.
-
-    Raises
-    ------
-    RunError
-        The two differ, the run wants fewer views, or ``dataset.json`` is not what it should be. The message says what
-        differs.
     """
     record = root / RECORD
     try:

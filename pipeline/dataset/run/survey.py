@@ -104,11 +104,6 @@ def survey_views(
         Compare the hashes of all files, not only their sizes.
     threads
         Number of threads that hash.
-
-    Raises
-    ------
-    RunError
-        A record belongs to another run, or to another list of poses.
     """
     found, names = Survey(set(), {}, Tally()), ("frame", *kinds)
     expected = _Expected(identity_of(description), poses, kinds)

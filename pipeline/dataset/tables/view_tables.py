@@ -31,11 +31,6 @@ def write_view_tables(
         Millimetres per unit of the depth images, as in ``camera.json``.
     out
         The folder of the tables, if it is not that of the dataset.
-
-    Raises
-    ------
-    RunError
-        A record is missing, damaged or of another run.
     """
     count, camera, out = description.count, description.camera, out or root
     tally, targets = Tally(), array("L")
@@ -56,13 +51,7 @@ def write_view_tables(
 
 
 def scene_records(root: Path, scene: int, count: int, identity: str) -> list[ViewRecord]:
-    """The records of all views of a scene of a dataset of ``count`` views.
-
-    Raises
-    ------
-    RunError
-        A record is missing, damaged or of another run.
-    """
+    """The records of all views of a scene of a dataset of ``count`` views."""
     records = []
     for index in scene_views(scene, count):
         paths = ViewPaths(root, index)

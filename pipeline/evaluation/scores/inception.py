@@ -23,13 +23,7 @@ class Inception:
     """A network in memory; call it with an image."""
 
     def __init__(self, path: Path) -> None:
-        """Read the network and try it.
-
-        Raises
-        ------
-        InputError
-            No ONNX file, or one that OpenCV cannot run, that takes other images or gives other features.
-        """
+        """Read the network and try it."""
         self.name = path.name
         data = read_content(path, "an ONNX file of InceptionV3")
         expected = f"{path.name}: expected InceptionV3 as ONNX, 1x3x{SIDE_PX}x{SIDE_PX} -> {FEATURES} features"

@@ -42,11 +42,6 @@ def bone_voxels(
     Returns
     -------
     ``(Z, Y, X)`` bool.
-
-    Raises
-    ------
-    InputError
-        No voxel lies above the threshold, or no part is large enough.
     """
     # whole numbers compare faster than halves
     level = int(np.floor(level_hu))

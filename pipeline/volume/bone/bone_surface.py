@@ -16,7 +16,7 @@ from ..volume import Volume, VoxelGrid, box_around
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
 from .rim import with_sharp_rim
-from .simplification import simplified, tolerance_near
+from .simplification import simplified
 
 Report = Callable[[str, float], None]
 """Called with the name of a stage and its finished share, 0..1; what it raises ends the work."""
@@ -45,7 +45,7 @@ class Finish:
     smoothing_steps
         Steps of :func:`smoothed`; what the drill made is not smoothed.
     tolerance_mm
-        How far the simplified surface may lie from the smoothed one; 0 keeps all faces.
+        How far the simplified surface may lie from the smoothed one, nearly everywhere; 0 keeps all faces.
     focus
         The part that matters, where the tolerance is :data:`FINER` times smaller: by default what was removed.
     """
@@ -91,27 +91,25 @@ def bone_surface(
         ``(Z, Y, X)`` bool, as of :func:`.bone_voxels`.
     removed
         What was drilled away.
-
-    Raises
-    ------
-    InputError
-        No bone is left, or the surface has too many faces.
     """
-    stages = {stage: None if report is None else partial(report, stage) for stage in STAGES}
     if removed is not None:
         solid = without_crumbs(solid, volume.grid, removed, smallest_mm3=finish.crumb_mm3)
-    surface = isosurface(
-        volume.values, level_hu, volume.grid, solid=solid, removed=removed, progress=stages["extracted"]
-    )
+    surface = isosurface(volume.values, level_hu, volume.grid, solid=solid, removed=removed)
+    if report is not None:
+        report("extracted", 1.0)
     faces = len(surface.mesh.faces)
     if faces == 0:
         raise InputError("surface: expected bone, found none left; remove less")
     if removed is not None:
         # before smoothing, which would draw the bone towards the saw teeth
         surface = with_sharp_rim(surface, removed, volume.grid)
-    surface = smoothed(surface, finish.smoothing_steps, progress=stages["smoothed"])
+    surface = smoothed(
+        surface, finish.smoothing_steps, progress=None if report is None else partial(report, "smoothed")
+    )
     if finish.tolerance_mm > 0:
-        surface = _simplified(surface, volume.grid, solid, removed, finish, stages["simplified"])
+        surface = _simplified(surface, volume.grid, solid, removed, finish)
+        if report is not None:
+            report("simplified", 1.0)
     if len(surface.mesh.faces) > MOST_FACES:
         raise InputError(
             f"surface: expected up to {MOST_FACES:,} faces, found {len(surface.mesh.faces):,}; crop the volume, choose "
@@ -150,21 +148,12 @@ def taken_bone(solid: np.ndarray, removed: RemovedField) -> np.ndarray:
 
 
 def _simplified(
-    surface: Isosurface,
-    grid: VoxelGrid,
-    solid: np.ndarray,
-    removed: RemovedField | None,
-    finish: Finish,
-    progress: Callable[[float], None] | None,
+    surface: Isosurface, grid: VoxelGrid, solid: np.ndarray, removed: RemovedField | None, finish: Finish
 ) -> Isosurface:
     focus = finish.focus
     if focus is None and removed is not None:
         focus = removed_ball(grid, solid, removed)
-    tolerance: float | np.ndarray = finish.tolerance_mm
-    if focus is not None and focus.radius_mm > 0:
-        near, far = finish.tolerance_mm / FINER, finish.tolerance_mm
-        tolerance = tolerance_near(surface.mesh, focus.centre, focus.radius_mm, near, far)
-    mesh = simplified(surface.mesh, tolerance, progress=progress)
+    mesh = simplified(surface.mesh, finish.tolerance_mm, focus, FINER)
     drilled = np.zeros(len(mesh.vertices), np.bool_)
     if removed is not None:
         # the vertices have moved: those that lie on what was removed, as far as the tolerance tells

@@ -29,11 +29,6 @@ def removed_by_labels(labels: LabelMap, grid: VoxelGrid) -> RemovedField:
     """The field of the voxels with a label, on the grid of a volume.
 
     The mask is averaged with the weights 1/4, 1/2, 1/4 along each axis, and the removed part ends where a half is left.
-
-    Raises
-    ------
-    InputError
-        They lie outside the volume.
     """
     mask = labels.values > 0
     low, high = box_around(mask)
@@ -56,11 +51,6 @@ def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: 
     Differences thinner than two voxels, or below 10 mm³, come from noise and registration, and do not count.
 
     Bone lies above ``level_hu`` in both; ``solid`` is ``(Z, Y, X)`` bool, the bone before the operation.
-
-    Raises
-    ------
-    InputError
-        Nothing is removed.
     """
     found = resampled(after.values, after.grid, before.grid, outside=np.nan)
     # where the later scan shows nothing, nothing is known to be removed

@@ -25,11 +25,6 @@ def otsu_threshold(volume: Volume) -> float:
     -------
     The HU that separates soft tissue from bone: the largest value below it and the smallest above it belong to
     different classes.
-
-    Raises
-    ------
-    InputError
-        The volume is air.
     """
     counts = histogram(volume.values)[_AIR_HU + 2**15 + 1 :].astype(np.float64)
     hu = np.arange(_AIR_HU + 1, 2**15, dtype=np.float64)
@@ -59,13 +54,7 @@ def histogram(values: np.ndarray) -> np.ndarray:
 
 
 def check_threshold(volume: Volume, level_hu: float) -> None:
-    """Check that a threshold has voxels on both sides.
-
-    Raises
-    ------
-    InputError
-        It has not, or is no number.
-    """
+    """Check that a threshold has voxels on both sides."""
     lowest, highest = int(volume.values.min()), int(volume.values.max())
     if not lowest < level_hu < highest:
         raise InputError(

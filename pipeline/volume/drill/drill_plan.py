@@ -10,7 +10,7 @@ A TOML file in the frame of the mesh (LPS), mm::
     points_mm = [[48.5, 35.0, 35.5], [48.5, 46.0, 36.0]]
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,8 @@ from ...files.content import LARGEST_TEXT, read_content
 from ...files.keys import check_keys
 from ...files.numbers import is_number
 from ...files.tables import parsed_toml
+from ...transforms import transform_points
 from ..volume import VoxelGrid
-from .filled import index_points
 
 LARGEST_RADIUS_MM = 50.0
 LARGEST_MARGIN_MM = 20.0
@@ -66,28 +66,16 @@ class DrillPlan:
 
 
 def read_drill_plan(path: Path) -> DrillPlan:
-    """Read and check a plan.
-
-    Raises
-    ------
-    InputError
-        No TOML, an unknown or missing key, a radius or margin out of range, or points that are none.
-    """
+    """Read and check a plan."""
     return _parsed(read_content(path, "a drill plan", most=LARGEST_TEXT), path.name)
 
 
 def check_strokes(plan: DrillPlan, grid: VoxelGrid, where: str) -> list[str]:
-    """Check that every stroke meets the volume; return messages about those that lie partly outside it.
-
-    Raises
-    ------
-    InputError
-        A stroke lies outside the volume altogether.
-    """
+    """Check that every stroke meets the volume; return messages about those that lie partly outside it."""
     partly = []
     last = np.array(grid.size) - 0.5
     for number, stroke in enumerate(plan.strokes, 1):
-        points = index_points(grid, stroke.points)
+        points = transform_points(grid.index_from_mesh, stroke.points)
         reach = stroke.radius_mm / grid.spacing_mm
         starts = np.concatenate([points[:1], points[:-1]])
         low, high = np.minimum(starts, points) - reach, np.maximum(starts, points) + reach
@@ -110,6 +98,17 @@ def check_strokes(plan: DrillPlan, grid: VoxelGrid, where: str) -> list[str]:
 def unprotected(margins_mm: Mapping[str, float]) -> tuple[str, ...]:
     """A message if a drill that keeps these margins spares nothing."""
     return () if margins_mm else ("nothing is protected from the drill: give labels, and margins of their structures",)
+
+
+def check_margins(margins_mm: Collection[str], structures: Collection[str]) -> None:
+    """Check that there is a structure of the name for each margin."""
+    missing = sorted(set(margins_mm) - set(structures))
+    if missing:
+        raise InputError(
+            f"margins: expected structures of the label map ({', '.join(sorted(structures)) or 'there are none'}), "
+            f"found {', '.join(missing)}; give labels that have them, with their names in labels.json, dataset.json or "
+            "ITK-SNAP's label descriptions (.txt) beside them, or remove their margins"
+        )
 
 
 def _parsed(content: str | bytes, name: str) -> DrillPlan:

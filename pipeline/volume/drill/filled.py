@@ -4,6 +4,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...surface.mesh import TriangleMesh
+from ...transforms import transform_points
 from ..volume import VoxelGrid
 
 _PAIRS = 1 << 20
@@ -19,13 +20,8 @@ def filled(mesh: TriangleMesh, grid: VoxelGrid) -> tuple[np.ndarray, np.ndarray]
     Returns
     -------
     The first voxel ``(3,)`` (x, y, z) of the box that holds them, and ``(z, y, x)`` bool; empty outside the grid.
-
-    Raises
-    ------
-    InputError
-        The mesh is not closed.
     """
-    points = index_points(grid, mesh.vertices) + _SHIFT
+    points = transform_points(grid.index_from_mesh, mesh.vertices) + _SHIFT
     first = np.clip(np.ceil(points.min(axis=0)), 0, grid.size).astype(np.int64)
     stop = np.maximum(np.clip(np.floor(points.max(axis=0)) + 1, 0, grid.size).astype(np.int64), first)
     width, height, depth = (int(count) for count in stop - first)
@@ -55,13 +51,6 @@ def filled(mesh: TriangleMesh, grid: VoxelGrid) -> tuple[np.ndarray, np.ndarray]
     if parity[:, -1].any():
         raise InputError("structure: expected a closed mesh, found one with holes; close them")
     return first, np.ascontiguousarray(parity[:, :-1]).reshape(depth, height, width).view(np.bool_)
-
-
-def index_points(grid: VoxelGrid, points: np.ndarray) -> np.ndarray:
-    """``(N, 3)`` points of the frame of the mesh in index space; each is the same to the last bit among any others."""
-    # not by a matrix product, whose last bits depend on the number of points
-    x, y, z = points.T
-    return np.stack([x * m[0] + y * m[1] + z * m[2] + m[3] for m in grid.index_from_mesh[:3]], axis=1)
 
 
 def _crossings(points: np.ndarray, faces: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

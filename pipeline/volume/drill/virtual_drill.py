@@ -1,204 +1,200 @@
-"""A virtual drill in a volume: strokes come and go, and what they removed stands in one field.
+"""A virtual drill in a volume: what the strokes of a plan remove, and how near they come to structures.
 
 Removing the solids of all strokes is the minimum of their signed distances, and keeping the margins of structures the
 maximum with how deep a voxel lies in one (constructive solid geometry on implicit functions: Ricci, "A constructive
-geometry for computer graphics", 1973). Neither depends on an order: strokes drawn in a window, repeated, taken back,
-or read from a file leave the same field to the last bit.
+geometry for computer graphics", 1973). Neither depends on an order.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from ...surface.deviation import squared_triangle_distances
 from ...surface.mesh import TriangleMesh
-from ..bone.isosurface import RemovedField
+from ...transforms import transform_points
+from ..bone.isosurface import Isosurface, RemovedField
 from ..volume import VoxelGrid, box_slices
-from .drill_guard import BLOCK, DrillGuard
-from .drill_plan import DrillPlan, Stroke
-from .filled import index_points
+from .drill_plan import DrillPlan, check_margins
+from .filled import filled
 
 FAR_MM = np.float32(1e3)
 """Distance where no stroke comes near."""
 
 _REACH_VOXELS = 2.0
-"""Around a stroke, where its distances count: both ends of an edge of the grid that it cuts are there."""
+"""Around a stroke and a margin, where distances count: both ends of an edge of the grid that is cut lie there."""
 
+_NEIGHBOURS = 12
+"""Faces with the nearest centres, one of which is the nearest where faces are of about one size."""
 
-@dataclass(frozen=True)
-class VoxelBox:
-    """First voxel ``(3,)`` (x, y, z) of a box, and one past its last."""
-
-    first: np.ndarray
-    stop: np.ndarray
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether it holds no voxel."""
-        return bool((self.stop <= self.first).any())
-
-    def united(self, other: "VoxelBox") -> "VoxelBox":
-        """The box around both."""
-        if self.is_empty or other.is_empty:
-            return other if self.is_empty else self
-        return VoxelBox(np.minimum(self.first, other.first), np.maximum(self.stop, other.stop))
-
-    def common(self, other: "VoxelBox") -> "VoxelBox":
-        """The voxels in both."""
-        return VoxelBox(np.maximum(self.first, other.first), np.minimum(self.stop, other.stop))
-
-
-_NOTHING = VoxelBox(np.zeros(3, np.int64), np.zeros(3, np.int64))
-
-
-@dataclass(frozen=True)
-class _Capsule:
-    """A burr on its way; ``start`` and ``end`` (3,) in mm along the axes of the index, and the voxels it may change."""
-
-    radius_mm: float
-    start: np.ndarray
-    end: np.ndarray
-    box: VoxelBox
-
-
-class DrilledVolume:
-    """The strokes so far and the field of what they removed. Mutable: a window changes it with every motion."""
-
-    def __init__(self, grid: VoxelGrid, guard: DrillGuard | None = None) -> None:
-        """Begin with nothing removed; ``guard`` holds what no stroke takes away."""
-        self._grid, self._guard = grid, guard
-        self._strokes: list[Stroke] = []
-        self._capsules: list[list[_Capsule]] = []
-        self._box = _NOTHING
-        self._distance_mm = np.zeros((0, 0, 0), np.float32)
-
-    @property
-    def strokes(self) -> tuple[Stroke, ...]:
-        """In the order in which they were drawn."""
-        return tuple(self._strokes)
-
-    @property
-    def removed(self) -> RemovedField | None:
-        """What the strokes removed, ``None`` if there are none; later strokes may change its array."""
-        return RemovedField(self._box.first, self._distance_mm) if self._strokes else None
-
-    def add(self, stroke: Stroke) -> VoxelBox:
-        """Add a whole stroke; return the voxels that may have changed."""
-        points = self._along_axes(stroke.points)
-        # the ball at its beginning too, as while it is drawn point by point
-        starts = np.concatenate([points[:1], points[:-1]])
-        capsules = [self._capsule(stroke.radius_mm, *ends) for ends in zip(starts, points, strict=True)]
-        self._strokes.append(stroke)
-        self._capsules.append(capsules)
-        return self._remove(capsules)
-
-    def extend(self, point: np.ndarray) -> VoxelBox:
-        """Let the last stroke go on to a point (3,), LPS mm; return the voxels that may have changed."""
-        stroke = self._strokes[-1]
-        points = np.concatenate([stroke.points, np.reshape(point, (1, 3))])
-        self._strokes[-1] = replace(stroke, points=points)
-        capsule = self._capsule(stroke.radius_mm, *self._along_axes(points[-2:]))
-        self._capsules[-1].append(capsule)
-        return self._remove([capsule])
-
-    def undo(self) -> VoxelBox:
-        """Take back the last stroke; return the voxels that may have changed."""
-        self._strokes.pop()
-        changed = _around(self._capsules.pop())
-        if not changed.is_empty:
-            self._distance_mm[self._slices(changed)] = FAR_MM
-            for capsules in self._capsules:
-                for capsule in capsules:
-                    self._carve(capsule, capsule.box.common(changed))
-        return changed
-
-    def _along_axes(self, points: np.ndarray) -> np.ndarray:
-        """``(N, 3)`` points in mm along the axes of the index, which are orthogonal, so that distances are the same."""
-        return index_points(self._grid, points) * self._grid.spacing_mm
-
-    def _capsule(self, radius_mm: float, start: np.ndarray, end: np.ndarray) -> _Capsule:
-        spacing = self._grid.spacing_mm
-        reach = radius_mm + _REACH_VOXELS * spacing
-        first = np.maximum(np.ceil((np.minimum(start, end) - reach) / spacing), 0).astype(np.int64)
-        stop = np.floor((np.maximum(start, end) + reach) / spacing).astype(np.int64) + 1
-        return _Capsule(radius_mm, start, end, VoxelBox(first, np.minimum(stop, self._grid.size)))
-
-    def _remove(self, capsules: Sequence[_Capsule]) -> VoxelBox:
-        changed = _around(capsules)
-        if not changed.is_empty:
-            self._grow(changed)
-            for capsule in capsules:
-                self._carve(capsule, capsule.box)
-        return changed
-
-    def _carve(self, capsule: _Capsule, box: VoxelBox) -> None:
-        """Remove a capsule within a box; a voxel gets the same number in any box."""
-        if box.is_empty:
-            return
-        distance = _capsule_mm(capsule, box, self._grid.spacing_mm)
-        if self._guard is not None:
-            self._guard.spare(distance, box.first)
-        part = self._distance_mm[self._slices(box)]
-        np.minimum(part, distance, out=part)
-
-    def _grow(self, wanted: VoxelBox) -> None:
-        """Make room for a box, in whole blocks, so that a burr on its way seldom needs more."""
-        box = self._box.united(wanted)
-        first = box.first // BLOCK * BLOCK
-        stop = np.minimum(-(-box.stop // BLOCK) * BLOCK, self._grid.size)
-        if (first == self._box.first).all() and (stop == self._box.stop).all():
-            return
-        grown = np.full((stop - first)[::-1], FAR_MM, np.float32)
-        old, self._box = self._box, VoxelBox(first, stop)
-        if not old.is_empty:
-            grown[self._slices(old)] = self._distance_mm
-        self._distance_mm = grown
-
-    def _slices(self, box: VoxelBox) -> tuple[slice, ...]:
-        return box_slices(box.first - self._box.first, box.stop - self._box.first)
-
-
-def drilled(plan: DrillPlan, grid: VoxelGrid, guard: DrillGuard | None = None) -> DrilledVolume:
-    """The volume after all strokes of a plan."""
-    volume = DrilledVolume(grid, guard)
-    for stroke in plan.strokes:
-        volume.add(stroke)
-    return volume
+_FEW = 100
+_ROUNDING_MM = 1e-3
 
 
 def removed_by_plan(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> RemovedField | None:
-    """What a plan removes from a volume with these structures, closed meshes by name; ``None`` without strokes.
+    """What a plan removes from a volume with these structures, closed meshes by name; ``None`` without strokes."""
+    check_margins(plan.margins_mm, structures)
+    if not plan.strokes:
+        return None
+    spacing = grid.spacing_mm
+    capsules = []
+    for stroke in plan.strokes:
+        # in mm along the axes of the index, which are orthogonal, so that distances are the same
+        points = transform_points(grid.index_from_mesh, stroke.points) * spacing
+        for start, end in zip(
+            points[: max(len(points) - 1, 1)], points[1:] if len(points) > 1 else points, strict=True
+        ):
+            reach = stroke.radius_mm + _REACH_VOXELS * spacing
+            first = np.clip(np.ceil((np.minimum(start, end) - reach) / spacing), 0, grid.size).astype(np.int64)
+            stop = np.clip(np.floor((np.maximum(start, end) + reach) / spacing) + 1, first, grid.size).astype(np.int64)
+            capsules.append((stroke.radius_mm, start, end, first, stop))
+    low, high = np.min([each[3] for each in capsules], axis=0), np.max([each[4] for each in capsules], axis=0)
+    distance = np.full((high - low)[::-1], FAR_MM, np.float32)
+    for radius_mm, start, end, first, stop in capsules:
+        part = distance[box_slices(first - low, stop - low)]
+        np.minimum(part, _capsule_mm(radius_mm, start, end, (first, stop), spacing), out=part)
+    removed = RemovedField(low, distance)
+    for name, margin in plan.margins_mm.items():
+        _spare(removed, grid, structures[name], margin)
+    return removed
 
-    Raises
-    ------
-    InputError
-        A structure is not closed, or there is none for a margin of the plan.
+
+def _capsule_mm(
+    radius_mm: float, start: np.ndarray, end: np.ndarray, box: tuple[np.ndarray, np.ndarray], spacing_mm: np.ndarray
+) -> np.ndarray:
+    """``(z, y, x)`` float32 signed distances of the voxels of a box to a capsule, negative inside, mm."""
+    # from its start, so that single precision is enough far from the origin too
+    x, y, z = (
+        (np.arange(a, b) * step - at).astype(np.float32) for a, b, step, at in zip(*box, spacing_mm, start, strict=True)
+    )
+    y, z = y[:, None], z[:, None, None]
+    way = (end - start).astype(np.float32)
+    squared = way @ way
+    if squared > 0:
+        along = np.clip((x * way[0] + y * way[1] + z * way[2]) / squared, 0, 1)
+        x, y, z = x - along * way[0], y - along * way[1], z - along * way[2]
+    return np.sqrt(x * x + y * y + z * z) - np.float32(radius_mm)
+
+
+def _spare(removed: RemovedField, grid: VoxelGrid, structure: TriangleMesh, margin_mm: float) -> None:
+    """Raise the distances, in place, to how deep the voxels lie in the margin around a structure."""
+    band = margin_mm + _REACH_VOXELS * float(grid.spacing_mm.max())
+    depth, height, width = removed.distance_mm.shape
+    box = grid.shifted(removed.first, (width, height, depth))
+    inside = np.zeros(removed.distance_mm.shape, np.bool_)
+    first, own = filled(structure, box)
+    inside[box_slices(first, first + own.shape[::-1])] = own
+    lower, upper = structure.bounds + np.array([[-band], [band]])
+    places = np.argwhere(removed.distance_mm < FAR_MM)
+    points = transform_points(box.mesh_from_index, places[:, ::-1].astype(np.float64))
+    near = ((points >= lower) & (points <= upper)).all(axis=1)
+    places, points = places[near], points[near]
+    at = tuple(places.T)
+    distance = surface_distances(points, structure, band)
+    deep = (margin_mm - np.where(inside[at], -distance, distance)).astype(np.float32)
+    removed.distance_mm[at] = np.maximum(removed.distance_mm[at], deep)
+
+
+def surface_distances(points: np.ndarray, mesh: TriangleMesh, within_mm: float = np.inf) -> np.ndarray:
+    """``(N,)`` distances of many points ``(N, 3)`` from a mesh of faces of about one size, mm.
+
+    Beyond ``within_mm`` they are only some larger distance.
     """
-    return drilled(plan, grid, DrillGuard(grid, structures, plan.margins_mm)).removed
+    # not before there is a plan: it takes long to import
+    from scipy.spatial import cKDTree
 
-
-def _around(capsules: Sequence[_Capsule]) -> VoxelBox:
-    """The box around what they may change."""
-    found = _NOTHING
-    for capsule in capsules:
-        found = found.united(capsule.box)
+    corners = mesh.vertices[mesh.faces]
+    centres = mesh.face_centres
+    reach = within_mm + float(np.linalg.norm(corners - centres[:, None], axis=2).max())
+    tree = cKDTree(centres)
+    found, _ = tree.query(points, distance_upper_bound=reach)
+    close = np.flatnonzero(np.isfinite(found))
+    count = min(_NEIGHBOURS, len(centres))
+    _, faces = tree.query(points[close], k=count)
+    for face in faces.reshape(-1, count).T:
+        a, b, c = corners[face].transpose(1, 2, 0)
+        squared = squared_triangle_distances(b - a, c - a, points[close].T - a)
+        found[close] = np.minimum(found[close], np.sqrt(squared))
     return found
 
 
-def _capsule_mm(capsule: _Capsule, box: VoxelBox, spacing_mm: np.ndarray) -> np.ndarray:
-    """``(z, y, x)`` float32 signed distances of voxels to a capsule, negative inside, mm."""
-    # from its start, so that single precision is enough far from the origin too
-    x, y, z = (
-        (np.arange(a, b) * step - at).astype(np.float32)
-        for a, b, step, at in zip(box.first, box.stop, spacing_mm, capsule.start, strict=True)
-    )
-    y, z = y[:, None], z[:, None, None]
-    way = (capsule.end - capsule.start).astype(np.float32)
-    squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
-    if squared > 0:
-        part = way / squared
-        along = np.clip(x * part[0] + y * part[1] + z * part[2], 0, 1)
-        x, y, z = x - along * way[0], y - along * way[1], z - along * way[2]
-    distance = np.sqrt(x * x + y * y + z * z)
-    distance -= np.float32(capsule.radius_mm)
-    return distance
+@dataclass(frozen=True)
+class Clearance:
+    """The smallest distance of what the drill made from a structure.
+
+    Attributes
+    ----------
+    structure
+        Its name.
+    margin_mm
+        What the plan asks for; ``None`` if nothing.
+    smallest_mm
+        Found; negative by the depth to which the drill went into the structure, as far as that is known.
+    at
+        ``(3,)`` where, on the drilled surface or in the structure, in the frame of the mesh, mm.
+    """
+
+    structure: str
+    margin_mm: float | None
+    smallest_mm: float
+    at: np.ndarray
+
+
+def clearances(
+    surface: Isosurface,
+    removed: RemovedField,
+    grid: VoxelGrid,
+    structures: Mapping[str, TriangleMesh],
+    margins_mm: Mapping[str, float],
+) -> tuple[Clearance, ...]:
+    """The clearance of each structure, the nearest first; none if nothing of the surface is drilled.
+
+    It is measured at vertices, midpoints of edges and centres of faces.
+
+    Parameters
+    ----------
+    surface
+        As written: smoothed and simplified.
+    removed
+        What the drill removed, on ``grid``: bone may be missing all around a structure that the drill went through,
+        which the surface alone does not show.
+    structures
+        Meshes by name, in the frame of the mesh.
+    margins_mm
+        What the plan asks for.
+    """
+    mesh, drilled = surface.mesh, surface.drilled
+    if not drilled.any():
+        return ()
+    # a flat face around a round structure comes nearer than its corners
+    corners = mesh.vertices[mesh.faces[drilled[mesh.faces].all(axis=1)]]
+    middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    made = np.concatenate([mesh.vertices[drilled], middles.reshape(-1, 3), corners.mean(axis=1)])
+    found = []
+    for name, structure in structures.items():
+        # a few first: they rule out most of the others
+        few = surface_distances(made[:: max(len(made) // _FEW, 1)], structure)
+        distance = surface_distances(made, structure, float(few.min()))
+        nearest = int(np.argmin(distance))
+        smallest, at = float(distance[nearest]), made[nearest]
+        left = removed.sampled(grid, structure.vertices, outside=np.inf)
+        deepest = int(np.argmin(left))
+        if left[deepest] < 0:
+            smallest, at = float(left[deepest]), structure.vertices[deepest]
+        found.append(Clearance(name, margins_mm.get(name), smallest, at))
+    return tuple(sorted(found, key=lambda each: each.smallest_mm))
+
+
+def violations(found: Sequence[Clearance]) -> list[str]:
+    """A sentence for each margin that was not held."""
+    sentences = []
+    for each in found:
+        place = f"({', '.join(f'{value:.1f}' for value in each.at)}) mm"
+        if each.smallest_mm < 0:
+            sentences.append(f"{each.structure}: the drill went {-each.smallest_mm:.2f} mm into it, at {place}")
+        elif each.margin_mm is not None and each.smallest_mm < each.margin_mm - _ROUNDING_MM:
+            sentences.append(
+                f"{each.structure}: expected a margin of {each.margin_mm:g} mm, found {each.smallest_mm:.2f} mm at "
+                f"{place}"
+            )
+    return sentences

@@ -76,13 +76,7 @@ class Series:
 
 
 def find_series(folder: Path) -> tuple[Series, ...]:
-    """The series of images in a folder and the folders in it, from all their headers.
-
-    Raises
-    ------
-    InputError
-        No DICOM images, a transfer syntax that cannot be read, multi-frame or damaged files.
-    """
+    """The series of images in a folder and the folders in it, from all their headers."""
     paths = _dicom_paths(folder)
     found: dict[str, dict[tuple[str, ...], list[tuple[int, Slice]]]] = {}
     for index, (path, group) in enumerate(paths):
@@ -117,13 +111,7 @@ def find_series(folder: Path) -> tuple[Series, ...]:
 
 
 def chosen_series(series: Sequence[Series], number: int | None, where: str) -> Series:
-    """The series of this number, or the only one that may be a volume.
-
-    Raises
-    ------
-    InputError
-        No such number, several to choose from, or no CT.
-    """
+    """The series of this number, or the only one that may be a volume."""
     if number is not None:
         if not 1 <= number <= len(series):
             raise InputError(f"{where}: expected a series from 1 to {len(series)}, found {number}; {_listing(series)}")
@@ -144,11 +132,6 @@ def series_voxels(chosen: Series, corners_mm: np.ndarray | None, folder: str) ->
     """The voxels of a series in HU, read-only ``(Z, Y, X)`` int16, and where they lie.
 
     ``corners_mm``, ``(8, 3)``, is a box in LPS to keep, or all if ``None``; ``folder`` begins messages.
-
-    Raises
-    ------
-    InputError
-        It is not a volume in HU, or damaged.
     """
     where = f"{folder}: series {chosen.info.number}"
     places = []

@@ -18,13 +18,7 @@ _SAME_PLACE_VOXELS, _SAME_TURN = 0.1, 1e-3
 
 
 def check_axes(mesh_from_index: np.ndarray, where: str) -> None:
-    """Check the axes of voxels: finite, a plausible spacing, at right angles.
-
-    Raises
-    ------
-    InputError
-        They are not; ``where`` begins the message.
-    """
+    """Check the axes of voxels: finite, a plausible spacing, at right angles."""
     axes = mesh_from_index[:3, :3]
     spacing = np.linalg.norm(axes, axis=0)
     if not (np.isfinite(mesh_from_index).all() and (spacing > 0).all()):
@@ -57,13 +51,7 @@ def apart_mm(one: np.ndarray, other: np.ndarray, size: tuple[int, int, int]) -> 
 
 
 def three_dimensions(dims: Sequence[int], where: str) -> tuple[int, int, int]:
-    """The size of a volume; a fourth dimension may only have one entry.
-
-    Raises
-    ------
-    InputError
-        Another number of dimensions, or a single slice.
-    """
+    """The size of a volume; a fourth dimension may only have one entry."""
     found = " x ".join(map(str, dims[:8]))
     if any(count != 1 for count in dims[3:]):
         raise InputError(
@@ -79,13 +67,7 @@ def three_dimensions(dims: Sequence[int], where: str) -> tuple[int, int, int]:
 
 
 def check_memory(needed: int, size: Sequence[int], where: str) -> None:
-    """Check that reading a volume fits into memory.
-
-    Raises
-    ------
-    InputError
-        It takes more bytes than are free.
-    """
+    """Check that reading a volume fits into memory."""
     free = available_bytes()
     if needed > free:
         raise InputError(

@@ -43,12 +43,6 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
     resampled
         Whether a map on another grid is resampled; otherwise it keeps its own after the check that it overlaps the
         volume, which is better for the surfaces of fine structures.
-
-    Raises
-    ------
-    InputError
-        As for :func:`.read_volume`; or it is no label map but a CT, an image or probabilities; it does not overlap the
-        volume; or its names cannot be read.
     """
     path = Path(path)
     if path.is_dir():
@@ -71,13 +65,7 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
 
 
 def on_grid(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: str) -> np.ndarray:
-    """Labels ``(Z, Y, X)`` on another grid: those of the nearest voxels, 0 outside; the same array if the grids agree.
-
-    Raises
-    ------
-    InputError
-        The labels lie outside the wanted grid, or lost their place.
-    """
+    """Labels ``(Z, Y, X)`` of the nearest voxels on another grid, 0 outside; the same array if the grids agree."""
     apart = _voxels_apart(grid, wanted)
     if apart <= SAME_GRID_VOXELS:
         return values
@@ -97,13 +85,7 @@ def on_grid(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: str) 
 
 
 def names_beside(path: Path) -> dict[int, str]:
-    """Names of labels by value, from the files that stand beside a label map; empty if there are none.
-
-    Raises
-    ------
-    InputError
-        A file with names cannot be read.
-    """
+    """Names of labels by value, from the files that stand beside a label map; empty if there are none."""
     stem = path.name[: -len(volume_suffix(path) or "")] or path.name
     own = [path.with_name(stem + ".json"), path.with_name("labels.json"), path.with_name("dataset.json")]
     for candidate in [*own, path.resolve().parent.parent / "dataset.json"]:

@@ -45,14 +45,7 @@ class SlicePlace:
 
 
 def stack_of(places: Sequence[SlicePlace], where: str) -> tuple[VoxelGrid, np.ndarray]:
-    """The grid of slices given in any order, and their order ``(N,)`` along the normal.
-
-    Raises
-    ------
-    InputError
-        Too few slices; different sizes, spacings or directions; several at one place; missing slices; varying steps;
-        a tilted gantry; ``where`` begins the message.
-    """
+    """The grid of slices given in any order, and their order ``(N,)`` along the normal."""
     first = places[0]
     if len(places) < FEWEST_SLICES:
         raise InputError(f"{where}: expected a series of at least {FEWEST_SLICES} slices, found {len(places)}")

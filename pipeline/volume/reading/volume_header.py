@@ -95,14 +95,7 @@ def volume_suffix(path: Path) -> str | None:
 
 
 def read_header(path: Path) -> VolumeHeader:
-    """Read and check the header of a volume.
-
-    Raises
-    ------
-    InputError
-        No such file; not a volume in a format of :data:`SUFFIXES`; damaged; not three-dimensional; several components;
-        without orientation, or with two; axes that are not at right angles; implausible units.
-    """
+    """Read and check the header of a volume."""
     suffix = volume_suffix(path)
     if suffix is None:
         raise InputError(
@@ -150,13 +143,7 @@ def unreadable(where: str) -> InputError:
 
 
 def check_stored(stored: StoredVoxels, where: str) -> int:
-    """Check the stored bytes for what ITK forgives; return the number of voxels that are no number where it makes 0.
-
-    Raises
-    ------
-    InputError
-        A NIfTI file is shorter than its header claims, or a compressed stream is damaged: it has a checksum.
-    """
+    """Check the stored bytes for what ITK forgives; return the number of voxels that are no number where it makes 0."""
     with reading(stored.path, "the voxels of a volume", None if stored.path.name == where else where):
         try:
             return _check_stream(stored) if stored.size is None else _check_nifti_voxels(stored, stored.size, where)

@@ -36,13 +36,6 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
         Number of the DICOM series as :func:`list_series` counts; needed only where several CTs are in the folder.
     crop_mm
         ``(2, 3)`` two corners of a box in LPS, mm; only the voxels that cover it are kept.
-
-    Raises
-    ------
-    InputError
-        No such file; another format; damaged or cut off; not three-dimensional; without orientation; sheared, with a
-        tilted gantry, missing slices or varying steps; several series; not in HU, such as labels; larger than the
-        memory; the crop box lies outside; SimpleITK is not installed.
     """
     path = Path(path)
     box = None
@@ -61,26 +54,14 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
 
 
 def list_series(folder: Path) -> tuple[SeriesInfo, ...]:
-    """The series in a folder of DICOM files, and in the folders in it; numbers and sizes only, no names.
-
-    Raises
-    ------
-    InputError
-        Not a folder, no DICOM images in it, or files that cannot be read.
-    """
+    """The series in a folder of DICOM files, and in the folders in it; numbers and sizes only, no names."""
     folder = Path(folder)
     _require_folder(folder, "give the folder that it is in")
     return tuple(series.info for series in find_series(folder))
 
 
 def is_dicom(path: Path) -> bool:
-    """Whether a file begins as one of DICOM does.
-
-    Raises
-    ------
-    InputError
-        It cannot be read.
-    """
+    """Whether a file begins as one of DICOM does."""
     return is_dicom_beginning(read_beginning(path, "a volume", 132))
 
 
@@ -97,8 +78,6 @@ def file_voxels(
         ``"HU"`` for int16, or ``"labels"`` for uint8 or uint16.
     corners_mm
         ``(8, 3)`` of a box in LPS to keep; ``None`` keeps all.
-
-    Errors are those of :func:`read_volume`.
     """
     where, grid = path.name, header.grid
     needed = (_COPIES * header.voxel_bytes + 2) * int(np.prod(grid.size, dtype=object))

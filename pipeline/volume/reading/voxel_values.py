@@ -50,14 +50,7 @@ class ValueSurvey:
         return f"values from {self._lowest:.6g} to {self._highest:.6g}"
 
     def check_hounsfield(self, where: str) -> None:
-        """Check that the voxels are those of a CT in Hounsfield units, where air is about -1000 and water 0.
-
-        Raises
-        ------
-        InputError
-            NaN or infinity, outside int16, normalised, without negative values, or a label map; ``where`` begins the
-            message.
-        """
+        """Check that the voxels are those of a CT in Hounsfield units, where air is about -1000 and water 0."""
         expected = f"{where}: expected a CT in Hounsfield units (HU; air -1000, water 0), found"
         self._check_finite(expected)
         if self._lowest < -(2**15) or self._highest >= 2**15:
@@ -76,13 +69,7 @@ class ValueSurvey:
             )
 
     def check_labels(self, where: str) -> None:
-        """Check that the voxels are labels: whole numbers from 0, of few different values.
-
-        Raises
-        ------
-        InputError
-            Fractions, negative values, too many different values, or the background alone.
-        """
+        """Check that the voxels are labels: whole numbers from 0, of few different values."""
         expected = f"{where}: expected a label map (whole numbers from 0), found"
         self._check_finite(expected)
         if self._lowest < 0:

@@ -4,7 +4,7 @@ Intact in the light of a sun at the lens, or drilled in that of a lamp beside it
 """
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +17,6 @@ from oneframe.blender.bridge.data_blocks import new_mesh_object, set_vertex_colo
 from oneframe.blender.bridge.versions import new_node_material
 from oneframe.blender.render.surface_scene import LAMP_WATT_PER_MM2
 from oneframe.blender.sample.photograph import add_ambient_light, set_path_tracing
-from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import UnreadFrame
 from oneframe.case.loaded_case import load_case
@@ -61,8 +60,6 @@ LAMPS = {
 """Of the drilled bones, elsewhere than the sample's lamp."""
 LAMP_STRENGTH, LAMP_RADIUS_MM = 1.2, 5.0
 """Radiance of a white surface that faces the lamp, and the lamp's size."""
-AROUND_DEG = (0.0, *6 * (8.0, 14.0, 20.0))
-"""Tilts of many photographs."""
 NOISE_HU = 60.0
 PLANS = Path(__file__).resolve().parents[3] / "docs" / "examples"
 SAMPLES = 4
@@ -73,11 +70,6 @@ def bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[Case
     """Write a case for each bone, seen from lateral; the others of its photographs tilt to all sides.
 
     ``folder`` holds ``ply/SPECIMEN/bone.ply``; ``most`` is the largest number of photographs besides the frame.
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     written = []
     for name in BONES:
@@ -115,31 +107,6 @@ def lit_bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[
     return written
 
 
-def photographed_bone(folder: Path, out: Path, name: str) -> tuple[CaseFiles, Callable[..., Iterator[Path]]]:
-    """A drilled bone's case with many photographs, and what takes more of them, as :func:`.take_photographs` does."""
-    volume, labels, plan = _planned(folder, name)
-    shown, cavity = _drilled(volume, labels, plan), _cavity(plan)
-
-    def photographer(
-        camera: PinholeCamera, shots: Sequence[tuple[np.ndarray, Path]], *, samples: int
-    ) -> Iterator[Path]:
-        bone, poses = shown.moved(-cavity), [pose @ rigid(translation=cavity) for pose, _ in shots]
-        images = traced_photographs(bone, _paint(bone), poses, LAMPS[name], camera, samples)
-        for image, (_, file) in zip(images, shots, strict=True):
-            write_bytes_atomically(file, encode_png(to_uint8(image)))
-            yield file
-
-    return _lit_bone(name, shown, cavity, out, LAMPS[name]), photographer
-
-
-def _lit_bone(name: str, shown: TriangleMesh, cavity: np.ndarray, out: Path, lamp: LensLight) -> CaseFiles:
-    photographs = _photographed(name, shown, cavity, out, lamp, None, AROUND_DEG)
-    path = out / f"{name}.ply"
-    write_ply(path, shown)
-    case = Case(path.with_suffix(".toml"), 1.0, photographs[0][0], CAMERA, None, path, photographs[0][1])
-    return written_case(replace(case, light=lamp), photographs[1:])
-
-
 def _planned(folder: Path, name: str) -> tuple[Volume, LabelMap, DrillPlan]:
     volume = read_volume(folder / f"{name}_pseudoct_semisynthetic.nii.gz")
     labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume, resampled=False))
@@ -174,19 +141,16 @@ def _photographed(
     out: Path,
     lamp: LensLight | None,
     most: int | None,
-    tilts_deg: Sequence[float] = TILTS_DEG,
 ) -> list[tuple[Path, np.ndarray]]:
     """Photographs of a painted bone around a point, and their poses; the first is from lateral."""
     side, bone = BONES[name], mesh.moved(-centre)
     forward, down = np.array([-side, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
     lateral = rigid(np.stack([np.cross(down, forward), down, forward]), np.array([0.0, 0.0, DISTANCE_MM]))
-    turns = 2 * np.pi * np.arange(len(tilts_deg)) / len(tilts_deg)
+    turns = 2 * np.pi * np.arange(len(TILTS_DEG)) / len(TILTS_DEG)
     reference = ReferencePose(lateral, np.zeros(3))
     poses = [
         reference.orbit((tilt * np.cos(turn), tilt * np.sin(turn)), roll, DISTANCE_MM)
-        for tilt, roll, turn in zip(
-            np.radians(tilts_deg), np.radians(np.resize(ROLLS_DEG, len(tilts_deg))), turns, strict=True
-        )
+        for tilt, roll, turn in zip(np.radians(TILTS_DEG), np.radians(ROLLS_DEG), turns, strict=True)
     ][: None if most is None else most + 1]
     files = [out / f"{name}_{number}.png" for number in range(len(poses))]
     out.mkdir(parents=True, exist_ok=True)
@@ -211,8 +175,6 @@ def traced_photographs(
     albedo: np.ndarray,
     poses: Sequence[np.ndarray],
     lamp: LensLight | None,
-    camera: PinholeCamera = CAMERA,
-    samples: int = SAMPLES,
 ) -> Iterator[np.ndarray]:
     """``(H, W, 3)`` float32 sRGB 0..1 at each pose: sun or lamp, sky, cast shadows and one bounce of light.
 
@@ -220,7 +182,7 @@ def traced_photographs(
     """
     with temporary_data(), temporary_folder() as folder:
         scene = bpy.data.scenes.new("bone")
-        set_path_tracing(scene, samples, depth="16")
+        set_path_tracing(scene, SAMPLES, depth="16")
         if lamp is None:
             add_ambient_light(scene, SKY_COLOR, SKY_STRENGTH)
         else:
@@ -233,7 +195,7 @@ def traced_photographs(
             source.data.energy = LAMP_STRENGTH * LAMP_WATT_PER_MM2 * DISTANCE_MM**2
             source.data.shadow_soft_size = LAMP_RADIUS_MM
         scene.collection.objects.link(source)
-        camera_object = new_camera(scene, camera, clip_mm=(10.0, 2000.0))
+        camera_object = new_camera(scene, CAMERA, clip_mm=(10.0, 2000.0))
         for number, pose in enumerate(poses):
             place_camera(camera_object, pose)
             if lamp is None:

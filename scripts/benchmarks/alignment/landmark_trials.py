@@ -16,6 +16,8 @@ MICROSCOPE = PinholeCamera(1920, 1080, 12_800.0, 12_800.0, 960.0, 540.0)
 DISTANCE_MM = 300.0
 BOX_MM = (30.0, 20.0, 12.0)
 MESH_POINTS = 500
+ALL, ACCEPTED = "OneFrame", "OneFrame, accepted"
+"""All trials, of which refused ones count with their best candidate; the accepted ones."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,35 @@ class PoseErrors:
         return float(np.mean(known)) if known else np.nan
 
 
+@dataclass(frozen=True)
+class LandmarkRow:
+    """Accuracy of a solver with some correspondences: a row of the table.
+
+    Attributes
+    ----------
+    points
+        Where they lie.
+    pairs, sigma_px, solver, trials
+        Number of correspondences, true click noise, name of the solver, number of trials.
+    rotation_deg, rotation_deg_95, surface_px, surface_px_95
+        Median and 95 % quantile of the rotation error and of the mean displacement of the surface in the image.
+    refused, coverage
+        Number of refused trials; fraction of the accepted ones whose 95 % region held the true pose, NaN for peers.
+    """
+
+    points: str
+    pairs: int
+    sigma_px: float
+    solver: str
+    trials: int
+    rotation_deg: float
+    rotation_deg_95: float
+    surface_px: float
+    surface_px_95: float
+    refused: int
+    coverage: float
+
+
 def box_trial(
     rng: np.random.Generator, count: int, sigma_px: float, *, camera: PinholeCamera = MICROSCOPE
 ) -> LandmarkTrial:
@@ -90,32 +121,6 @@ def box_trial(
     pose = rigid(nearest_rotation(rng.normal(size=(3, 3))), np.array([0, 0, DISTANCE_MM]))
     points = (rng.random((count, 3)) - 0.5) * BOX_MM
     mesh_points = (rng.random((MESH_POINTS, 3)) - 0.5) * BOX_MM
-    return _click(rng, points, pose, mesh_points, camera, sigma_px)
-
-
-def surface_trial(
-    rng: np.random.Generator,
-    count: int,
-    sigma_px: float,
-    *,
-    camera: PinholeCamera,
-    cam_from_model: np.ndarray,
-    visible_points: np.ndarray,
-) -> LandmarkTrial:
-    """Draw correspondences from the ``(M, 3)`` visible points of a surface, at the frame's pose."""
-    chosen = visible_points[rng.choice(len(visible_points), count, replace=False)]
-    mesh_points = visible_points[rng.choice(len(visible_points), min(MESH_POINTS, len(visible_points)), replace=False)]
-    return _click(rng, chosen, cam_from_model, mesh_points, camera, sigma_px)
-
-
-def _click(
-    rng: np.random.Generator,
-    points: np.ndarray,
-    pose: np.ndarray,
-    mesh_points: np.ndarray,
-    camera: PinholeCamera,
-    sigma_px: float,
-) -> LandmarkTrial:
     true = camera.project(transform_points(pose, points))
     return LandmarkTrial(points, true + rng.normal(scale=sigma_px, size=true.shape), pose, mesh_points)
 

@@ -17,7 +17,7 @@ from oneframe.errors import InputError
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.transforms import inverse_rigid, rigid, transform_points
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points, turned_about
 
 from ..published import LMO_OBJECTS, lmo_image, lmo_model, read_bloster, read_codes, read_lmo
 
@@ -62,13 +62,7 @@ class RefinementScene:
 
 
 def case_scene(path: Path) -> RefinementScene:
-    """The frame of a case file, with the pose in the file as the true one.
-
-    Raises
-    ------
-    InputError
-        The case, its frame or its surface cannot be used.
-    """
+    """The frame of a case file, with the pose in the file as the true one."""
     case = read_case(path)
     mesh, _ = read_mesh(case.mesh)
     mesh = mesh.scaled(case.mm_per_unit)
@@ -91,11 +85,6 @@ def lmo_scenes(folder: Path) -> list[RefinementScene]:
 
     Images without their object, or with hardly any of it in view, are left out. The true poses of LM-O are 2 to 6 px
     off themselves, so a result within 5 px counts as right ("2D projection", Brachmann et al. 2016).
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     camera, truth = read_lmo(folder)
     objects = {number: _coloured_mesh(lmo_model(folder, number)) for number in LMO_OBJECTS}
@@ -129,11 +118,6 @@ def bloster_scenes(folder: Path, *, coloured: bool) -> list[RefinementScene]:
     coloured
         Whether the surface has the colours that the next photograph shows of it. The cushion's print has nothing to do
         with its shape, so without them there is little to refine by.
-
-    Raises
-    ------
-    InputError
-        A file is missing or holds something else.
     """
     camera, frames = read_bloster(folder)
     mesh = read_mesh(folder / "mesh_70k.ply")[0].scaled(1000.0)
@@ -148,6 +132,25 @@ def bloster_scenes(folder: Path, *, coloured: bool) -> list[RefinementScene]:
         points, valid = visible_points(mesh, camera, pose), np.ones(camera.shape_hw, bool)
         scenes.append(RefinementScene(f"view {number}", image, valid, camera, mesh, colours, pose, points, 5.0, None))
     return scenes
+
+
+def disturbed_pose(scene: RefinementScene, angle_deg: float, percent: float, rng: np.random.Generator) -> np.ndarray:
+    """``(4, 4)`` true pose, rotated about the middle of the visible surface and shifted by a part of its distance.
+
+    Both in random directions.
+    """
+    shift_mm = percent / 100 * np.linalg.norm(scene.middle_cam)
+    axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    turned = turned_about(scene.middle_cam, rotation_from_vector(np.radians(angle_deg) * axis))
+    return rigid(translation=shift_mm * direction) @ turned @ scene.cam_from_model
+
+
+def displacement_px(scene: RefinementScene, cam_from_model: np.ndarray) -> float:
+    """Mean distance in the image between the visible points at a pose and at the true pose, px."""
+    found, true = (
+        scene.camera.project(transform_points(pose, scene.points)) for pose in (cam_from_model, scene.cam_from_model)
+    )
+    return float(np.linalg.norm(found - true, axis=1).mean())
 
 
 def _seen_colours(

@@ -16,10 +16,11 @@ from oneframe.alignment.refinement.verification import mean_distance_px
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase
+from oneframe.case.pose_record import UNKNOWN
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import to_uint8
-from oneframe.registration.register import RegisteredFrame, judged_together
-from oneframe.registration.register_frames import CaseRegistrar, FurtherFrame, Guess
+from oneframe.registration.further_frames import FurtherFrame
+from oneframe.registration.register import Guess, RegisteredFrame, Registrar, judged_together
 from oneframe.registration.verdict import ACCEPTED, REFUSED, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE, Verdict
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, inverse_rigid, rotation_angle_deg, transform_points
@@ -33,12 +34,12 @@ DRAWS = 500
 
 @dataclass(frozen=True)
 class RegistrationTrial:
-    """One photograph, or one corrected source: a row of the table.
+    """One photograph: a row of the table.
 
     Attributes
     ----------
     part
-        Of the benchmark: ``photographs``, ``film``, ``grid``, ``limits``, ``correction``.
+        Of the benchmark: ``photographs``, ``film``, ``grid``, ``limits``.
     scene, real
         The data set, and whether its images are photographs, not rendered.
     source, frame
@@ -106,7 +107,7 @@ class Scene:
 def posed_at(loaded: LoadedCase, frame: PosedFrame) -> LoadedCase:
     """The case with another frame."""
     pose = frame.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model)
-    return replace(loaded, frames=(frame,)).posed(pose, {})
+    return replace(loaded, frames=(frame,)).posed(pose, UNKNOWN)
 
 
 def spread(count: int, most: int) -> list[int]:
@@ -120,7 +121,7 @@ class Registration:
     def __init__(self, scene: Scene, part: str, guess: Guess | None = None) -> None:
         """Prepare a source; ``part`` is that of the rows, ``guess`` of a network."""
         self.scene, self._part = scene, part
-        self.registrar = CaseRegistrar(scene.loaded, guess)
+        self.registrar = Registrar(scene.loaded, guess)
         self._found: list[RegisteredFrame] = []
 
     def angle_deg(self, cam_from_model: np.ndarray) -> float:

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import DASHED, GRID, MUTED, OURS, PAPER, WARNING
-
 from ..sweeps.cells import ANSWERS, Answer, Cell
+from .page import DASHED, GRID, MUTED, OURS, PAPER, WARNING
 from .panels import (
     DOTTED,
     PARTS,

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import DASHED, MUTED, OURS, PAPER, PEER, TEXT, WARNING, note, write_chart
+from .page import DASHED, MUTED, OURS, PAPER, PEER, TEXT, WARNING, note, write_chart
 
 SERIES = (OURS, WARNING, PEER, MUTED)
 DOTTED = (0, (1, 2))

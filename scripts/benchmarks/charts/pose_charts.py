@@ -1,6 +1,5 @@
-"""Charts of poses by one method each: from landmarks, from the image, and by a network trained on views."""
+"""Charts of poses from landmarks, and by a network trained on views."""
 
-import itertools
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,14 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import DASHED, MUTED, OURS, PEER, TEXT, WARNING
-from oneframe.errors import InputError
-
-from ..alignment.landmark_accuracy import ALL, LandmarkRow
-from ..alignment.refinement_basin import RIGHT_IMAGE, RefinementTrial, tally
+from ..alignment.landmark_trials import ALL, LandmarkRow
 from ..learning.pose_trials import PoseTrial, median_errors
 from ..learning.training_scenes import NEUTRAL, PHOTOGRAPHS
-from .panels import SERIES, Axis, Layer, Panel, box, categories, distinct, draw_chart, handle, line, rule
+from .page import OURS, PEER, WARNING
+from .panels import SERIES, Axis, Layer, Panel, categories, distinct, draw_chart, handle, line, rule
 
 SOLVERS = {
     ALL: ("OneFrame", OURS, "o", -1),
@@ -25,14 +21,6 @@ SOLVERS = {
 QUANTITIES = (
     ("Rotation error", "rotation error (°)", "rotation_deg"),
     ("Displacement of the surface", "displacement in the image (px)", "surface_px"),
-)
-LEAST_PX = 0.05
-"""Smaller displacements are drawn as this one: 0, of a start at the truth, has no place on a logarithmic axis."""
-VERDICTS = (
-    ("right and accepted", (True, True), {"marker": "o", "color": OURS}),
-    ("wrong but accepted", (False, True), {"marker": "X", "color": WARNING}),
-    ("right but refused", (True, False), {"marker": "o", "facecolor": "none", "edgecolor": TEXT}),
-    ("wrong and refused", (False, False), {"marker": "s", "facecolor": "none", "edgecolor": TEXT}),
 )
 DATASETS = {
     NEUTRAL: "default\noptions", "lens": "--light\nlens", "shadows": "--light\nshadows",
@@ -84,42 +72,6 @@ def _errors(rows: Sequence[LandmarkRow], field: str) -> list[Layer]:
             line([a, a], [b, c], colour, linewidth=2.2, alpha=0.6) for a, b, c in zip(x, median, most, strict=True)
         ]
     return layers
-
-
-def refinement_chart(trials: Sequence[RefinementTrial], data: Path) -> Path:
-    """Draw the success for each size of the disturbance, and the errors before and after every refinement.
-
-    Raises
-    ------
-    InputError
-        All trials are of wrong images.
-    """
-    grid = [trial for trial in trials if trial.image == RIGHT_IMAGE]
-    if not grid:
-        raise InputError(f"{data.name}: expected trials of the right image to draw, found none; measure with --trials")
-    angles, percents = sorted({trial.angle_deg for trial in grid}), sorted({trial.percent for trial in grid})
-    boxes: list[Layer] = []
-    for place in itertools.product(range(len(angles)), range(len(percents))):
-        at = angles[place[0]], percents[place[1]]
-        cell = [trial.right and trial.accepted for trial in grid if (trial.angle_deg, trial.percent) == at]
-        good = sum(cell)
-        boxes.append(box(place, [(good / len(cell), OURS)], f"{good} of {len(cell)}"))
-    basin = Panel(
-        "Right and accepted", categories("rotation error of the initial pose (°)", angles),
-        categories("translation error (% of the distance)", percents), boxes,
-    )  # fmt: skip
-    points: list[Layer] = [lambda axes: axes.axline((1, 1), (2, 2), color=MUTED, linewidth=1, linestyle=DASHED)]
-    for name, verdicts, look in VERDICTS:
-        px = [(trial.start_px, trial.error_px) for trial in grid if (trial.right, trial.accepted) == verdicts]
-        if px:
-            points.append(_scatter(np.maximum(px, LEAST_PX), {"label": f"{name}: {len(px)}", **look}))
-    before, after = (Axis(f"displacement of the {which} pose (px)", log=True) for which in ("initial", "refined"))
-    every = Panel("Every refinement; dashed: no change", before, after, points, "best")
-    return draw_chart(data, "Refinement of disturbed poses", [[basin, every]], tally(trials)[1:], size=(5.1, 3.9))
-
-
-def _scatter(points: np.ndarray, look: dict[str, Any]) -> Layer:
-    return lambda axes: axes.scatter(*points.T, s=30, alpha=0.75, linewidth=1.1, **look)
 
 
 def training_chart(trials: Sequence[PoseTrial], conditions: str, data: Path) -> Path:

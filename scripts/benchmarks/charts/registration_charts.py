@@ -1,4 +1,4 @@
-"""Charts of the registration: bad frames, where it ends, the corrected source, and bad photographs beside a network."""
+"""Charts of the registration: bad frames, where it ends, and bad photographs beside a network."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import MUTED, OURS, PAPER, PEER, TEXT, WARNING
 from oneframe.registration.verdict import LEAST_ACCEPTED
 
 from ..alignment.registration_trials import RegistrationTrial, share
 from ..figures import conditions_note
 from ..learning.bad_photographs import LOCATED, NETWORK, REFINED, REGISTERED
 from ..sweeps.degradations import CLEAN, DEGRADATIONS, WRONG
+from .page import MUTED, OURS, PAPER, PEER, TEXT, WARNING
 from .panels import (
     PARTS,
     SERIES,
@@ -48,13 +48,6 @@ LIMITS = (
     ("overlap", "Angle to the source", "angle between both views, from (°)", (0, 15, 25, 35, 50, 65, 90, 120, 181)),
     ("light", "Light", "light, from where the source has it (°)", ()),
 )
-CORRECTIONS = (
-    ("pose", "Source's pose off", "rotation and 0.5 % of the distance a degree (°)"),
-    ("surface", "Surface off, and the pose by 4°", "error of the surface (mm, root mean square)"),
-    ("frames", "Frames, nearest first; pose off by 4°", "frames"),
-)
-LEAST_DEG, REFUSED_DEG = 0.011, 15.0
-"""Where smaller errors, and refusals, are drawn."""
 SMALL = (
     "Share of all frames that is accepted and right; bands: 95 %, by a bootstrap over sources. Wrong: accepted, but "
     "off by more than 2°, 2 % of the distance or 5 px at 640 px."
@@ -67,15 +60,13 @@ SMALL_BAD = (
 
 
 def registration_charts(rows: Trials, conditions: Sequence[str], out: Path) -> list[Path]:
-    """Draw bad frames, limits and corrections into a folder; returns the files written."""
+    """Draw bad frames and limits into a folder; returns the files written."""
     said, grid = conditions_note(conditions), [row for row in rows if row.part == "grid"]
     bad = [_share_panel(how_title(kind), how.label, by_amount(grid, kind)) for kind, how in DEGRADATIONS.items()]
     bad += [_wrong_panel(grid), _threshold_panel(grid)]
     ends = [_limit_panel(rows, *each) for each in LIMITS]
-    corrected = [row for row in rows if row.part == "correction"]
     limited = [row for row in rows if row.part in ("limits", "photographs")]
     light = f"{SMALL} The sample's light moves with the lens, bloster's stays in the room."
-    errors = "A point a source and draw, lines: medians; crosses at the top: refused; dotted: the goal of 0.5°."
     return [
         draw_chart(
             out / "registration_grid.csv", "Registration of bad frames", [bad[:4], bad[4:8], bad[8:]], (SMALL, said),
@@ -84,11 +75,6 @@ def registration_charts(rows: Trials, conditions: Sequence[str], out: Path) -> l
         draw_chart(
             out / "stability_registration.csv", "Registration: where it ends", [ends[:3], ends[3:]], (light, said),
             size=(4.2, 3.1), key=_key(limited),
-        ),
-        draw_chart(
-            out / "registration_correction.csv", "The source's pose corrected by further frames",
-            [[_correction_panel(corrected, *each) for each in CORRECTIONS]], (errors, said),
-            size=(4.2, 3.6), key=_key(corrected),
         ),
     ]  # fmt: skip
 
@@ -209,25 +195,6 @@ def _limit_panel(rows: Trials, kind: str, title: str, label: str, edges: Sequenc
     else:
         groups = {short_number(x): [r for r in own if r.amount == x] for x in distinct([r.amount for r in own])}
     return _share_panel(title, label, [(name, some) for name, some in groups.items() if some])
-
-
-def _correction_panel(rows: Trials, kind: str, title: str, label: str) -> Panel:
-    own = [row for row in rows if row.kind == kind]
-    amounts = sorted({row.amount for row in own})
-    layers: list[Layer] = [rule(0.5)]
-    for scene in distinct([row.scene for row in own]):
-        some = [row for row in own if row.scene == scene]
-        found = [(amounts.index(r.amount), max(r.error_deg, LEAST_DEG)) for r in some if np.isfinite(r.error_deg)]
-        refused = [amounts.index(row.amount) for row in some if np.isnan(row.error_deg)]
-        (colour, look), at = _look(scene), sorted({x for x, _ in found})
-        medians = [np.median([y for x, y in found if x == place]) for place in at]
-        layers += [
-            line([x for x, _ in found], [y for _, y in found], colour, **look | {"linestyle": "none"}),
-            line(at, medians, colour, **look | {"marker": ""}),
-            line(refused, [REFUSED_DEG] * len(refused), colour, marker="x", linestyle="none"),
-        ]
-    y = Axis("rotation error left (°)", log=True, ends=(0.01, 20.0))
-    return Panel(title, categories(label, amounts), y, layers)
 
 
 def _key(rows: Trials) -> list[Any]:

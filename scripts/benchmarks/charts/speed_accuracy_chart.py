@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.charts.page import DASHED, MUTED, OURS, PAPER, PEER, TEXT, WARNING
-
 from ..rendering.speed_accuracy import FLOOR, SpeedPoint, pareto_front
 from ..rendering.speed_accuracy import PEER as OTHER
+from .page import DASHED, MUTED, OURS, PAPER, PEER, TEXT, WARNING
 from .panels import Axis, Layer, Panel, distinct, draw_chart, handle, line, rule, text
 
 COLOURS = {"Cycles": OURS, "raster": WARNING, "PyVista": PEER, "Eevee": MUTED}
-MARKERS = {"projective": "o", "texture": "s", "vertex": "^"}
+MARKERS = {"projective": "o", "vertex": "^"}
 SCORES = (
     ("error", "against a converged reference", "mean colour error (of 255)"),
     ("photograph_ssim", "against photographs, where the frame saw the surface", "1 - SSIM"),

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from oneframe.case.surface_doubts import EXACT_PX
-from oneframe.charts.page import PEER, WARNING
 
 from ..figures import conditions_note
 from ..sweeps import colouring, landmarks, refinement
@@ -20,6 +19,7 @@ from .cell_panels import (
     right_of_all,
     with_lines,
 )
+from .page import PEER, WARNING
 from .panels import PARTS, Axis, Panel, distinct, draw_chart, handle, line
 
 Conditions = Sequence[str]
@@ -30,7 +30,6 @@ CAMERA = (
     ("image height", "Image height", "height of an image 2000 px wide (px)", True),
     ("origin", "Origin of the CT", "distance from the mesh file's origin (mm)", True),
     ("clip range", "Clip range", "radius of the surface / its distance", True),
-    ("sub-pixel offset", "Sub-pixel offset of the picture", "along x (0) and y (1)", False),
 )
 """Sweep, title, label of its x axis, and whether that is logarithmic."""
 COLOURING = (
@@ -185,49 +184,10 @@ def refinement_charts(cells: Sequence[Cell], conditions: Conditions, data: Path)
     ]
 
 
-def renderer_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
-    """Aliasing, rasterisers against Cycles, and what triangles cost."""
-    codes = Axis("mean colour error (of 255)", log=True, ends=(0.01, 300.0))
-    panels = list[Panel]()
-    for series, title in (
-        ("rays at edges", "Aliasing of a dataset's views"),
-        ("every pixel", "The same samples in every pixel"),
-    ):
-        panel, own = (
-            Panel(title, Axis("samples", log=True), codes, legend="upper right"),
-            in_sweep(cells, "samples", series),
-        )
-        # the limit is on the reduction
-        panels.append(
-            with_lines(panel, own, by=lambda cell: f"frame reduced {cell.y:g} times", wrong=4.0, label_at=None)
-        )
-    differing = in_sweep(cells, "silhouette against Cycles")
-    pixels = Axis("differing pixels of 76 800", ends=(-0.5, 10))
-    panel = Panel("Rasterisers against Cycles", Axis("tilt of the view (°)"), pixels, legend="upper right")
-    panel = with_lines(panel, differing, by=lambda cell: f"{cell.series}: silhouette")
-    panels.append(
-        with_lines(panel, differing, quantity="value", by=lambda cell: f"{cell.series}: what the frame saw", style=":")
-    )
-    for sweep, title, label, ends in (
-        ("first view", "Time to the first view", "s", (0.1, 300)),
-        ("time", "Time of a view", "s", (0.002, 20)),
-        ("memory", "Memory", "MB at the peak", (100, 30_000)),
-    ):
-        panel = Panel(title, Axis("triangles", log=True), Axis(label, log=True, ends=ends), legend="upper left")
-        panels.append(with_lines(panel, in_sweep(cells, sweep), quantity="value"))
-    small = (
-        "A ridged bowl that fills the frame, views of 320x240 px; time with all cores, memory of the whole process.",
-        conditions_note(conditions),
-    )
-    title = "Renderers: aliasing, rasterisers, and the size of the surface"
-    return [draw_chart(data, title, [panels[:3], panels[3:]], small, size=(4.2, 3.2), key=answer_key())]
-
-
 CHARTS: dict[str, Callable[[Sequence[Cell], Conditions, Path], list[Path]]] = {
     "pnp": landmark_charts,
     "refinement": refinement_charts,
     "colouring": colouring_charts,
     "camera": camera_charts,
-    "renderers": renderer_charts,
 }
 """By topic: draws charts of cells, with their conditions, next to their table; gives the files written."""

@@ -9,11 +9,11 @@ import numpy as np
 
 from oneframe.case.frame import PosedFrame, load_posed_frame
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.colour.reference_view import colouring_view_of
+from oneframe.colour.reference_view import reference_view
 from oneframe.registration.flow_refinement import refined_by_flow
+from oneframe.registration.further_frames import small_frame
 from oneframe.registration.known_views import KnownViews, grey_codes
 from oneframe.registration.pose_list import read_photographs
-from oneframe.registration.register_frames import small_frame
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre
 
@@ -83,7 +83,7 @@ def photographs_of(loaded: LoadedCase, listed: Path) -> list[PosedFrame]:
 
 def known_views(loaded: LoadedCase) -> KnownViews:
     """What the case's frame shows, for the refinement."""
-    view = colouring_view_of(replace(loaded, frames=(small_frame(loaded.frame),)))
+    view = reference_view(replace(loaded, frames=(small_frame(loaded.frame),)))
     return KnownViews(view.mesh, view.view)
 
 

@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -24,13 +24,9 @@ from oneframe.images.pixel_values import to_uint8
 from oneframe.progress import Progress
 from oneframe.reader import Dataset, View, open_dataset
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
-from oneframe.surface.mesh import TriangleMesh
-from oneframe.surface.mesh_reader import read_mesh
-from oneframe.surface.mesh_writer import write_ply
-from oneframe.transforms import inverse_rigid, transform_points
+from oneframe.transforms import inverse_rigid
 from oneframe.video.film_reader import WIDEST, Film
 
-from ..alignment.bone_photographs import CAMERA, photographed_bone
 from ..evaluation import lit_case
 from ..published import bloster_cases
 
@@ -62,8 +58,6 @@ BLOSTER_POSES = (
 )  # fmt: skip
 """Its photographs are taken by hand from all around."""
 PROGRAM = Path(__file__).resolve().parents[2] / "oneframe.py"
-MIDDLE = 0.62
-"""Of the frame's width and height, in which the surface of :func:`cut_scene` lies: 38 % of its area."""
 VIEW_WIDTH = 128
 """Of the sample's views, px; in bloster's of twice this width the object is as large."""
 
@@ -156,27 +150,6 @@ def sample_scene(folder: Path) -> TrainingScene:
     return TrainingScene(
         "sample", lit, listed, folder, (scale,), real=False, film=case / FILM, photographer=photographer
     )
-
-
-def cut_scene(folder: Path, whole: TrainingScene) -> TrainingScene:
-    """The sample's case with the middle of its surface alone, in the light of its lamp: the photographs show more."""
-    case = read_case(whole.case)
-    surface, wide_high = read_mesh(case.mesh)[0], np.array(case.camera.size_wh)
-    pixels = case.camera.project(transform_points(case.cam_from_mesh, surface.face_centres))
-    inside = (np.abs(pixels - (wide_high - 1) / 2) < MIDDLE / 2 * wide_high).all(axis=1)
-    used, faces = np.unique(surface.faces[inside], return_inverse=True)
-    path = folder / "case" / "case.toml"
-    cut = replace(case, mesh=made_folder(path.with_name("middle.ply")), structures=(), landmarks=(), alignment={})
-    write_ply(cut.mesh, TriangleMesh(surface.vertices[used], faces.reshape(-1, 3).astype(np.int32)))
-    write_case(path, cut)
-    return TrainingScene("cut sample", path, whole.photographs, folder, (*whole.options, "--light", "lens"), real=False)
-
-
-def bone_scene(data: Path, folder: Path, name: str) -> TrainingScene:
-    """A drilled bone of ``data`` in the light of a lamp, with path-traced photographs all around."""
-    (case, listed), photographer = photographed_bone(data, folder / "case", name)
-    scale = f"--scale={VIEW_WIDTH / CAMERA.width!r}"
-    return TrainingScene(name, case, listed, folder, (scale,), real=False, photographer=photographer)
 
 
 def bloster_scene(data: Path, folder: Path) -> TrainingScene:

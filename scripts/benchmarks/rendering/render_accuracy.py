@@ -21,7 +21,7 @@ import numpy as np
 from oneframe.blender.render.cycles import CyclesScene
 from oneframe.blender.render.engines import opened_engine
 from oneframe.colour.lens_shading import lens_shading_of
-from oneframe.colour.reference_view import colours_of, traced_view_of, vertex_colours_of
+from oneframe.colour.reference_view import colours_of, reference_view, traced_surface, vertex_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
@@ -77,11 +77,6 @@ def converged_reference(scene: RenderScene, along: int, advance: Callable[[], No
     """Render the judged views with many rays per pixel, exact projective colours and the whole surface.
 
     ``along`` is the number of rays along a pixel's side; ``advance`` is called after each view.
-
-    Raises
-    ------
-    RunError
-        No photograph of the scene shows enough of what the frame saw.
     """
     (colour,), _ = colours_of(scene.source, "projective")
     judged = range(min(JUDGED_VIEWS, scene.planned))
@@ -123,11 +118,6 @@ def measure_scene(
 
     Nothing is judged without a reference; peers are those of :func:`scene_peers`, ``folder`` is for temporary files.
     ``advance`` is called after each measurement.
-
-    Raises
-    ------
-    RunError
-        A configuration failed.
     """
     faces, cores = len(scene.loaded.surface.mesh.faces), available_cores()
     np.save(folder / "poses.npy", scene.written_poses())
@@ -177,7 +167,7 @@ def measure_lights(scene: RenderScene, rounds: int, advance: Callable[[], None])
         for name, (lit, shadows) in ways.items():
             loaded = replace(scene.loaded, case=lit)
             light = None if shadows is None else lens_shading_of(loaded, shadows=shadows)
-            reference = traced_view_of(loaded, light)
+            reference = reference_view(loaded, traced_surface, light)
             surfaces.append((name, ColouredSurface(reference.mesh, reference.views, light=light)))
         for engine, (name, surface) in product(("raster", "cycles"), surfaces):
             renders[engine, name] = opened.enter_context(opened_engine(engine, surface, scene.camera, threads=1))
@@ -256,13 +246,7 @@ def _judged(reference: Reference, views: Sequence[np.ndarray]) -> dict[str, floa
 
 
 def scene_peers(scene: RenderScene) -> Mapping[str, Callable[[np.ndarray], np.ndarray]]:
-    """PyVista's renderers of the scene, by name; they show the vertex colours.
-
-    Raises
-    ------
-    RunError
-        PyVista is not installed.
-    """
+    """PyVista's renderers of the scene, by name; they show the vertex colours."""
     colours, _ = vertex_colours_of(scene.source)
     mesh, radius = scene.source.mesh, scene.source.mesh.radius
     depths = [scene.cam_from_model(index)[2, 3] for index in range(len(scene.poses))]

@@ -83,13 +83,7 @@ class RenderScene:
 
 
 def case_scene(name: str, path: Path, photographs: Path | None, *, views: int, seed: int) -> RenderScene:
-    """The scene of a case file, with ``views`` planned views and at most :data:`MOST_PHOTOGRAPHS` photographs.
-
-    Raises
-    ------
-    InputError
-        The case or a photograph cannot be used.
-    """
+    """The scene of a case file, with ``views`` planned views and at most :data:`MOST_PHOTOGRAPHS` photographs."""
     loaded = load_case(read_case(path))
     listed = read_photographs(photographs, loaded.case)[0] if photographs else []
     # evenly over the list, which usually goes around the surface

@@ -30,7 +30,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector
 
-from .cells import Cell, Limit, Outcome, Sweep, Task
+from .cells import Limit, Outcome, Sweep, Task
 
 TOPIC = "camera"
 CORNERS = np.array([[0.11, 0.07], [0.93, 0.21], [0.37, 0.95]])
@@ -154,24 +154,6 @@ def edge_distance(camera: PinholeCamera, pixels: np.ndarray) -> np.ndarray:
     return np.min(signed, axis=0)
 
 
-def offset_px(mask: np.ndarray, camera: PinholeCamera, pixels: np.ndarray) -> np.ndarray:
-    """``(2,)`` mean displacement of a rendered triangle from where K puts it, px, by least squares over its edges.
-
-    Along a normal, the part of the pixels within 1 px of an edge that are inside moves by half the displacement.
-    """
-    grid, normals, shifts = camera.pixel_grid(), [], []
-    for index in range(3):
-        start, end, other = pixels[index], pixels[(index + 1) % 3], pixels[(index + 2) % 3]
-        along = (end - start) / np.linalg.norm(end - start)
-        normal = np.array([-along[1], along[0]])
-        normal *= np.sign((other - start) @ normal)
-        away, place = (grid - start) @ normal, (grid - start) @ along
-        near = (np.abs(away) < 1) & (place > 3) & (place < np.linalg.norm(end - start) - 3)
-        normals.append(normal)
-        shifts.append(2 * np.mean((away > 0)[near].astype(float) - mask[near]))
-    return np.linalg.lstsq(np.array(normals), np.array(shifts), rcond=None)[0]
-
-
 def write_place(folder: Path, place: Place, turn: float) -> tuple[Path, np.ndarray]:
     """A case with this camera and triangle, as files of a user: the case file, and the corners' pixels."""
     mesh, cam_from_mesh, pixels = triangle_in(place, turn)
@@ -218,27 +200,6 @@ def _depth_error_mm(place: Place, turn: float, depth_mm: np.ndarray, distance: n
     return float(np.median(np.abs(depth_mm[inside] - (normal @ a) / (rays @ normal))))
 
 
-def measure_offset(folder: Path, engine: str) -> list[Cell]:
-    """Mean displacement of the picture in x and y, ``value`` in px, over triangles and sizes of the image."""
-    found = []
-    for (width, height), turn in itertools.product(((640, 480), (641, 479), (480, 640)), TURNS):
-        place = Place(_camera(width, height))
-        case, pixels = write_place(folder, place, turn)
-        loaded = load_case(read_case(case))
-        with opened_engine(engine, ColouredSurface(loaded.surface.mesh), loaded.frame.camera) as render_view:
-            mask = render_view(loaded.frame.cam_from_model).mask
-        found.append(offset_px(mask, place.camera, pixels))
-    return [
-        Cell.of(
-            "sub-pixel offset",
-            engine,
-            axis,
-            [Outcome("works", abs(shift), abs(shift) > EXACT_PX, value=shift) for shift in along],
-        )
-        for axis, along in enumerate(np.array(found).T.tolist())
-    ]
-
-
 def tasks(folder: Path, *, quick: bool) -> Iterator[Task]:
     """All measurements of the topic; nothing in it is random. ``quick`` takes Cycles alone, and fewer values.
 
@@ -249,8 +210,6 @@ def tasks(folder: Path, *, quick: bool) -> Iterator[Task]:
         if engine != "eevee" or name in EEVEE_SWEEPS:
             measure = partial(outcomes, folder, place, engine, TURNS[:1] if quick else TURNS)
             yield from Sweep(name, engine, values[:: 2 if quick else 1], measure, limit).tasks()
-    for engine in engines:
-        yield partial(measure_offset, folder, engine)
 
 
 def outcomes(

@@ -16,6 +16,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface, check_pose
+from oneframe.case.pose_record import UNKNOWN, PoseRecord
 from oneframe.case.surface_doubts import FARTHEST_MM
 from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
 from oneframe.colour.reference_view import ReferenceView, colours_of
@@ -44,7 +45,7 @@ FOCALS_PX = (60.0, 600.0, 2400.0, 12_800.0, 1e5, 1e6)
 SPACINGS_PX = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 FRAME_SIZES = (2.0, 1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125)
 WALLS_PX = (0.05, 0.1, 0.2, 0.5, 1.0, 1.4, 1.6, 2.0, 4.0)
-MODES = ("projective", "texture", "vertex")
+MODES = ("projective", "vertex")
 
 
 def albedo(points_mm: np.ndarray) -> np.ndarray:
@@ -72,13 +73,7 @@ def photograph(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray, scal
 
 
 def reference(mesh: TriangleMesh, image: np.ndarray, camera: PinholeCamera, pose: np.ndarray) -> ReferenceView:
-    """The reference view of a case in memory.
-
-    Raises
-    ------
-    InputError
-        As for a case from files.
-    """
+    """The reference view of a case in memory."""
     nowhere = Path("case.toml")
     case = Case(nowhere, 1.0, nowhere, camera, None, nowhere, pose)
     check_pose(case, mesh, pose)
@@ -122,7 +117,7 @@ def pose_error(stated: bool, shift_px: float) -> list[Outcome]:
     mesh = hills(0.5)
     image = photograph(mesh, CAMERA, FRONTAL)
     moved = rigid(translation=np.array([shift_px * DISTANCE_MM / CAMERA.fx, 0.0, 0.0])) @ FRONTAL
-    doubt = pose_doubt({"error_px": shift_px} if stated else {})
+    doubt = pose_doubt(PoseRecord(error_px=shift_px) if stated else UNKNOWN)
     return [view_outcome(reference(mesh, image, CAMERA, moved), CAMERA, moved, doubt=doubt)]
 
 

@@ -16,8 +16,7 @@ from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.alignment.refinement.verdict import MAX_ROTATION_DEG
 from oneframe.transforms import rotation_angle_deg, transform_points
 
-from ..alignment.refinement_basin import displacement_px, disturbed_pose
-from ..alignment.refinement_scenes import RefinementScene
+from ..alignment.refinement_scenes import RefinementScene, displacement_px, disturbed_pose
 from .cells import NO_LIMIT, Cell, Limit, Outcome, Task
 
 TOPIC = "refinement"

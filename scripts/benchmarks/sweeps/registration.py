@@ -1,11 +1,10 @@
-"""Sweeps of the registration: all photographs, a film, bad frames, where it ends, and the source's pose corrected.
+"""Sweeps of the registration: all photographs, a film, bad frames, and where it ends.
 
 Each yields trials. Random ones depend on the seed and their place alone.
 """
 
 import json
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -17,16 +16,11 @@ import numpy as np
 from oneframe.blender.sample.photograph import LAMP_OFFSET_MM, take_photographs
 from oneframe.blender.sample.sample_case import FILM, FILM_POSES
 from oneframe.case.frame import PosedFrame, UnreadFrame, load_posed_frame
-from oneframe.errors import InputError
-from oneframe.files.temporary import temporary_folder
 from oneframe.poses.distributions import ReferencePose
-from oneframe.registration.correct_source import correct_source
-from oneframe.registration.verdict import ACCEPTED, REFUSED
 from oneframe.sample.temporal_bone import sample_surface
-from oneframe.surface.mesh import TriangleMesh
-from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from oneframe.transforms import inverse_rigid, transform_points
 
-from ..alignment.registration_trials import NO_ERROR, Registration, RegistrationTrial, Scene, resized, spread
+from ..alignment.registration_trials import Registration, RegistrationTrial, Scene, resized, spread
 from .degradations import CLEAN, DEGRADATIONS, WRONG
 from .refinement import blurred, faded
 
@@ -38,10 +32,6 @@ CONTRASTS, PAINT_PX, SIZES = (1.0, 0.3, 0.1, 0.05, 0.02), (0.0, 1.5, 3.0, 6.0, 1
 ZOOM_PERCENT, FILM_ZOOM = (-10.0, 5.0, 10.0), 1.12
 LIGHTS_DEG, LAMP_MM = (0.0, 15.0, 30.0, 45.0, 60.0), 300.0
 TILTS_DEG, DIRECTIONS = (10.0, 20.0, 30.0, 45.0, 60.0, 75.0), 4
-OFF_DEG, SURFACE_MM, OFF_SHARE = (2.0, 4.0, 8.0), (0.0, 0.25, 0.5, 1.0), 0.005
-"""By how much the source's pose and the surface are off; the pose's shift as a share of the distance and degree."""
-WAVE_MM, WAVES = 12.0, 48
-"""Mean length of the waves of a surface's error, and their number."""
 
 
 def photographs(scenes: Sequence[Scene], most: int | None) -> Trials:
@@ -87,7 +77,7 @@ def film(scene: Scene, folder: Path, zoom: float = 1.0) -> Trials:
 def _film_trials(registration: Registration, folder: Path, zoom: float) -> Trials:
     scene = registration.scene
     listed = json.loads((folder / FILM_POSES).read_text())
-    with registration.registrar.frames(folder / FILM) as opened:
+    with registration.registrar.reader.opened(folder / FILM) as opened:
         for frame, entry in zip(opened.frames, listed, strict=False):
             pose = np.array(entry["cam_from_mesh"]) @ scene.loaded.surface.mesh_from_model
             image = frame.image.astype(np.float32) / 255
@@ -214,60 +204,3 @@ def photographed(
             take_photographs(surface_once(), camera, shots, lamp_cam=lamp_cam), shots, strict=True
         )
     ]
-
-
-# --- the source's pose corrected ------------------------------------------------------------------------------------
-
-
-def corrections(scene: Scene, seed: int, sources: int, *, surfaces: bool, quick: bool) -> Trials:
-    """Correct a source whose pose, or surface too, is off, by all photographs, and by the nearest ones."""
-    for number, source in enumerate(scene.sources(sources)):
-        for index, off_deg in enumerate(OFF_DEG[1:2] if quick else OFF_DEG):
-            yield corrected(source, "pose", off_deg, off_deg, np.random.default_rng([seed, number, index]))
-        for index, rms_mm in enumerate(SURFACE_MM if surfaces and not quick else ()):
-            rng = np.random.default_rng([seed, number, 9, index])
-            surface = replace(source.loaded.surface, mesh=rough(source.loaded.surface.mesh, rms_mm, rng))
-            rougher = replace(source, loaded=replace(source.loaded, surface=surface))
-            yield corrected(rougher, "surface", rms_mm, 4.0, rng)
-
-
-def more_frames(scene: Scene, counts: Sequence[int], seed: int) -> Trials:
-    """Correct a source 4° off by ever more of its photographs, the nearest first; the amount is their number."""
-    registration = Registration(scene, "correction")
-    near = sorted(scene.photographs, key=lambda frame: registration.angle_deg(frame.cam_from_model))
-    for count in counts:
-        rng = np.random.default_rng([seed, count])
-        yield corrected(replace(scene, photographs=tuple(near[:count])), "frames", count, 4.0, rng)
-
-
-def corrected(source: Scene, kind: str, amount: float, off_deg: float, rng: np.random.Generator) -> RegistrationTrial:
-    """Disturb the source's pose, and correct it; refused if the command would end with an error."""
-    truth, registration = source.loaded.frame, Registration(source, "correction")
-    pivot, axes = registration.registrar.pivot_model, rng.normal(size=(2, 3))
-    axis, shift = axes / np.linalg.norm(axes, axis=1, keepdims=True)
-    middle = transform_points(truth.cam_from_model, pivot[None])[0]
-    turn = rotation_from_vector(math.radians(off_deg) * axis)
-    shift = middle - turn @ middle + OFF_SHARE * off_deg * np.linalg.norm(middle) * shift
-    wrong = replace(truth, cam_from_model=rigid(turn, shift) @ truth.cam_from_model)
-    began, state, errors = time.process_time(), REFUSED, NO_ERROR
-    with temporary_folder() as folder:
-        for number, frame in enumerate(source.photographs):
-            (folder / f"{number:03d}{frame.path.suffix}").symlink_to(frame.path.resolve())
-        try:
-            loaded = replace(source.loaded, frames=(wrong,))
-            found = correct_source(loaded, folder, tool="benchmark", date="", progress=lambda _: None)
-            state, errors = ACCEPTED, registration.errors(found.loaded.frame.cam_from_model, truth.cam_from_model)
-        except InputError:
-            """Too few frames agree."""
-    span_deg = max(registration.angle_deg(frame.cam_from_model) for frame in source.photographs)
-    return RegistrationTrial(
-        "correction", source.name, source.real, truth.path.stem, f"{len(source.photographs)} frames", kind, amount,
-        span_deg, state, float(state == ACCEPTED), time.process_time() - began, *errors,
-    )  # fmt: skip
-
-
-def rough(mesh: TriangleMesh, rms_mm: float, rng: np.random.Generator) -> TriangleMesh:
-    """The mesh with a smooth error along its normals: waves in random directions."""
-    waves, phases = rng.normal(size=(WAVES, 3)) * 2 * np.pi / WAVE_MM / math.sqrt(3), rng.uniform(0, 2 * np.pi, WAVES)
-    heights = np.cos(mesh.vertices @ waves.T + phases).sum(axis=1) * math.sqrt(2 / WAVES)
-    return TriangleMesh(mesh.vertices + rms_mm * heights[:, None] * mesh.vertex_normals, mesh.faces)

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.render
 
 FRAME = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
 VIEW = FRAME.resized(128, 96)
-MODES = ("projective", "texture", "vertex")
+MODES = ("projective", "vertex")
 FARTHER = rigid(translation=np.array([0.0, 0.0, 150.0]))
 FINE = 4
 
@@ -93,10 +93,10 @@ def test_reduced_views_are_near_to_the_means_of_the_scene(
 
 def test_near_to_many_samples_at_edges(stepped_mesh, frontal_pose, oblique_pose, photograph, source_from):
     source = source_from(stepped_mesh, photograph, frontal_pose)
-    truth, exact = converged(source, "texture", oblique_pose), exact_view(source, "texture", oblique_pose)
+    truth, exact = converged(source, "projective", oblique_pose), exact_view(source, "projective", oblique_pose)
     errors = []
     for rays in (2, 8, 64):
-        (view,) = views_of(source, "texture", [oblique_pose], rays=rays)
+        (view,) = views_of(source, "projective", [oblique_pose], rays=rays)
         edges = edge_pixels(view.depth_mm, view.observed, VIEW) & view.mask
         errors.append(rms_codes(view.rgb[edges], truth[edges]))
     assert errors[1] < 0.8 * rms_codes(exact.rgb[edges], truth[edges])
@@ -169,13 +169,12 @@ def test_views_without_embree(stepped_mesh, frontal_pose, oblique_pose, photogra
     assert np.count_nonzero(np.abs(view.rgb - other.rgb).max(axis=2) > 1 / 255) <= 5
 
 
-@pytest.mark.parametrize("mode", ["projective", "texture"])
-def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose, photograph, source_from, mode):
+def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose, photograph, source_from):
     """Other threads, other views before it, filters for other distances in between."""
     source = source_from(bumpy_mesh, photograph, frontal_pose)
     poses = [frontal_pose, FARTHER @ oblique_pose, oblique_pose, FARTHER @ frontal_pose, frontal_pose]
-    views = views_of(source, mode, poses, threads=1)
-    again = views_of(source, mode, poses[2:4], threads=2)
+    views = views_of(source, "projective", poses, threads=1)
+    again = views_of(source, "projective", poses[2:4], threads=2)
     assert np.array_equal(views[0].rgb, views[4].rgb)
     assert np.array_equal(views[2].rgb, again[0].rgb)
     assert np.array_equal(views[3].rgb, again[1].rgb)

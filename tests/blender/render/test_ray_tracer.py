@@ -40,10 +40,8 @@ def assert_those_of_cycles(view: RenderedView, cycles: RenderedView, camera: Pin
     ("shape", "mode", "unseen", "samples"),
     [
         ("bumpy_mesh", "projective", "neutral", 4),
-        ("bumpy_mesh", "texture", "fill", 1),
         ("bumpy_mesh", "vertex", "neutral", 1),
         ("stepped_mesh", "projective", "fill", 1),
-        ("stepped_mesh", "texture", "neutral", 4),
         ("stepped_mesh", "vertex", "fill", 4),
     ],
 )

@@ -5,9 +5,8 @@ import pytest
 
 from oneframe.volume.bone.bone_surface import bone_surface, widened_mm
 from oneframe.volume.bone.isosurface import isosurface
-from oneframe.volume.drill.clearance import clearances, violations
 from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
-from oneframe.volume.drill.virtual_drill import removed_by_plan
+from oneframe.volume.drill.virtual_drill import clearances, removed_by_plan, violations
 from oneframe.volume.make_surface import finish_of, removed_of
 from oneframe.volume.volume import Volume, VoxelGrid
 from tests.volume.solids import ball

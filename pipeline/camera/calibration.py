@@ -1,0 +1,240 @@
+"""Finds K and the distortion in the table of a camera's file, under the names that its formats have.
+
+A distortion that is overlooked moves every projected point, and nothing shows it. So each key about a lens is read, or
+says that there is no distortion, or is refused by its name.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.numbers import number_rows
+
+MATRICES = ("k", "cameramatrix", "intrinsicmatrix", "intrinsics", "camk")
+SIZES = (("width", "height"), ("imagewidth", "imageheight"), ("w", "h"))
+PAIRS = ("size", "resolution", "imagesize")
+LISTS = (
+    "distortion",
+    "distortioncoefficients",
+    "distortioncoeffs",
+    "distcoeffs",
+    "distcoeff",
+    "distortionparameters",
+    "dist",
+    "d",
+)
+"""Of coefficients in OpenCV's order."""
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
+MODELS = ("", "none", "pinhole", "perspective", "plumbbob", "radtan", "brownconrady", "opencv")
+"""What a model of a lens may be called; ROS and Kalibr name theirs."""
+LENS = re.compile(
+    r"dist(?!ance)|radial|tangential|coeff|kappa|fish|omni|lens|skew|model|kannala|polynom|^(kc|k[1-6]|p[12]|xi|s[1-4])$"
+)
+NO_LENS = re.compile(r"error|std|flags|^num|cameraname|rectif|model(name|id)$|undist")
+"""Keys that speak of a lens and bend no ray."""
+MOST_NUMBERS, LONGEST = 100, 60
+"""Numbers of a list; letters of a key or a value that messages show."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The calibration of a camera as a file states it, unchecked.
+
+    Attributes
+    ----------
+    place
+        Keys that lead to it, joined by dots, such as ``"left"``.
+    matrix
+        K, ``(3, 3)``.
+    size
+        (width, height) or ``None``.
+    distortion
+        k1, k2, p1, p2, k3; empty if there are none.
+    pixel_origin
+        "center", "corner", or ``None`` where the file does not say.
+    """
+
+    place: str
+    matrix: np.ndarray
+    size: tuple[float, float] | None
+    distortion: tuple[float, ...]
+    pixel_origin: str | None
+
+    def same_as(self, other: "Calibration") -> bool:
+        """Whether both are equal except for their place."""
+        own, theirs = ((c.size, c.distortion, c.pixel_origin, c.matrix.tolist()) for c in (self, other))
+        return own == theirs
+
+
+def calibration_of(table: object, where: str) -> Calibration:
+    """The one camera in a table, at any depth; several are accepted if they are the same."""
+    found = list(_calibrations(table, (), {}, where))
+    if not found:
+        keys = ", ".join(str(key)[:LONGEST] for key in list(table)[:8]) if isinstance(table, Mapping) else "a list"
+        raise InputError(
+            f"{where}: expected a camera: K, camera_matrix or cam_K of 3x3 numbers, or fx, fy, cx, cy; found {keys}; "
+            "write K under one of these names"
+        )
+    others = [each for each in found if not each.same_as(found[0])]
+    if others:
+        places = ", ".join(repr(each.place) for each in (found[0], *others[:3]))
+        raise InputError(
+            f"{where}: expected one camera, found {len(others) + 1} that differ: {places}; "
+            "leave only the frame's camera in the file"
+        )
+    return found[0]
+
+
+def _calibrations(table: object, path: tuple[str, ...], around: Mapping, where: str) -> Iterator[Calibration]:
+    """All calibrations, depth first; ``around`` is what the enclosing tables hold beside cameras."""
+    if not isinstance(table, Mapping):
+        return
+    own = _plain_keys(table)
+    matrix = _matrix(own)
+    if matrix is not None:
+        place, scope = ".".join(path), {**around, **table}
+        said, keys = f"{where}: {place}" if place else where, _plain_keys(scope)
+        yield Calibration(place, matrix, _size(keys), _distortion(scope, said), _pixel_origin(own))
+        return
+    around = {**around, **{key: value for key, value in table.items() if not _holds_camera(value)}}
+    for key, value in table.items():
+        yield from _calibrations(value, (*path, str(key)[:LONGEST]), around, where)
+
+
+def _holds_camera(value: object) -> bool:
+    if not isinstance(value, Mapping):
+        return False
+    return _matrix(_plain_keys(value)) is not None or any(map(_holds_camera, value.values()))
+
+
+def _plain_keys(table: Mapping) -> dict[str, Any]:
+    return {_plain(key): value for key, value in table.items()}
+
+
+def _plain(key: object) -> str:
+    """A key without case, spaces, hyphens and underscores."""
+    return re.sub(r"[\s_-]", "", str(key)).lower()
+
+
+def _number(value: Any) -> float | None:
+    """A number, also where it is written as text; else ``None``."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        return float(value)
+    except (OverflowError, ValueError):
+        return None
+
+
+def _numbers(value: Any) -> list[float] | None:
+    """The numbers in lists, in OpenCV's ``{rows, cols, data}`` or in a text, flattened; else ``None``."""
+    if isinstance(value, Mapping):
+        value = value.get("data")
+    if isinstance(value, str):
+        # ROS writes lists without commas, OpenCV's XML has no lists
+        rows = number_rows(value) if any(sign.isdigit() for sign in value) else None
+        return None if rows is None or not 1 < len(rows) <= MOST_NUMBERS else rows.tolist()
+    if not isinstance(value, list):
+        return None
+    numbers: list[float] = []
+    for part in value:
+        number = _number(part)
+        inner = [number] if number is not None else _numbers(part)
+        if inner is None or len(numbers) + len(inner) > MOST_NUMBERS:
+            return None
+        numbers += inner
+    return numbers
+
+
+def _matrix(keys: Mapping[str, Any]) -> np.ndarray | None:
+    for name in MATRICES:
+        numbers = _numbers(keys.get(name))
+        if numbers is not None and len(numbers) == 9:
+            return np.array(numbers, dtype=np.float64).reshape(3, 3)
+    kalibr = _numbers(keys.get("intrinsics"))
+    if keys.get("cameramodel") == "pinhole" and kalibr is not None and len(kalibr) == 4:
+        fx, fy, cx, cy = kalibr
+        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    parts = [_number(keys.get(name, keys.get(other))) for name, other in (("fx", "flx"), ("fy", "fly"))]
+    parts += [_number(keys.get(name)) for name in ("cx", "cy")]
+    angle, *sides = (_number(keys.get(name)) for name in ("cameraanglex", "w", "h"))
+    if parts[0] is None and angle is not None and 0 < angle < math.pi and None not in sides:
+        # NeRF's transforms.json, whose readers take square pixels and the middle
+        width, height = sides
+        focal = width / 2 / math.tan(angle / 2)  # type: ignore[operator]
+        given = (focal, focal, width / 2, height / 2)  # type: ignore[operator]
+        parts = [default if part is None else part for part, default in zip(parts, given, strict=True)]
+    if None in parts:
+        return None
+    fx, fy, cx, cy = parts  # type: ignore[assignment]
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
+def _size(keys: Mapping[str, Any]) -> tuple[float, float] | None:
+    for names in SIZES:
+        width, height = (_number(keys.get(name)) for name in names)
+        if width is not None and height is not None:
+            return width, height
+    for name in PAIRS:
+        numbers = _numbers(keys.get(name))
+        if numbers is not None and len(numbers) == 2:
+            return numbers[0], numbers[1]
+    return None
+
+
+def _pixel_origin(keys: Mapping[str, Any]) -> str | None:
+    if "pixelorigin" in keys:
+        return str(keys["pixelorigin"])[:LONGEST]
+    # NeRF's transforms.json
+    return "corner" if {"flx", "cameraanglex"} & keys.keys() else None
+
+
+def _distortion(table: Mapping, where: str) -> tuple[float, ...]:
+    """The coefficients beside K, in OpenCV's order; empty if there are none."""
+    found: dict[str, float] = {}
+    for key, value in table.items():
+        plain, numbers, number = _plain(key), _numbers(value), _number(value)
+        is_nothing = value in (None, False) or number == 0 or (numbers is not None and not any(numbers))
+        # coefficients, where it is no K
+        is_list = plain == "k" and (numbers is None or len(numbers) != 9)
+        if not (LENS.search(plain) or plain in LISTS or is_list):
+            continue
+        if is_nothing or NO_LENS.search(plain) or (plain == "d" and isinstance(value, str) and numbers is None):
+            continue
+        if isinstance(value, str) and numbers is None and number is None:
+            if _plain(value) not in MODELS:
+                raise _unread(where, key, value)
+            continue
+        if plain in COEFFICIENTS and number is not None:
+            given = {plain: number}
+        elif plain in LISTS and numbers is not None and len(numbers) in (4, 5, 8, 12, 14):
+            if any(numbers[5:]):
+                raise _unread(where, key, f"{len(numbers)} numbers")
+            given = dict(zip(COEFFICIENTS, numbers, strict=False))
+        elif plain in LISTS and isinstance(value, Mapping) and not _unknown_parts(value):
+            given = {_plain(name): _number(part) or 0.0 for name, part in value.items()}
+        else:
+            raise _unread(where, key, value)
+        if differing := [name for name in given if name in found and found[name] != given[name]]:
+            raise InputError(f"{where}: expected one distortion, found two {differing[0]}; leave one in the file")
+        found |= given
+    coefficients = tuple(found.get(name, 0.0) for name in COEFFICIENTS)
+    return coefficients if any(coefficients) else ()
+
+
+def _unknown_parts(table: Mapping) -> list[object]:
+    return [key for key, value in table.items() if _plain(key) not in COEFFICIENTS or _number(value) is None]
+
+
+def _unread(where: str, key: object, value: object) -> InputError:
+    shown = value if isinstance(value, str) else repr(value)
+    return InputError(
+        f"{where}: expected OpenCV's distortion [k1, k2, p1, p2, k3], found {str(key)[:LONGEST]} = {shown[:LONGEST]}; "
+        "undistort the frame with the program that calibrated it, and give the K of the result; if the key bends no "
+        "ray, remove it"
+    )

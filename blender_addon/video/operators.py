@@ -10,11 +10,10 @@ from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.video import SUFFIXES
 from ..pipeline.video.frame_folder import film_notes
-from ..state import camera_view, from_scene, workbench
+from ..state import from_scene, workbench
 from ..state.recent import remember
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Available, Messages, Needs, Reporting
-from ..view.zoom import fit_soon
 from . import session, shown_frame, timeline
 from .session import FilmSession
 
@@ -89,17 +88,11 @@ def _begin(context: bpy.types.Context, scene: bpy.types.Scene, film: FilmSession
     session.keep(scene, film)
     timeline.lay_out(scene, film)
     shown_frame.show(scene, film.shown)
-    _show_timeline(context, visible=True)
+    timeline.settle_soon()
     frames, info = film.scores.frames, film.scores.info
     found = f"{len(film.best)} best frames" if film.best else "no frame shows anything sharply"
     title = f"{film.path.name}: {len(frames)} frames, {info.size_wh[0]} x {info.size_wh[1]} px; {found}"
     return [title, *film_notes(film.scores)]
-
-
-def _show_timeline(context: bpy.types.Context, *, visible: bool) -> None:
-    (timeline.open_timeline if visible else timeline.close_timeline)(context)
-    for area in camera_view.views(context):
-        fit_soon(area)
 
 
 class ONEFRAME_OT_show_video(NeedsFilm, Reporting):
@@ -115,4 +108,4 @@ class ONEFRAME_OT_show_video(NeedsFilm, Reporting):
             shown_frame.show(scene, film.shown)
         else:
             shown_frame.restore(scene)
-        _show_timeline(context, visible=scene.oneframe_video.visible)
+        timeline.settle_soon()

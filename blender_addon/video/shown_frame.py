@@ -156,6 +156,7 @@ def _after_undo(*_: object) -> None:
     film = None if scene is None else session.return_to(scene)
     if scene is not None and film is not None:
         timeline.lay_out(scene, film)
+        timeline.settle_soon()
         put(scene, film)
 
 

@@ -9,9 +9,12 @@ from bisect import bisect_left, bisect_right
 import bpy
 import numpy as np
 
-from ..state import camera_view
+from ..class_registration import start_timer, timers
+from ..state.camera_view import WORKSPACE
 from ..ui.frame_view import window_region
 from ..ui.keymap import Key, Place, keys
+from ..view.zoom import fit_soon
+from . import session
 from .session import FilmSession
 
 EDITOR = "DOPESHEET_EDITOR"
@@ -40,34 +43,44 @@ def remove_markers(scene: bpy.types.Scene) -> None:
         scene.timeline_markers.remove(marker)
 
 
-def timelines(screen: bpy.types.Screen) -> list[bpy.types.Area]:
-    """The Timelines of a screen."""
-    return [area for area in screen.areas if area.type == EDITOR]
+def settle_soon() -> None:
+    """Open or close the Timeline once the add-on's workspace is there: Blender changes to it between two events."""
+    if not bpy.app.background:
+        start_timer(_settle, 0.0)
 
 
-def open_timeline(context: bpy.types.Context) -> None:
-    """Open a Timeline below the largest 3D view of the add-on's workspace, unless there is one."""
-    views = camera_view.views(context)
-    if bpy.app.background or not views or timelines(context.screen):
-        return
-    view, before = max(views, key=lambda area: area.width * area.height), set(context.screen.areas)
-    with context.temp_override(area=view, region=window_region(view)):
+def _settle() -> float | None:
+    """Timer: a Timeline below the 3D view of each of the add-on's workspaces that shows a film, and none elsewhere."""
+    is_waiting = False
+    for window in bpy.context.window_manager.windows:
+        film = session.of(window.scene)
+        is_wanted = film is not None and window.scene.oneframe_video.visible
+        if WORKSPACE not in window.workspace:
+            is_waiting |= is_wanted
+            continue
+        opened = [area for area in window.screen.areas if area.type == EDITOR]
+        with bpy.context.temp_override(window=window):
+            if is_wanted and not opened:
+                _open(window.screen)
+            for area in () if is_wanted else opened:
+                with bpy.context.temp_override(area=area, region=window_region(area)):
+                    bpy.ops.screen.area_close()
+    return 0.1 if is_waiting else None
+
+
+def _open(screen: bpy.types.Screen) -> None:
+    views, before = [area for area in screen.areas if area.type == "VIEW_3D"], set(screen.areas)
+    view = max(views, key=lambda area: area.width * area.height)
+    with bpy.context.temp_override(area=view, region=window_region(view)):
         bpy.ops.screen.area_split(direction="HORIZONTAL", factor=SHARE)
-    (new,) = set(context.screen.areas) - before
+    (new,) = set(screen.areas) - before
     lower = min(view, new, key=lambda area: area.y)
     lower.ui_type = "TIMELINE"
-    lower.spaces.active.show_seconds = False
-    with context.temp_override(area=lower, region=window_region(lower)):
+    with bpy.context.temp_override(area=lower, region=window_region(lower)):
         bpy.ops.action.view_all()
-
-
-def close_timeline(context: bpy.types.Context) -> None:
-    """Close the Timeline again."""
-    if bpy.app.background or not camera_view.views(context):
-        return
-    for area in timelines(context.screen):
-        with context.temp_override(area=area, region=window_region(area)):
-            bpy.ops.screen.area_close()
+    for area in (view, new):
+        if area != lower:
+            fit_soon(area)
 
 
 def position(film: FilmSession, number: int) -> int:
@@ -77,4 +90,7 @@ def position(film: FilmSession, number: int) -> int:
     return min(max(at, 0), len(numbers) - 1)
 
 
-PARTS = (keys(Key("oneframe.take_frame", "RET", tools=(), places=(Place("Dopesheet", EDITOR),))),)
+PARTS = (
+    timers(_settle),
+    keys(Key("oneframe.take_frame", "RET", tools=(), places=(Place("Dopesheet", EDITOR),))),
+)

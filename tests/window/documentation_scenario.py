@@ -144,7 +144,7 @@ def dataset(user: User) -> Action:
 
 
 def video(user: User) -> Action:
-    """The strip of a film of the sample's own frame, with faults put in."""
+    """A film of the sample's own frame, with faults put in, and its Timeline."""
     cv2, films = import_module("cv2"), import_module("video.surgical_film")
     frame = np.ascontiguousarray(cv2.imread(str(user.case.parent / "frame.png"))[..., ::-1])
     events = [films.Event(kind, 12 * number, 12 * (number + 1)) for number, kind in enumerate(FILM)]
@@ -156,7 +156,7 @@ def video(user: User) -> Action:
     yield from user.show_step("setup", parts=True)
     with user.context():
         operators.oneframe.open_video(filepath=str(path))
-        operators.oneframe.video_step(step=18 - session.scored(scene).shown)
+        scene.frame_set(18)
     yield from user.until(lambda: session.scored(scene).is_full, "the full frame")
     yield 0.5
     yield from window_picture(user, "video")

@@ -10,7 +10,7 @@ from ..class_registration import at_end
 from ..pipeline.case.case_queue import ALIGNED, CHECKED, DOUBTFUL, NEW, REFUSED, ROUGH
 from ..state import another_frame
 from ..ui.keymap import draw_key
-from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.panel import AdvancedPanel, AlignmentPanel, draw_text
 from ..video import session
 from ..video.session import FilmSession
 from . import found
@@ -34,12 +34,11 @@ _pictures: dict[str, Any] = {}
 """One collection of previews, once a queue is drawn."""
 
 
-class ONEFRAME_PT_frames(AlignmentPanel):
+class ONEFRAME_PT_frames(AlignmentPanel, AdvancedPanel):
     """The other frames of this surface, one after the other: of the queue, and of the film"""
 
-    bl_parent_id = "ONEFRAME_PT_case"
     bl_label = "Frames"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

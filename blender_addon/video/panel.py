@@ -3,13 +3,12 @@
 import bpy
 
 from ..state import another_frame, from_scene
-from ..ui.panel import draw_text
-from ..ui.step_panel import PartPanel
+from ..ui.panel import SidebarPanel, draw_text
 from . import session, shown_frame
 from .session import FilmSession
 
 
-class ONEFRAME_PT_video(PartPanel):
+class ONEFRAME_PT_video(SidebarPanel):
     """Choose the frame from a video"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -18,7 +17,7 @@ class ONEFRAME_PT_video(PartPanel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and session.key_of(context.scene) is not None
+        return session.key_of(context.scene) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

@@ -9,10 +9,12 @@ from bisect import bisect_left, bisect_right
 import bpy
 import numpy as np
 
-from ..class_registration import start_timer, timers
+from ..class_registration import listening, start_timer, timers
+from ..state import workbench
 from ..state.camera_view import WORKSPACE
 from ..ui.frame_view import window_region
 from ..ui.keymap import Key, Place, keys
+from ..view import workspace
 from ..view.zoom import fit_soon
 from . import session
 from .session import FilmSession
@@ -49,15 +51,12 @@ def settle_soon() -> None:
         start_timer(_settle, 0.0)
 
 
-def _settle() -> float | None:
+def _settle() -> None:
     """Timer: a Timeline below the 3D view of each of the add-on's workspaces that shows a film, and none elsewhere."""
-    is_waiting = False
     for window in bpy.context.window_manager.windows:
-        film = session.of(window.scene)
-        is_wanted = film is not None and window.scene.oneframe_video.visible
-        if WORKSPACE not in window.workspace:
-            is_waiting |= is_wanted
+        if WORKSPACE not in window.workspace or not workbench.is_workbench(window.scene):
             continue
+        is_wanted = session.of(window.scene) is not None and window.scene.oneframe_video.visible
         opened = [area for area in window.screen.areas if area.type == EDITOR]
         with bpy.context.temp_override(window=window):
             if is_wanted and not opened:
@@ -65,7 +64,6 @@ def _settle() -> float | None:
             for area in () if is_wanted else opened:
                 with bpy.context.temp_override(area=area, region=window_region(area)):
                     bpy.ops.screen.area_close()
-    return 0.1 if is_waiting else None
 
 
 def _open(screen: bpy.types.Screen) -> None:
@@ -92,5 +90,6 @@ def position(film: FilmSession, number: int) -> int:
 
 PARTS = (
     timers(_settle),
+    listening(workspace.listeners, settle_soon),
     keys(Key("oneframe.take_frame", "RET", tools=(), places=(Place("Dopesheet", EDITOR),))),
 )

@@ -62,7 +62,6 @@ def landmarks(user: User) -> Action:
             off = WRONG[1] if number == WRONG[0] else rng.normal(0, CLICK_SIGMA_PX, 2)
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
-    yield from user.show_step("landmarks", parts=True)
     with user.context("UI"):
         bpy.ops.view2d.pan(deltax=0, deltay=-260)
     yield from window_picture(user, "landmarks")
@@ -123,7 +122,7 @@ def dataset(user: User) -> Action:
         operators.oneframe.mark_unseen()
     yield from user.open_sidebar("OneFrame")
     yield from look_at_frame(user, beside_panels=True)
-    yield from user.show_step("dataset", parts=True)
+    yield from user.open_panels("advanced", "dataset", "dataset_options")
     scene.oneframe.dataset_out = str(user.folder / "dataset")
     # its properties are made from the options of a dataset
     options: Any = scene.oneframe.dataset
@@ -153,7 +152,6 @@ def video(user: User) -> Action:
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     scene.oneframe_view.contour = False
-    yield from user.show_step("setup", parts=True)
     with user.context():
         operators.oneframe.open_video(filepath=str(path))
         scene.frame_set(18)

@@ -19,7 +19,6 @@ def pose(user):
 def scenario(user):
     yield from user.open_case()
     yield from user.open_sidebar("OneFrame")
-    yield from user.show_step("frames")
     user.call("open_video", "EXEC_DEFAULT", True, filepath=str(user.case.with_name("film.avi")))
     user.call("case_frame")
     before = pose(user)
@@ -113,7 +112,6 @@ def take(user):
     yield from user.until(lambda: state() == before, "all as before")
     assert part("frames.found").frame_at(user.window.scene, 2) is found
     yield from user.key("ESC", user.middle())
-    yield from user.show_step("frames")
 
 
 def play(user):

@@ -103,7 +103,7 @@ class ONEFRAME_PT_mask(SidebarPanel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and bool(context.scene.oneframe.frame_path)
+        return bool(context.scene.oneframe.frame_path)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

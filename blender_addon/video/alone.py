@@ -10,7 +10,6 @@ import numpy as np
 from gpu_extras.presets import draw_texture_2d
 
 from ..class_registration import at_end
-from ..pipeline.images.pixel_values import linear_from_codes
 from ..state import from_scene, workbench
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.pane import Pane
@@ -51,9 +50,9 @@ def _texture(picture: np.ndarray, size_wh: tuple[int, int]) -> gpu.types.GPUText
     shrinks = size_wh[0] < picture.shape[1]
     sized = cv2.resize(picture, size_wh, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
     rgba = np.ones((size_wh[1], size_wh[0], 4), np.float32)
-    # the target encodes linear values as sRGB
-    rgba[..., :3] = linear_from_codes(sized[::-1].astype(np.float32) / 255)
-    return gpu.types.GPUTexture(size_wh, format="RGBA16F", data=gpu.types.Buffer("FLOAT", rgba.size, rgba))
+    # Blender's shader for images takes code values
+    rgba[..., :3] = sized[::-1].astype(np.float32) / 255
+    return gpu.types.GPUTexture(size_wh, format="RGBA8", data=gpu.types.Buffer("FLOAT", rgba.size, rgba))
 
 
 @lru_cache(maxsize=1)

@@ -75,7 +75,7 @@ lint: $(VENV)/.ready-to-test
 	$(VENV)/bin/lint-imports --no-logo
 	$(RUN) -m mypy
 
-# speed against PyVista, with memory and start, in demo/bench
+# speed against PyVista, with start, in demo/bench
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py speed --out demo/bench/render_speed.json $(BENCH_FLAGS)

@@ -42,7 +42,7 @@ def surface_from_ct(ct: Path | str, *, threshold_hu: float = DEFAULT_HU) -> Tria
     Parameters
     ----------
     ct
-        NIfTI, NRRD, MetaImage, or a folder of DICOM slices.
+        NIfTI, NRRD, or a folder of DICOM slices.
     threshold_hu
         Bone lies above it.
     """

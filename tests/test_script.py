@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import oneframe
-from oneframe.case.landmark_file import write_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.case.pose_record import PoseRecord
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import transform_points
+from tests.landmark_writer import write_landmarks
 from tests.volume.ball_ct import write_ball_ct
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "python.md"

@@ -6,7 +6,7 @@ from typing import Literal
 
 import bpy
 
-from ..pipeline.blender.colour.surface_colour import colour_record, put_colour
+from ..pipeline.blender.colour.surface_colour import put_colour
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.reference_view import ReferenceView, baked_colour_of, reference_view
 from ..pipeline.colour.texture_atlas import TextureAtlas
@@ -49,7 +49,6 @@ def coloured(loaded: LoadedCase, mode: Mode, report: Callable[[float], None]) ->
 def put(scene: bpy.types.Scene, loaded: LoadedCase, found: Colouring) -> tuple[str, ...]:
     """Colour the surface object with a result; in Blender's main thread. Returns messages."""
     surface = from_scene.surface_of(scene)
-    before = colour_record(surface)
     messages, (of_view, of_surface) = list(found.messages), found.coverage
     record = {
         "frame": str(loaded.case.image),
@@ -64,7 +63,6 @@ def put(scene: bpy.types.Scene, loaded: LoadedCase, found: Colouring) -> tuple[s
         loaded.surface.mesh,
         found.view,
         found.colour,
-        mark_unseen=before is None or before["unseen_marked"],
         record=record,
         vertices=found.vertices,
     )

@@ -9,7 +9,7 @@ from bpy.app.handlers import persistent
 from bpy.props import EnumProperty
 
 from ..class_registration import listening, prop
-from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
+from ..pipeline.blender.colour.surface_colour import colour_record, remove_colour
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import is_same_pose
 from ..state import from_scene
@@ -56,18 +56,6 @@ class _NeedsColour(Available):
     """Mixin: available once the surface has colours."""
 
     needs = (lambda context: _is_coloured(context.scene.oneframe.surface), "Project colour on the surface first")
-
-
-class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting):
-    """Show the surface that the frame did not see in blue, or in neutral grey"""
-
-    bl_label = "Mark Unseen Surface"
-
-    def run(self, context: bpy.types.Context) -> None:
-        surface = from_scene.surface_of(context.scene)
-        _check_object_mode(surface)
-        record = colour_record(surface)
-        mark_unseen(surface, record is not None and not record["unseen_marked"])
 
 
 class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting):

@@ -33,12 +33,7 @@ class ONEFRAME_PT_colour(AlignmentPanel, AdvancedPanel):
 
 
 def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dict) -> None:
-    row = layout.row(align=True)
-    is_marked = record["unseen_marked"]
-    row.operator(
-        "oneframe.mark_unseen", text="Unseen in Blue", icon="HIDE_OFF" if is_marked else "HIDE_ON", depress=is_marked
-    )
-    row.operator("oneframe.plain_surface", text="Plain", icon="MESH_UVSPHERE")
+    layout.operator("oneframe.plain_surface", text="Plain", icon="MESH_UVSPHERE")
     try:
         if operators.is_outdated(scene, record):
             draw_text(layout, "The colours belong to another pose or frame. Project again.", icon="ERROR")

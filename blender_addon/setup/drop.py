@@ -118,5 +118,5 @@ class ONEFRAME_FH_ct(_Dropped):
     bl_label = "OneFrame CT"
     bl_import_operator = "oneframe.open_ct"
     # of .nii.gz Blender looks at the last part
-    bl_file_extensions = ".nii;.gz;.nrrd;.nhdr;.mha;.mhd"
+    bl_file_extensions = ".nii;.gz;.nrrd"
     is_ours = True

@@ -97,7 +97,7 @@ def reader(key: Key) -> Callable[[Callable[[float], None]], LoadedCT]:
     def read(progress: Callable[[float], None]) -> LoadedCT:
         volume = read_volume(Path(path), series=series or None)
         progress(0.7)
-        labels = read_labels(Path(labels_path), volume, resampled=False) if labels_path else None
+        labels = read_labels(Path(labels_path), volume) if labels_path else None
         return LoadedCT(volume, labels)
 
     return read

@@ -19,7 +19,7 @@ from ..ui.operator import Available, Messages, Reporting
 from . import ct
 from .ct import LoadedCT, ct_of, key_of, loaded_ct
 
-VOLUMES = "*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd;*.dcm"
+VOLUMES = "*.nii;*.nii.gz;*.nrrd;*.dcm"
 
 
 class NeedsCT(Available):
@@ -29,7 +29,7 @@ class NeedsCT(Available):
 
 
 class ONEFRAME_OT_open_ct(OpensInBackground):
-    """Open a CT in Hounsfield units: NIfTI, NRRD, MetaImage, or a folder of DICOM slices"""
+    """Open a CT in Hounsfield units: NIfTI, NRRD, or a folder of DICOM slices"""
 
     bl_label = "Open CT"
     doing = "Reading the CT"
@@ -130,11 +130,11 @@ class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT):
     bl_label = "Open Labels"
     doing = "Reading the labels"
 
-    filter_glob: str = prop(StringProperty, default="*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd", options={"HIDDEN"})
+    filter_glob: str = prop(StringProperty, default="*.nii;*.nii.gz;*.nrrd", options={"HIDDEN"})
 
     def work(self, context: bpy.types.Context) -> Work:
         path, volume = Path(bpy.path.abspath(self.filepath)), loaded_ct(context.scene).volume
-        return lambda _progress: LoadedCT(volume, read_labels(path, volume, resampled=False))
+        return lambda _progress: LoadedCT(volume, read_labels(path, volume))
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         loaded_ct(context.scene)

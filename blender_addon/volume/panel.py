@@ -18,7 +18,7 @@ class ONEFRAME_PT_ct(AdvancedPanel):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("oneframe.open_ct", icon="FILE_FOLDER")
         if key_of(scene) is None:
-            draw_text(layout, "NIfTI, NRRD, MetaImage, or a folder of DICOM slices. Or drop a file onto the view.")
+            draw_text(layout, "NIfTI, NRRD, or a folder of DICOM slices. Or drop a file onto the view.")
             return
         ct = ct_of(scene)
         if ct is None:

@@ -9,15 +9,12 @@ point or without a pixel, a landmark is incomplete.
 import csv
 import difflib
 import io
-import json
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..errors import InputError
-from ..files.content import LARGEST_TEXT, decoded, read_content, write_bytes_atomically
-from ..files.numbers import WrittenFloat, length_text
-from ..files.outputs import check_outputs
-from ..files.tables import parsed_json, write_csv
+from ..files.content import LARGEST_TEXT, decoded, read_content
+from ..files.numbers import WrittenFloat
+from ..files.tables import parsed_json
 from .landmarks import MOST_LANDMARKS, Landmark, landmark_from_table, landmarks_from_tables
 
 COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
@@ -37,40 +34,6 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
     return _parsed(text, path.name, mm_per_unit)
 
 
-def write_landmarks(
-    path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: float = 1.0, inputs: Mapping[str, Path] | None = None
-) -> None:
-    """Write landmarks (points in mm), whole or not at all, as ``*.csv`` or ``*.json``.
-
-    ``inputs`` are files that must not be replaced, by what they are.
-
-    Raises
-    ------
-    InputError
-        Another extension; an input; or landmarks that could not be read
-        back: two of one name, or a number that is not finite.
-    OSError, RunError
-        The file cannot be written.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in (".csv", ".json"):
-        raise InputError(
-            f"{path}: expected the name of a file *.csv or *.json, found {path.name!r}; choose another name"
-        )
-    check_outputs([path], inputs or {})
-    tables = [
-        {"name": landmark.name}
-        | ({} if landmark.point is None else {"surface": list(landmark.point)})
-        | ({} if landmark.pixel is None else {"pixel": list(landmark.pixel)})
-        for landmark in landmarks
-    ]
-    landmarks_from_tables(tables, f"{path.name}: landmark")
-    if suffix == ".csv":
-        write_csv(path, COLUMNS, _csv_rows(landmarks, mm_per_unit))
-    else:
-        write_bytes_atomically(path, _json_text(landmarks, mm_per_unit).encode())
-
-
 def _parsed(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
     if text.lstrip().startswith(("[", "{")):
         return _from_json(text, name, mm_per_unit)
@@ -81,19 +44,6 @@ def _from_json(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]
     return landmarks_from_tables(
         parsed_json(text, name, parse_float=WrittenFloat), f"{name}: landmark", mm_per_unit=mm_per_unit
     )
-
-
-def _json_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:
-    lines = []
-    for landmark in landmarks:
-        parts = [f'"name": {json.dumps(landmark.name, ensure_ascii=False)}']
-        if landmark.point is not None:
-            parts.append(f'"surface": [{", ".join(length_text(value, mm_per_unit) for value in landmark.point)}]')
-        if landmark.pixel is not None:
-            parts.append(f'"pixel": [{", ".join(repr(float(value)) for value in landmark.pixel)}]')
-        parts.append(f'"enabled": {str(landmark.enabled).lower()}')
-        lines.append(f"  {{{', '.join(parts)}}}")
-    return "[\n" + ",\n".join(lines) + "\n]\n"
 
 
 def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
@@ -168,14 +118,3 @@ def _number(text: str, place: str) -> float:
         found = "an empty cell" if not text else repr(text)
         hint = "; write a decimal point" if "," in text else ""
         raise InputError(f"{place}expected a number, found {found}{hint}") from None
-
-
-def _csv_rows(landmarks: Sequence[Landmark], mm_per_unit: float) -> list[list[str]]:
-    rows = []
-    for landmark in landmarks:
-        point = (
-            ["", "", ""] if landmark.point is None else [length_text(value, mm_per_unit) for value in landmark.point]
-        )
-        pixel = ["", ""] if landmark.pixel is None else [repr(float(value)) for value in landmark.pixel]
-        rows.append([landmark.name, *point, *pixel, str(landmark.enabled).lower()])
-    return rows

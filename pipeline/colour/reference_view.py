@@ -6,6 +6,8 @@ that rounding. A colour depends on the depth only through the question whether t
 are the same.
 """
 
+import itertools
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,11 +29,9 @@ from .lens_shading import LensShading, lens_doubts, without_light
 from .ray_tracer import RayTracer
 from .shading import ColouredSurface, SurfaceColour
 from .source_view import SourceView
-from .texture_atlas import TextureAtlas, bake_atlas, classify_faces
+from .texture_atlas import TextureAtlas, bake_atlas
 from .vertex_colours import VertexColours, colour_vertices
 
-CLASSIFIED = 0.45
-"""Fraction of the time for a texture after which the faces are classified."""
 STEP = 0.05
 WHITE = 0.96
 """Code value of all channels from which a pixel is a highlight: the lamp's reflection, not the surface's colour."""
@@ -183,7 +183,7 @@ def baked_colour_of(
     Runs without Blender, so it may run in a thread. ``progress`` is called often with a fraction 0..1; an exception
     that it raises ends the work. ``unseen`` are colours ``(V, 3)`` of the vertices for what the frame did not see.
     """
-    report = progress or _unreported
+    report = progress or (lambda _fraction: None)
     if mode not in ("texture", "vertex"):
         raise ValueError(f"expected the colour mode texture or vertex, found {mode!r}")
     if mode == "vertex":
@@ -192,34 +192,10 @@ def baked_colour_of(
         if unseen is not None:
             colours = replace(colours, rgb=np.where(colours.covered[:, None], colours.rgb, unseen))
         return colours, messages
-    stage = _Stage(report, CLASSIFIED)
-
-    def classified(view: SourceView) -> np.ndarray:
-        def observed(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-            stage.step()
-            return view.observed(points, normals)
-
-        return classify_faces(reference.mesh, view.camera, view.cam_from_model, observed)
-
-    faces_seen = list(map(classified, reference.views))
-    baking = _Stage(report, 1.0, CLASSIFIED)
-    atlas = bake_atlas(reference.mesh, reference.views, faces_seen, unseen=unseen, step=baking.step)
-    return atlas, [atlas.summary()]
-
-
-class _Stage:
-    """Reports a stage of unknown length: each step goes a part of the way that is left."""
-
-    def __init__(self, report: Callable[[float], None], end: float, start: float = 0.0) -> None:
-        self._report, self._end, self._fraction = report, end, start
-
-    def step(self) -> None:
-        self._report(self._fraction)
-        self._fraction += STEP * (self._end - self._fraction)
-
-
-def _unreported(_fraction: float) -> None:
-    pass
+    # of unknown length: each step goes a part of the way that is left
+    left = itertools.accumulate(itertools.repeat(1 - STEP), operator.mul, initial=1.0)
+    atlas = bake_atlas(reference.mesh, reference.views, unseen=unseen, step=lambda: report(1 - next(left)))
+    return atlas, atlas.messages()
 
 
 def unseen_colours_of(reference: ReferenceView, unseen: str) -> np.ndarray | None:

@@ -1,54 +1,38 @@
-"""Texture atlas baked from the frame: its texels are, where possible, the frame's own pixels.
+"""A texture for other programs: the frames' own pixels, and a UV map that is the projection into them.
 
-The upper part of the atlas is the *frame layer*: a cut-out of the frame in which the UV of a face is its projection.
-Texel centres are pixel centres there, so baking copies pixels and adds no blur. The layer holds one surface per texel.
-Faces that would read texels of another surface (across a depth step, or behind it), and faces on which the projection
-is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch. Several
-frames have an atlas each, of the faces that those before did not see, in one image.
-
-Every texel has a flag: whether the frame saw its point of the surface. A lookup counts as observed if all texels of
-non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
+A face that a frame saw all of has that frame's pixels, of the first such frame. Faces that no frame saw whole share a
+neutral patch, or have two by two texels each with the colours of their corners: so nothing is shown on surface that no
+frame saw, and what is seen ends at whole faces, as colours of vertices do. A UV map is affine in each face: on large
+ones, perspective bends the texture.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import among_centres
-from ..projection.rasteriser import Samples, barycentric, nearest_barycentric, rasterise
+from ..errors import InputError
 from ..surface.mesh import TriangleMesh
-from ..transforms import BLOCK, camera_centre, transform_points
-from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
+from ..transforms import BLOCK
 from .source_view import SourceView
 from .vertex_colours import NEUTRAL
 
 MAX_SIZE = 16384
 """Largest width and height of an atlas, texels: the limit of common graphics cards."""
 
-MAX_SLOPE = 16.0
-"""Steepest extrapolation of a face's plane beyond its edges: depth step per texel, in pixel footprints."""
-
-OBSERVED_LEAST = 0.9999
-"""If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
-_ELSEWHERE = 3
-"""In the place of 0, 1 and 2 of :func:`classify_faces`: the face is in the atlas of another view."""
-
 NEUTRAL_PATCH = 4
-"""Side of the patch for faces that the frame did not see, texels."""
+"""Side of the patch for faces that no frame saw whole, texels."""
 
-Observed = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""A visibility rule: points (N, 3) in the model frame and their unit face normals (N, 3) -> (N,) bool.
+MOST_STEPS = 256
+"""Most steps along an edge at which a face is tested: one for each pixel of it, up to so many."""
 
-True must mean that the frame, sampled bilinearly at the point's projection, shows this point and nothing else, as
-:meth:`oneframe.colour.source_view.SourceView.observed` does. Points may lie a texel outside the surface.
-"""
+BENT_PX = 0.5
+"""How far perspective may bend the texture before the user is told, frame pixels."""
 
 
 @dataclass(frozen=True)
 class TextureAtlas:
-    """A texture baked from the frame, and its UV map.
+    """A texture made of the frames, and its UV map.
 
     Attributes
     ----------
@@ -56,227 +40,142 @@ class TextureAtlas:
         ``(F, 3, 2)`` float64 per face corner, in [0, 1], origin bottom-left with v up (Blender, OBJ): the centre of
         the texel in column i and row j (from the top) is ((i + 0.5) / width, 1 - (j + 0.5) / height).
     image
-        ``(h, w, C)`` float32, top row first; where not observed, a given colour, or
+        ``(h, w, 3)`` float32, top row first; where not observed, a given colour, or
         :data:`oneframe.colour.vertex_colours.NEUTRAL`.
     observed
-        ``(h, w)`` bool.
-    faces_seen
-        Number of faces that the frame saw not at all, partly, and fully.
-    separate_charts
-        Number of faces with a separate rectangle.
+        ``(h, w)`` bool: the texel shows surface in a frame.
+    seen
+        ``(F,)`` bool: the faces that have a frame's pixels.
+    bent_px
+        How far off its middle an edge has the texture of its middle, at most, frame pixels.
     """
 
     uv: np.ndarray
     image: np.ndarray
     observed: np.ndarray
-    faces_seen: tuple[int, int, int]
-    separate_charts: int
+    seen: np.ndarray
+    bent_px: float
 
-    def summary(self) -> str:
-        """For the user: size and coverage."""
+    def messages(self) -> list[str]:
+        """For the user: size and coverage, and what perspective does to large faces."""
         height, width = self.observed.shape
-        unseen, partly, fully = self.faces_seen
-        return (
-            f"texture atlas: {width}x{height} texels, {self.observed.mean():.0%} observed; {fully} faces seen fully, "
-            f"{partly} partly, {unseen} not at all; {self.separate_charts} separate charts"
-        )
+        said = [f"texture: {width}x{height} texels; {self.seen.sum()} of {len(self.seen)} faces were seen whole"]
+        if self.bent_px > BENT_PX:
+            said.append(
+                f"the largest faces have the texture up to {self.bent_px:.1f} px off, as it is not bent by perspective "
+                "in a face; use a finer surface"
+            )
+        return said
 
 
-def classify_faces(
-    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, observed: Observed
+def seen_faces(
+    mesh: TriangleMesh, faces: np.ndarray, view: SourceView, step: Callable[[], None] = lambda: None
 ) -> np.ndarray:
-    """How much of each face the frame saw: ``(F,)`` uint8, 0 nothing, 1 a part, 2 all.
+    """``(N,)`` bool: whether a frame saw all of faces ``(N,)``, by points as dense as its pixels.
 
-    Tests the corners, edge midpoints and centroid, and a grid as fine as the frame's pixels. Faces that face away from
-    the camera or lie outside the frame are 0 without a test.
+    ``step`` is called often; what it raises ends the work.
     """
-    faces = np.flatnonzero(mesh.front_facing(camera_centre(cam_from_model)))
-    vertices_cam = transform_points(cam_from_model, mesh.vertices)
-    # a NaN (behind the camera) compares False, so those faces are kept
-    u, v = camera.project(vertices_cam).T
-    width, height = camera.size_wh
-    all_outside = (u < -0.5, u > width - 0.5, v < -0.5, v > height - 0.5, ~(vertices_cam[:, 2] > 0))
-    a, b, c = mesh.faces[faces].T
-    kept = np.ones(len(faces), dtype=bool)
-    for outside in all_outside:
-        kept &= ~(outside[a] & outside[b] & outside[c])
-    faces = faces[kept]
-    points_cam = vertices_cam[mesh.faces[faces]]
-    corners, normals = mesh.vertices[mesh.faces[faces]], mesh.face_normals[faces]
-    passed = np.zeros(len(faces), dtype=bool)
-    failed = np.zeros(len(faces), dtype=bool)
-
-    def test(index: np.ndarray, weights: np.ndarray) -> None:
-        flags = observed(np.einsum("nk,nkd->nd", weights, corners[index]), normals[index])
-        passed[index[flags]] = True
-        failed[index[~flags]] = True
-
-    halves = (np.ones((3, 3)) - np.eye(3)) / 2
-    for weights in (np.full(3, 1 / 3), *np.eye(3), *halves):
-        # a face with both results is partly seen and needs no more tests
-        undecided = np.flatnonzero(~(passed & failed))
-        for start in range(0, len(undecided), BLOCK):
-            index = undecided[start : start + BLOCK]
-            test(index, np.broadcast_to(weights, (len(index), 3)))
-    undecided = np.flatnonzero(~(passed & failed))
-    for samples in rasterise(affine_charts(points_cam[undecided], camera).texels):
-        test(undecided[samples.triangle], samples.barycentric)
-    seen = np.zeros(len(mesh.faces), dtype=np.uint8)
-    seen[faces] = passed.astype(np.uint8) + ~failed
+    pixels = view.project(mesh.vertices)[0][mesh.faces[faces]]
+    # NaN behind the camera: seen from nowhere
+    longest = np.linalg.norm(np.roll(pixels, -1, axis=1) - pixels, axis=2).max(axis=1)
+    tested = view.facing_faces(mesh)[faces] & np.isfinite(longest)
+    steps = 2 ** np.ceil(np.log2(np.clip(np.where(tested, longest, 2), 2, MOST_STEPS))).astype(int)
+    seen = np.zeros(len(faces), dtype=bool)
+    for count in np.unique(steps[tested]):
+        first, second = np.nonzero(np.tri(count + 1)[::-1])
+        weights = np.stack([count - first - second, first, second], axis=1) / count
+        group, size = np.flatnonzero(tested & (steps == count)), max(1, BLOCK // len(weights))
+        for start in range(0, len(group), size):
+            step()
+            part = group[start : start + size]
+            points = np.einsum("pk,nkd->npd", weights, mesh.vertices[mesh.faces[faces[part]]]).reshape(-1, 3)
+            normals = np.repeat(mesh.face_normals[faces[part]], len(weights), axis=0)
+            seen[part] = view.observed(points, normals).reshape(len(part), -1).all(axis=1)
     return seen
 
 
 def bake_atlas(
     mesh: TriangleMesh,
     views: Sequence[SourceView],
-    seen_faces: Sequence[np.ndarray],
     *,
     unseen: np.ndarray | None = None,
     max_size: int = MAX_SIZE,
     step: Callable[[], None] = lambda: None,
 ) -> TextureAtlas:
-    """Lay out the faces that the frames saw, and bake the frames into their texels.
+    """Put the frames' pixels of the surface below one another, and map the faces to them.
 
     Parameters
     ----------
     views
-        The frames. A point gets the colour of the first one that saw it.
-    seen_faces
-        ``(F,)`` uint8 of each view, from :func:`classify_faces`.
+        The frames. A face gets the pixels of the first one that saw it whole.
     unseen
-        ``(V, 3)`` colours of the vertices for what the frames did not see; ``None``: :data:`NEUTRAL`.
+        ``(V, 3)`` colours of the vertices for the other faces; ``None``: :data:`NEUTRAL`.
+    max_size
+        Texels that the texture may be wide or high; a larger one is refused.
     step
-        Called often; what it raises ends the work.
+        As of :func:`seen_faces`.
     """
-    if len(views) == 1:
-        return _baked(mesh, views, seen_faces[0], unseen, max_size, step)
-    seen = np.stack(seen_faces)
-    first = (seen > 0).argmax(axis=0)
-    atlases = []
-    for number in range(len(views)):
-        levels = np.where(first == number, seen[number], _ELSEWHERE)
-        atlases.append(_baked(mesh, views[number:], levels, unseen, max_size, step))
-    sizes = np.array([atlas.observed.shape[::-1] for atlas in atlases])
-    origins, (width, height) = pack_rectangles(sizes, np.zeros(2, np.int64), max_size)
-    image, flags = np.full((height, width, 3), NEUTRAL, np.float32), np.zeros((height, width), dtype=bool)
-    uv = np.empty((len(mesh.faces), 3, 2))
-    for number, (atlas, size, (x, y)) in enumerate(zip(atlases, sizes, origins, strict=True)):
-        part, own = (slice(y, y + size[1]), slice(x, x + size[0])), first == number
-        image[part], flags[part] = atlas.image, atlas.observed
-        uv[own] = (atlas.uv[own] * size + [x, height - y - size[1]]) / [width, height]
-    separate = sum(atlas.separate_charts for atlas in atlases)
-    return TextureAtlas(uv, image, flags, _counts(seen.max(axis=0)), separate)
-
-
-def _counts(seen_faces: np.ndarray) -> tuple[int, int, int]:
-    nothing, partly, fully = (int((seen_faces == level).sum()) for level in range(3))
-    return nothing, partly, fully
-
-
-def _baked(
-    mesh: TriangleMesh,
-    views: Sequence[SourceView],
-    seen_faces: np.ndarray,
-    unseen: np.ndarray | None,
-    max_size: int,
-    step: Callable[[], None],
-) -> TextureAtlas:
-    """The atlas of the faces that are not elsewhere, in the charts of the first view; the others fill its gaps."""
-    camera, cam_from_model = views[0].camera, views[0].cam_from_model
-    seen = np.flatnonzero((seen_faces > 0) & (seen_faces < _ELSEWHERE))
-    corners, normals = mesh.vertices[mesh.faces[seen]], mesh.face_normals[seen]
-    points_cam = transform_points(cam_from_model, mesh.vertices)[mesh.faces[seen]]
-    charts = affine_charts(points_cam, camera)
-    layer = frame_layer(charts, points_cam[..., 2], seen_faces[seen] == 2, camera)
-    separate = np.flatnonzero(~layer.members)
-    low = np.ceil(charts.texels[separate].min(axis=1) - GUTTER).astype(np.int64)
-    sizes = np.floor(charts.texels[separate].max(axis=1) + GUTTER).astype(np.int64) - low + 1
-    others = np.flatnonzero(seen_faces == 0)
-    across = int(np.ceil(np.sqrt(len(others))))
-    # with colours of their own, faces that the frame did not see have two by two texels each
-    patch = np.full((1, 2), NEUTRAL_PATCH if unseen is None else max(2 * across, NEUTRAL_PATCH))
-    origins, (width, height) = pack_rectangles(np.concatenate([sizes, patch]), layer.size, max_size)
-    texels = charts.texels.copy()
-    texels[layer.members] -= layer.low
-    texels[separate] += (origins[:-1] - low)[:, None]
-
-    def owned_texels() -> Iterator[Samples]:
-        for start in range(0, len(layer.face), BLOCK):
-            part = slice(start, start + BLOCK)
-            face, x, y = layer.face[part], layer.x[part] - layer.low[0], layer.y[part] - layer.low[1]
-            yield Samples(face, x, y, barycentric(texels[face], np.stack([x, y], axis=1)))
-        for samples in rasterise(texels[separate], margin=GUTTER):
-            yield samples._replace(triangle=separate[samples.triangle])
-
-    footprints = points_cam[..., 2] / min(camera.fx, camera.fy)
-    baked = np.full((height, width, 3), NEUTRAL, dtype=np.float32)
-    flags = np.zeros((height, width), dtype=bool)
-    for samples in owned_texels():
-        face, x, y, _ = samples
-        if unseen is not None:
-            weights = np.clip(samples.barycentric, 0, None)
-            weights /= weights.sum(axis=1, keepdims=True)
-            baked[y, x] = np.einsum("nk,nkc->nc", weights, unseen[mesh.faces[seen[face]]])
-        for view in views:
-            step()
-            points, fallback, retry = _surface_points(samples, texels, corners, footprints)
-            good = view.observed(points, normals[face])
-            # where the extended plane leaves the true surface, test the nearest point of the face instead
-            retry = retry[~good[retry]]
-            points[retry] = fallback[retry]
-            step()
-            good[retry] = view.observed(points[retry], normals[face[retry]])
-            good &= ~flags[y, x]
-            pixels, _ = view.project(points[good])
-            inside = among_centres(pixels, view.camera.size_wh)
-            good[good] = inside
-            flags[y[good], x[good]] = True
-            baked[y[good], x[good]] = view.colours(pixels[inside])
-    uv = np.empty((len(mesh.faces), 3, 2))
-    uv[:] = origins[-1] + np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 1.0]])
-    if unseen is not None and len(others):
-        index = np.arange(len(others))
-        place = origins[-1] + 2 * np.stack([index % across, index // across], axis=1)
-        a, b, c = np.moveaxis(unseen[mesh.faces[others]], 1, 0)
-        # linear inside the triangle of the first three
-        for offset, colour in (((0, 0), a), ((1, 0), b), ((0, 1), c), ((1, 1), b + c - a)):
-            x, y = (place + offset).T
-            baked[y, x] = colour
-        uv[others] = place[:, None] + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    uv[seen] = texels
-    uv = (uv + 0.5) / [width, height]
+    frame, bent_px = np.full(len(mesh.faces), -1), 0.0
+    texels, parts, top = np.empty((len(mesh.faces), 3, 2)), list[tuple[np.ndarray, np.ndarray]](), 0
+    for number, view in enumerate(views):
+        left = np.flatnonzero(frame < 0)
+        own = left[seen_faces(mesh, left, view, step)]
+        if len(own) == 0:
+            continue
+        frame[own] = number
+        pixels, depth = (values[mesh.faces[own]] for values in view.project(mesh.vertices))
+        bent_px = max(bent_px, _bend_px(pixels, depth))
+        low = np.maximum(np.floor(pixels.min(axis=(0, 1))).astype(int), 0)
+        high = np.minimum(np.ceil(pixels.max(axis=(0, 1))).astype(int) + 1, view.camera.size_wh)
+        image, surface = (values[low[1] : high[1], low[0] : high[0]] for values in view.continued)
+        texels[own] = pixels - low + [0, top]
+        parts.append((np.where(surface[..., None] > 0, image, np.float32(NEUTRAL)), surface > 0))
+        top += high[1] - low[1]
+    others = np.flatnonzero(frame < 0)
+    patch, texels[others] = _patch(None if unseen is None else unseen[mesh.faces[others]], len(others))
+    texels[others] += [0, top]
+    parts.append((patch, np.zeros(patch.shape[:2], bool)))
+    width, height = max(image.shape[1] for image, _ in parts), top + len(patch)
+    if max(width, height) > max_size:
+        raise InputError(
+            f"texture: expected at most {max_size}x{max_size} texels, found {width}x{height} for {len(views)} frames "
+            f"and {len(others)} faces that none of them saw; use vertex colours, or frames of fewer pixels"
+        )
+    whole, flags = np.full((height, width, 3), NEUTRAL, np.float32), np.zeros((height, width), dtype=bool)
+    row = 0
+    for image, observed in parts:
+        block = slice(row, row + image.shape[0]), slice(0, image.shape[1])
+        whole[block], flags[block] = image, observed
+        row += image.shape[0]
+    uv = (texels + 0.5) / [width, height]
     uv[..., 1] = 1 - uv[..., 1]
-    return TextureAtlas(uv, baked, flags, _counts(seen_faces), len(separate))
+    return TextureAtlas(uv, whole, flags, frame >= 0, bent_px)
 
 
-def _surface_points(
-    samples: Samples, texels: np.ndarray, corners: np.ndarray, footprints: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Surface points of N texels, on the plane of their face, also beyond its edges.
+def _bend_px(pixels: np.ndarray, depth: np.ndarray) -> float:
+    """How far, at most, the middle of an edge projects from the middle of the edge's projection.
 
-    Parameters
-    ----------
-    samples
-        The texels, with indices into the S faces.
-    texels, corners
-        ``(S, 3, 2)`` faces in the atlas, and ``(S, 3, 3)`` in the model frame, mm.
-    footprints
-        ``(S, 3)`` size of a frame pixel at the corners, mm.
-
-    Returns
-    -------
-    ``(N, 3)`` points, ``(N, 3)`` nearest points in the face (valid for gutter texels only), and the indices of the
-    gutter texels.
+    For ends at depths a and b this is \\|b - a\\| / (2 (a + b)) of the edge's length in pixels.
     """
-    points = np.einsum("nk,nkd->nd", samples.barycentric, corners[samples.triangle])
-    nearest = np.zeros_like(points)
-    gutter = np.flatnonzero(samples.least < -1e-9)
-    face = samples.triangle[gutter]
-    inner, distance = nearest_barycentric(texels[face], np.stack([samples.x[gutter], samples.y[gutter]], axis=1))
-    nearest[gutter] = np.einsum("nk,nkd->nd", inner, corners[face])
-    step = points[gutter] - nearest[gutter]
-    length = np.linalg.norm(step, axis=1)
-    longest = MAX_SLOPE * distance * np.maximum((inner * footprints[face]).sum(axis=1), 0)
-    shrink = np.divide(longest, length, out=np.ones_like(length), where=length > longest)
-    points[gutter] = nearest[gutter] + step * shrink[:, None]
-    return points, nearest, gutter
+    other, edge = np.roll(depth, -1, axis=1), np.linalg.norm(np.roll(pixels, -1, axis=1) - pixels, axis=2)
+    return float((edge * np.abs(other - depth) / (2 * (other + depth))).max())
+
+
+def _patch(colours: np.ndarray | None, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Texels of ``count`` faces that no frame saw, and the places ``(count, 3, 2)`` of the faces' corners in them.
+
+    ``colours`` ``(count, 3, 3)`` are those of the corners; ``None``: neutral.
+    """
+    if colours is None or count == 0:
+        patch = np.full((NEUTRAL_PATCH, NEUTRAL_PATCH, 3), NEUTRAL, np.float32)
+        return patch, np.broadcast_to(np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 1.0]]), (count, 3, 2))
+    across = int(np.ceil(np.sqrt(count)))
+    patch = np.full((2 * -(-count // across), 2 * across, 3), NEUTRAL, np.float32)
+    index = np.arange(count)
+    place = 2 * np.stack([index % across, index // across], axis=1)
+    a, b, c = np.moveaxis(colours, 1, 0)
+    # linear inside the triangle of the first three
+    for offset, colour in (((0, 0), a), ((1, 0), b), ((0, 1), c), ((1, 1), b + c - a)):
+        x, y = (place + offset).T
+        patch[y, x] = colour
+    return patch, place[:, None] + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

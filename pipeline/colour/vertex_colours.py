@@ -16,6 +16,9 @@ from .source_view import SourceView
 NEUTRAL = 0.5
 """Code value, 0..1, of surface that the frame did not see, in all three channels."""
 
+OBSERVED_LEAST = 0.9999
+"""If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
+
 
 @dataclass(frozen=True)
 class VertexColours:

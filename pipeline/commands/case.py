@@ -133,11 +133,9 @@ def _frame(arguments: Arguments, output: TextIO) -> "Frame":
 
     path = arguments.frame[0]
     if arguments.frame_number is not None:
-        from ..video.film_reader import read_video_frame, video_info
+        from ..video.film_reader import read_video_frame
 
         pixels = read_video_frame(path, arguments.frame_number)
-        if pale := video_info(path).pale:
-            output.write(f"note: {pale}\n")
         frame = Frame(path, pixels / np.float32(255), np.ones(pixels.shape[:2], np.bool_))
     elif path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")

@@ -26,8 +26,8 @@ EPILOG = """examples:
 The frames are of the case's camera: the same K, or the same proportions, to which K is scaled. Each is accepted,
 doubtful or refused, with the probability that its pose is within 2 degrees, 2 %% of the distance and 5 px of what the
 case's own pose says. DIR gets poses.json (cam_from_mesh of accepted and doubtful frames, with state, reason and
-covariance), bop_estimates.csv (the accepted ones), registration.html and frames.png, on which to check them, and of a
-video overlay.mp4: the overlay is the fainter the less sure its pose is, and what is not accepted is marked.
+covariance), registration.html, on which to check them, and of a video overlay.mp4: the overlay is the fainter the less
+sure its pose is, and what is not accepted is marked.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
 adjustment: a pose of the case that is some degrees off comes back, where the frames determine it. --colour-frames
@@ -119,16 +119,16 @@ def _corrected(frames: Path, loaded: "LoadedCase", output: TextIO) -> "tuple[Loa
 
     case, today = loaded.case, datetime.date.today().isoformat()
     with ShareProgress("of the case's pose", stream=output) as shown:
-        corrected = correct_source(
+        corrected, text = correct_source(
             loaded, frames, tool=f"OneFrame {__version__}, register", date=today, progress=shown.reach
         )
-    output.write(f"{corrected.text}\n")
+    output.write(f"{text}\n")
     if case.frames:
         output.write(
             f"note: the case's {len(case.frames)} further frames keep their poses; if these are from before, take "
             f"them out and choose frames with --colour-frames\n"
         )
-    return corrected.loaded, f"{corrected.text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
+    return corrected, f"{text}\nbefore, in mm: cam_from_mesh = {case.cam_from_mesh.tolist()}"
 
 
 def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "RegistrationEvidence", output: TextIO) -> None:
@@ -141,8 +141,6 @@ def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "Registrat
 
     path = arguments.out / FILM
     with Film(arguments.frames, every=arguments.every, width=WIDEST) as film, writing(path):
-        if film.info.pale:
-            output.write(f"note: {film.info.pale}\n")
         drawing = marked_film(loaded, film, evidence.frames, text_mask)
         with Progress(drawing.count, "frames of the film", stream=output) as shown:
             stream_video(path, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
@@ -151,7 +149,7 @@ def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "Registrat
 def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     """What was found and where it stands, in lines."""
     from ..registration.pose_list import POSES
-    from ..registration.register_case import FILM, PAGE, SHEET
+    from ..registration.register_case import FILM, PAGE
     from ..registration.verdict import ACCEPTED
 
     if evidence.colour is not None:
@@ -164,12 +162,11 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     if evidence.change is not None:
         yield f"note: {evidence.change.words()}"
     if evidence.surface is not None and evidence.surface.words:
-        yield f"note: {evidence.surface.words}: see {out / SHEET}"
+        yield f"note: {evidence.surface.words}: see {out / PAGE}"
     yield from (first.words(last) for first, last in lost[:MOST_REASONS])
     if len(lost) > MOST_REASONS:
         yield f"and {len(lost) - MOST_REASONS} more, see {out / POSES}"
     yield ", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}"
     if evidence.is_film:
         yield f"the film with the overlay: {out / FILM}"
-    yield f"some frames with the surface at their poses: {out / SHEET}"
     yield f"all frames on one page, to look at in a browser: {out / PAGE}"

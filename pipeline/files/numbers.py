@@ -59,14 +59,6 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
-_NO_NUMBER = re.compile(rb"-?1\.#(?:ind|qnan|snan|inf)\w*|-?nan\(\w*\)", re.IGNORECASE)
-
-
-def with_nan(text: bytes) -> bytes:
-    """A text with ``nan`` for what Microsoft's C library writes for no number, such as ``-1.#IND``."""
-    return _NO_NUMBER.sub(b"nan", text) if b"1.#" in text or b"nan(" in text else text
-
-
 def parsed_numbers(text: bytes, dtype: type[np.float64] | type[np.int64]) -> np.ndarray | None:
     """``(N,)`` numbers separated by white space; ``None`` if the text holds anything else."""
     text = text.strip()

@@ -96,8 +96,6 @@ def opened_film(
             messages.append(f"{video.name}: {size_wh[0]}x{size_wh[1]} px, the K of {width}x{height} is scaled to it")
         if film.info.cut_off:
             messages.append(f"{video.name}: {film.info.cut_off}")
-        if film.info.pale:
-            messages.append(f"{video.name}: {film.info.pale}")
         yield film, found, messages
 
 

@@ -1,7 +1,7 @@
 """Rasterise many 2D triangles as spans: the runs of pixel centres that each triangle covers in each row.
 
 A centre belongs to the triangle that it would lie in if it were moved right by an infinitesimal and down by a smaller
-one, as in :mod:`oneframe.projection.rasteriser`. Where an edge crosses a row is computed from its upper to its lower
+one. Where an edge crosses a row is computed from its upper to its lower
 end, so two triangles that share the edge get the same number and share no pixel and leave none out. A pixel can only
 be wrong if its centre lies on an edge within rounding.
 

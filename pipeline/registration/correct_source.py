@@ -6,7 +6,6 @@ poses are found together, as in bundle adjustment (Triggs et al. 2000) with poin
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,25 +49,9 @@ LEAST_BEND = 0.2
 """Below it, most pixels are outliers, and the formula for the covariance does not hold."""
 
 
-@dataclass(frozen=True)
-class CorrectedSource:
-    """A case whose pose was corrected.
-
-    Attributes
-    ----------
-    loaded
-        With the new pose and its record.
-    text
-        What has moved, and how sure it is, in one sentence.
-    """
-
-    loaded: LoadedCase
-    text: str
-
-
 def correct_source(
     loaded: LoadedCase, folder_or_video: Path, *, tool: str, date: str, progress: Callable[[float], None]
-) -> CorrectedSource:
+) -> tuple[LoadedCase, str]:
     """Correct the pose of a case by frames of a folder or a video, spread evenly over it.
 
     Parameters
@@ -81,6 +64,10 @@ def correct_source(
         For the record in the case.
     progress
         Called with the finished share, 0..1.
+
+    Returns
+    -------
+    The case with the new pose and its record, and in one sentence what has moved, and how sure it is.
     """
     registrar, reader, name = Registrar(loaded), FrameReader(loaded.case), folder_or_video.name
     with reader.opened(folder_or_video) as opened:
@@ -116,7 +103,7 @@ def correct_source(
         f"{len(fit.frames)} further frames; if the surface is right, it is off by about "
         f"{format_two_digits(error_px)} px, least certain: {uncertainty.weakest}"
     )
-    return CorrectedSource(corrected.posed(corrected.case.cam_from_mesh, record), text)
+    return corrected.posed(corrected.case.cam_from_mesh, record), text
 
 
 def _settled(

@@ -78,7 +78,7 @@ class FrameReader:
             if not paths:
                 raise InputError(f"{folder_or_video}: expected images ({', '.join(IMAGES)}) or a video, found none")
             chosen = list(enumerate(paths))[::every]
-            yield OpenedFrames(len(chosen), (self._of_image(number, path) for number, path in chosen))
+            yield OpenedFrames(len(chosen), (self.image(number, path) for number, path in chosen))
             return
         with Film(folder_or_video, every=every, width=self.camera.width) as film:
             self._case.camera.for_images(film.info.size_wh, folder_or_video.name)
@@ -93,7 +93,8 @@ class FrameReader:
         rest = range(due, film.info.frames * every, every)
         yield from (self._unusable("", number, film.problem(number)) for number in rest)
 
-    def _of_image(self, number: int, path: Path) -> FurtherFrame:
+    def image(self, number: int, path: Path) -> FurtherFrame:
+        """Read an image."""
         try:
             image, valid = read_image(path, path.name)
             self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)

@@ -1,10 +1,8 @@
-"""Lists of photographs with poses, in JSON: of registered frames, beside BOP's table of estimates; and read."""
+"""Lists of photographs with poses, in JSON: of registered frames; and read."""
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +20,11 @@ from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ..transforms import checked_rigid, inverse_rigid
-from .further_frames import FrameReader, evenly, frame_files, image_paths, small_frame
+from .further_frames import FrameReader, evenly, small_frame
 from .register import RegisteredFrame, accepted_poses
 from .verdict import ACCEPTED, Verdict
 
-POSES, ESTIMATES = "poses.json", "bop_estimates.csv"
+POSES = "poses.json"
 DISTORTION, CHANGED = "distortion", "changed"
 """Keys of an entry: in a list of photographs; of frames in which a film no longer shows what the case's frame shows."""
 MOST_ACCEPTED = 12
@@ -122,33 +120,28 @@ def encoded_list(entries: Sequence[Mapping[str, object]]) -> bytes:
     return text.encode(errors="backslashreplace")
 
 
-def encoded_estimates(entries: Sequence[Mapping[str, Any]], mm_per_unit: float) -> bytes:
-    """BOP's estimates (Hodaň et al. 2018): the accepted poses, in mm, with their probability as the score."""
-    table = io.StringIO()
-    writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(("scene_id", "im_id", "obj_id", "score", "R", "t", "time"))
-    for entry in entries:
-        if entry[POSE_KEY] is None or entry["state"] != ACCEPTED:
-            continue
-        pose = np.array(entry[POSE_KEY])
-        rotation, position = (
-            " ".join(f"{value:.9g}" for value in values.ravel()) for values in (pose[:3, :3], mm_per_unit * pose[:3, 3])
-        )
-        writer.writerow((1, entry["frame"], 1, entry["probability"], rotation, position, -1))
-    return table.getvalue().encode()
-
-
 @dataclass(frozen=True)
 class AcceptedFrames:
-    """The poses ``cam_from_model``, mm, of accepted frames by number, and their folder of images or video."""
+    """Accepted frames of a video, or images.
+
+    Attributes
+    ----------
+    poses
+        Number of a frame -> ``cam_from_model`` ``(4, 4)``, mm.
+    video
+        The film.
+    images
+        Number of a frame -> its image, instead.
+    """
 
     poses: Mapping[int, np.ndarray]
-    images: Path
+    video: Path | None = None
+    images: Mapping[int, Path] = field(default_factory=dict)
 
     @property
     def files(self) -> dict[str, Path]:
         """All that is read of the frames, by what it is."""
-        return frame_files(self.images)
+        return {"video": self.video} if self.video else {f"image {each.name}": each for each in self.images.values()}
 
 
 def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> AcceptedFrames:
@@ -158,7 +151,7 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
     try:
         entries: Any = parsed_json(content, str(path))
         registered = registered_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
-        names = {int(entry["frame"]): Path(entry["image"]) for entry in entries if entry.get("image")}
+        images = {int(entry["frame"]): path.parent / entry["image"] for entry in entries if entry.get("image")}
     except (InputError, AttributeError, KeyError, TypeError, ValueError):
         raise InputError(
             f"{path}: expected the poses that oneframe register writes, found something else; name the folder that it "
@@ -167,21 +160,16 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
     poses = accepted_poses(registered)
     if not poses:
         raise InputError(f"{path}: expected accepted frames, found none among {len(registered)}")
-    if video is None and not poses.keys() <= names.keys():
+    if video is None and not poses.keys() <= images.keys():
         raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
-    if video is not None and names:
+    if video is not None and images:
         raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
-    if video is not None:
-        return AcceptedFrames(poses, video)
-    images = path.parent / names[min(names)].parent
-    # an image that was added or removed since changes the numbers of others
-    numbers = {each.name: number for number, each in enumerate(image_paths(images) if images.is_dir() else ())}
-    if missing := [names[number].name for number in poses if names[number].name not in numbers]:
+    if missing := [images[number] for number in poses if images and not images[number].is_file()]:
         raise InputError(
-            f"{images}: expected the images that were registered, {missing[0]} is not there; bring it back, or "
-            "register the others again"
+            f"{missing[0].parent}: expected the images that were registered, {missing[0].name} is not there; bring it "
+            "back, or register the others again"
         )
-    return AcceptedFrames({numbers[names[number].name]: pose for number, pose in poses.items()}, images)
+    return AcceptedFrames(poses, video, {number: images[number] for number in poses if images})
 
 
 def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[PosedFrame]:
@@ -189,13 +177,17 @@ def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[Po
     frames = [small_frame(frame) for frame in loaded.frames]
     if accepted is None:
         return frames
-    chosen, reader = set(evenly(sorted(accepted.poses), MOST_ACCEPTED)), FrameReader(loaded.case)
-    with reader.opened(accepted.images) as opened:
-        return frames + [
-            PosedFrame(frame.image.astype(np.float32) / 255, frame.valid, reader.camera, accepted.poses[frame.number])
-            for frame in opened.frames
-            if frame.number in chosen and not frame.problem
-        ]
+    chosen, reader = evenly(sorted(accepted.poses), MOST_ACCEPTED), FrameReader(loaded.case)
+    if accepted.video is None:
+        further = [reader.image(number, accepted.images[number]) for number in chosen]
+    else:
+        with reader.opened(accepted.video) as opened:
+            further = [frame for frame in opened.frames if frame.number in chosen]
+    return frames + [
+        PosedFrame(frame.image.astype(np.float32) / 255, frame.valid, reader.camera, accepted.poses[frame.number])
+        for frame in further
+        if not frame.problem
+    ]
 
 
 def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:

@@ -88,20 +88,20 @@ class Registrar:
         self._own = None if own is None else own.about(self.pivot_model, self.cam_from_model)
         self._before: tuple[np.ndarray, ...] = ()
 
-    def register(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
-        """Register the next frame, from a pose ``(4, 4)`` that may be near; that of a video from those before.
+    def register(self, frame: FurtherFrame) -> RegisteredFrame:
+        """Register the next frame, that of a video from those before.
 
         What the surface and the case's own pose are off is included; whether the frame is zoomed, the others of its set
         tell: :func:`.judged_together`.
         """
-        registered = self.register_alone(frame, near)
+        registered = self.register_alone(frame)
         if registered.fit is None:
             return registered
         registered = replace(registered, zoom=zoom_of(registered.fit, self.pivot_model))
         return with_case(registered, self._own, self.cam_from_model, self.camera)
 
     def register_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
-        """Register a frame as if the case's pose and the focal length were certain."""
+        """Register a frame as if the case's pose were certain, from a pose ``(4, 4)`` that may be near."""
         if frame.problem:
             self._before = ()
             return RegisteredFrame(Verdict(REFUSED, 0.0, frame.problem))

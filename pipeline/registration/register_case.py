@@ -16,29 +16,26 @@ from ..case.pose_record import PoseRecord
 from ..errors import InputError
 from ..files.content import content_named
 from ..files.outputs import write_output, writing
-from ..images.contact_sheet import contact_sheet
-from ..images.legend import Write, put_border
+from ..images.legend import Write
 from ..images.overlay import draw_overlay
-from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..transforms import inverse_rigid
 from ..video.film_reader import Film
 from .colour_sources import ColourChoice, chosen_sources
 from .further_frames import FurtherFrame, image_paths
-from .pose_list import DISTORTION, ESTIMATES, POSES, encoded_estimates, encoded_list, pose_entry
+from .pose_list import DISTORTION, POSES, encoded_list, pose_entry
 from .register import RegisteredFrame, Registrar, RegistrationRun, accepted_poses, marked
 from .surface_check import SurfaceCheck
 from .verdict import ACCEPTED, COLOURS, DOUBTFUL, REFUSED, WITHIN_PX, FilmChange, Verdict
 
-SHEET, FILM, PAGE, CASE = "frames.png", "overlay.mp4", "registration.html", "case.toml"
+FILM, PAGE, CASE = "overlay.mp4", "registration.html", "case.toml"
 FRAME = "frame_{:06d}.png"
 """Name of a film's frame that is written; :func:`.content_named` then."""
 HISTORY = history_path(Path(CASE)).name
-FILES = (POSES, ESTIMATES, SHEET, FILM, PAGE, CASE)
+FILES = (POSES, FILM, PAGE, CASE)
 NAMES = "|".join([*map(re.escape, (*FILES, HISTORY)), r"frame_\d+-[0-9a-f]{8}\.png"])
 """Regular expression of the files that the folder may hold."""
-SHEET_FRAMES, COLUMNS, TILE_PX = 24, 4, 320
 PICTURES, PICTURE_PX, WEBP = 240, 480, 75
 """How many frames have a picture as evidence, of all and where the state changes, and its width and quality."""
 STRUCTURE_POINTS = 200
@@ -95,8 +92,8 @@ class RegistrationEvidence:
     ----------
     frames
         In their order.
-    size_wh
-        Of the frames as they were registered.
+    image
+        ``(H, W, 3)`` the case's frame as it was registered, 0..1.
     alignment
         The record of the case's pose.
     is_film
@@ -112,7 +109,7 @@ class RegistrationEvidence:
     """
 
     frames: tuple[FrameEvidence, ...]
-    size_wh: tuple[int, int]
+    image: np.ndarray
     alignment: PoseRecord
     is_film: bool
     change: FilmChange | None = None
@@ -150,7 +147,7 @@ def register_case(
     colour_frames: int = 0,
     progress: Callable[[float], None],
 ) -> RegistrationEvidence:
-    """Register all frames of a folder or a video, and write their poses and a sheet of the frames into a folder.
+    """Register all frames of a folder or a video, and write their poses into a folder.
 
     Parameters
     ----------
@@ -195,18 +192,15 @@ def register_case(
         FrameEvidence(name, number, judged[number], pictures.displaced_px(judged[number]), pictures.webp.get(place))
         for place, (number, name) in enumerate(names.items())
     )
-    surface = run.check_surface(judged)
-    doubt = [surface.picture(registrar.source.image)] if surface is not None and surface.words else []
     _write_lists(loaded, frames, out, evidence)
-    write_output(out / SHEET, pictures.sheet(evidence, doubt))
     poses, choice = accepted_poses(judged), None
     if colour_frames:
         candidates = [(each, poses[each.number]) for each in run.accepted(judged)]
         choice = chosen_sources(registrar.mesh, registrar.source, candidates, colour_frames)
     sources = _sources(loaded, frames, out, {number: poses[number] for number in choice.numbers} if choice else {})
     return RegistrationEvidence(
-        evidence, registrar.camera.size_wh, loaded.case.alignment, is_film, change, surface, opened.cut_off,
-        choice, sources,
+        evidence, registrar.source.image, loaded.case.alignment, is_film, change, run.check_surface(judged),
+        opened.cut_off, choice, sources,
     )  # fmt: skip
 
 
@@ -231,11 +225,10 @@ def _write_lists(loaded: LoadedCase, frames: Path, out: Path, evidence: Sequence
         entry = pose_entry(image, each.number, each.registered, surface.mesh_from_model, mm_per_unit)
         lens = {DISTORTION: astuple(loaded.case.distortion)} if image and loaded.case.distortion is not None else {}
         entries.append(entry | lens)
-    for name in (ESTIMATES, SHEET, FILM, PAGE):
+    for name in (FILM, PAGE):
         with writing(out / name):
             (out / name).unlink(missing_ok=True)
     write_output(out / POSES, encoded_list(entries))
-    write_output(out / ESTIMATES, encoded_estimates(entries, mm_per_unit))
 
 
 def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np.ndarray]) -> tuple[UnreadFrame, ...]:
@@ -267,7 +260,7 @@ def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np
 
 
 class _Pictures:
-    """Draws pictures of frames as evidence, and a sheet of some of them.
+    """Draws pictures of frames as evidence.
 
     Attributes
     ----------
@@ -277,8 +270,7 @@ class _Pictures:
 
     def __init__(self, registrar: Registrar, count: int) -> None:
         self._scene, self._camera = overlay_scene(registrar.loaded), registrar.camera
-        self._sheet_every, self._every = -(-count // SHEET_FRAMES), -(-count // PICTURES)
-        self._tiles, self._spare, self._state = dict[int, np.ndarray](), PICTURES, ""
+        self._every, self._spare, self._state = -(-count // PICTURES), PICTURES, ""
         self.webp = dict[int, bytes]()
         meshes = [mesh.vertices for _, mesh in registrar.loaded.surface.structures]
         some = [each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes]
@@ -295,24 +287,15 @@ class _Pictures:
     def add(self, place: int, frame: FurtherFrame, registered: RegisteredFrame) -> None:
         """Draw the frame at this place, if it is one of those that are kept."""
         state = registered.verdict.state
-        in_sheet, changed = place % self._sheet_every == 0, self._spare > 0 and state != self._state
+        changed = self._spare > 0 and state != self._state
         self._state = state
-        if not (in_sheet or changed or place % self._every == 0):
+        if not changed and place % self._every:
             return
         self._spare -= changed
         tile, pose = frame.image.copy(), registered.cam_from_model
         if pose is not None:
             surface = self._scene.surface_layer(self._camera, pose)
             tile = draw_overlay(tile, surface, self._scene.layers(self._camera, pose))
-        if in_sheet:
-            self._tiles[place] = tile
         size_wh = PICTURE_PX, round(PICTURE_PX * tile.shape[0] / tile.shape[1])
         small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
         self.webp[place] = cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
-
-    def sheet(self, evidence: Sequence[FrameEvidence], further: Sequence[np.ndarray]) -> bytes:
-        """The sheet as PNG, with the state of each frame as its border, and further ``(H, W, 3)`` tiles, 0..1."""
-        for place, tile in self._tiles.items():
-            put_border(tile, COLOURS[evidence[place].verdict.state])
-        shown = [tile.astype(np.float32) / 255 for tile in self._tiles.values()]
-        return encode_png(to_uint8(contact_sheet([*shown, *further], columns=COLUMNS, tile_width=TILE_PX)))

@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from ..files.numbers import format_two_digits
+from ..images.pixel_values import to_uint8
 from ..registration.register_case import FrameEvidence, RegistrationEvidence
 from ..registration.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
 from ..registration.verdict import COLOURS, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
-from .page import Column, Item, html_page, lines_of
+from .page import Column, Item, html_page, lines_of, picture_of, webp
 
 COLUMNS = (
     Column("state_word", "State", "whether the pose is accepted"),
@@ -17,6 +18,7 @@ COLUMNS = (
     Column("rotation_deg", "Rotation", "standard deviation about the least certain axis", 2, "°"),
     Column("position_mm", "Position", "standard deviation along the least certain axis", 2, " mm"),
 )
+PICTURE_PX, QUALITY = 900, 80
 
 
 def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
@@ -24,7 +26,7 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
 
     It names neither the case nor the frames: such names may be those of patients.
     """
-    frames, (width, height), counts = evidence.frames, evidence.size_wh, evidence.counts
+    frames, (height, width, _), counts = evidence.frames, evidence.image.shape, evidence.counts
     facts = [f"{len(frames)} frames{' of a video' if evidence.is_film else ''}"]
     facts += [f"{counts[state]} {state}" for state in COLOURS]
     facts += [
@@ -32,6 +34,10 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         f"right means within {WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
     ]
     sections = [("Where it may be wrong", lines_of(_limits(evidence)))]
+    if evidence.surface is not None and evidence.surface.words:
+        picture = to_uint8(evidence.surface.picture(evidence.image))[..., ::-1]
+        about = "Where the surface is probably wrong: red is nearer to the lens, blue farther"
+        sections.append((about, picture_of(webp(picture, PICTURE_PX, QUALITY), "The case's frame")))
     if evidence.lost:
         sections.append(("Frames that are not accepted", lines_of(_reasons(evidence))))
     if evidence.colour is not None:
@@ -70,7 +76,7 @@ def _doubt_of_surface(check: SurfaceCheck | None) -> str:
             f"{LEAST_ANGLE_DEG:g}°."
         )
     if check.words:
-        return f"{check.words[:1].upper()}{check.words[1:]}: so are depths and colours there. See frames.png."
+        return f"{check.words[:1].upper()}{check.words[1:]}: so are depths and colours there."
     told = np.isfinite(check.off_mm).mean()
     return f"The surface is where {check.frames} frames see it, as far as they tell: of {told:.0%} of the case's frame."
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import read_beginning, read_content
-from ..files.numbers import first_wrong_word, parsed_numbers, with_nan
 from .mesh import MOST_FACES, TriangleMesh, checked_mesh, distinct_points
 from .obj_reader import read_obj
 from .ply_reader import read_ply
@@ -68,7 +67,7 @@ def read_mesh(path: Path, *, like: Path | None = None) -> tuple[TriangleMesh, li
                 f"{path.name}: expected up to {MOST_FACES:,} triangles, of polygons with up to {MOST_CORNERS:,} "
                 f"corners, found {triangles:,} and {lengths.max():,}; decimate the mesh"
             )
-        mesh, dropped = checked_mesh(vertices, triangulated(vertices, lengths, corners), path.name)
+        mesh, dropped = checked_mesh(vertices, triangulated(vertices, lengths, corners, path.name), path.name)
     mesh, turned = consistent_winding(mesh, path.name)
     messages = messages + dropped + turned
     space = stated_space(path)
@@ -87,9 +86,7 @@ def stated_space(path: Path) -> str | None:
 # --- STL
 
 
-_STL_WORDS = re.compile(
-    rb"^[ \t]*(?:end)?solid\b[^\n]*|\b(?:facet[ \t]+normal|outer[ \t]+loop|vertex|endloop|endfacet)\b", re.MULTILINE
-)
+_STL_CORNER = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 
 def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
@@ -121,28 +118,18 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 def _stl_text_points(data: bytes, where: str) -> np.ndarray:
     """``(F, 3, 3)`` corners of the facets of a text STL; several solids in one file become one mesh."""
-    text = with_nan(data).lower().replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if not re.match(rb"[ \t]*endsolid\b", text.rstrip().rpartition(b"\n")[2]) or b"\0" in data:
+    text = data.lower()
+    facets, corners = len(re.findall(rb"\bendfacet\b", text)), _STL_CORNER.findall(text)
+    last = text.rstrip().rpartition(b"\n")[2].rpartition(b"\r")[2]
+    if not last.lstrip().startswith(b"endsolid") or b"\0" in data or len(corners) != 3 * facets:
         raise InputError(
-            f"{where}: expected 'endsolid' in the last line, found the end of the file after {len(data):,} bytes; "
-            "it is truncated: copy or export it again"
+            f"{where}: expected facets of three corners and 'endsolid' in the last line, found {facets:,} facets and "
+            f"{len(corners):,} corners; the file is truncated or corrupt: copy or export it again"
         )
-    rest = _STL_WORDS.sub(b" ", text)
-    numbers = parsed_numbers(rest, np.float64)
-    if numbers is None:
-        line, word = first_wrong_word(rest, np.float64)
-        raise InputError(
-            f"{where}: line {line + 1}: expected facets of numbers, found {word!r}; "
-            "the file is corrupt: copy or export it again"
-        )
-    facets = text.count(b"endfacet")
-    if len(numbers) != 12 * facets:
-        raise InputError(
-            f"{where}: expected 12 numbers in each of {facets:,} facets, found {len(numbers):,}; "
-            "the file is corrupt: copy or export it again"
-        )
-    # the first three are the normal
-    return numbers.reshape(-1, 4, 3)[:, 1:]
+    try:
+        return np.array(corners, np.bytes_).astype(np.float64).reshape(-1, 3, 3)
+    except ValueError as error:
+        raise InputError(f"{where}: expected corners of numbers ({error}); copy or export it again") from None
 
 
 _READERS = {".ply": read_ply, ".obj": read_obj, ".stl": _read_stl}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings, with_nan
+from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
 from .mesh import MOST_FACES
 
 _TYPES = {
@@ -72,7 +72,7 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
     size = f"{len(data):,} bytes"
     if order == "ascii":
         messages += unfinished_warnings(data, where)
-        text = with_nan(data[start:])
+        text = data[start:]
         numbers = parsed_numbers(text, np.float64)
         if numbers is None:
             line, word = first_wrong_word(text, np.float64)
@@ -162,76 +162,64 @@ def _columns(
     if element.count == 0 or not element.properties:
         none = np.empty(0, np.int64)
         return {p.name: _Column(none, None if p.length is None else none) for p in element.properties}, start
-    offsets, lengths, stop = _walk_lists(data, start, element, 1, where, size)
-    stride = stop - start
-    uniform = start + stride * element.count <= len(data)
-    columns: dict[str, _Column] = {}
-    if uniform:  # strided views with the layout of the first row; valid if all lists have the same length
-        for prop, (offset,), (length,) in zip(element.properties, offsets, lengths, strict=True):
-            shape, strides = (element.count, length), (stride, prop.item.itemsize)
-            values: np.ndarray = np.ndarray(shape, prop.item, data, offset, strides)
-            if prop.length is None:
-                columns.setdefault(prop.name, _Column(values[:, 0]))
-                continue
-            counts: np.ndarray = np.ndarray(element.count, prop.length, data, offset - prop.length.itemsize, stride)
-            uniform = uniform and bool((counts == length).all())
-            columns.setdefault(prop.name, _Column(values.ravel(), np.full(element.count, length)))
-    if uniform:
-        return columns, start + stride * element.count
-    if all(prop.length is None for prop in element.properties):
-        raise _truncated(element, (len(data) - start) // stride, where, size)
+    found, stop = _walked(data, start, element, 1, where, size)
+    # as if all rows had the layout of the first
+    fields: list[tuple] = []
+    for number, (prop, (_, lengths)) in enumerate(zip(element.properties, found, strict=True)):
+        if prop.length is not None:
+            fields.append((f"length {number}", prop.length))
+        fields.append((f"values {number}", prop.item, (lengths[0],)))
+    end = start + (stop - start) * element.count
+    if end <= len(data):
+        rows = np.frombuffer(data, np.dtype(fields), element.count, start)
+        if all((rows[name] == rows[name][0]).all() for name, *_ in fields if name.startswith("length")):
+            columns: dict[str, _Column] = {}
+            for number, (prop, (_, lengths)) in enumerate(zip(element.properties, found, strict=True)):
+                counts = None if prop.length is None else np.full(element.count, lengths[0])
+                columns.setdefault(prop.name, _Column(rows[f"values {number}"].ravel(), counts))
+            return columns, end
+    elif all(prop.length is None for prop in element.properties):
+        raise _truncated(element, (len(data) - start) // (stop - start), where, size)
     if element.count > MOST_UNEVEN_ROWS:
         raise InputError(
             f"{where}: expected lists of one length in {element.count:,} rows of element '{element.name[:30]}', found "
             "several; triangulate the mesh"
         )
-    offsets, lengths, stop = _walk_lists(data, start, element, element.count, where, size)
+    found, stop = _walked(data, start, element, element.count, where, size)
     columns = {}
-    for prop, row_offsets, row_lengths in zip(element.properties, offsets, lengths, strict=True):
-        count = np.array(row_lengths)
-        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        first = np.repeat(np.array(row_offsets), count) + within * prop.item.itemsize
-        # a value that begins at each byte
-        anywhere: np.ndarray = np.ndarray(max(len(data) - prop.item.itemsize + 1, 0), prop.item, data, 0, (1,))
-        values = anywhere[first]
-        columns.setdefault(prop.name, _Column(values, None if prop.length is None else count))
+    for prop, (values, lengths) in zip(element.properties, found, strict=True):
+        columns.setdefault(prop.name, _Column(np.array(values), None if prop.length is None else np.array(lengths)))
     return columns, stop
 
 
-def _walk_lists(
+def _walked(
     data: bytes | memoryview, position: int, element: _Element, rows: int, where: str, size: str
-) -> "tuple[list[array[int]], list[array[int]], int]":  # in quotes: Python 3.11 cannot evaluate it
-    """Follow the lists of the first ``rows`` rows: offsets and numbers of values per property, and the end."""
-    offsets = [array("q") for _ in element.properties]
-    lengths = [array("q") for _ in element.properties]
-    layout = []
-    for prop, row_offsets, row_lengths in zip(element.properties, offsets, lengths, strict=True):
-        unpack, length_size = None, 0
-        if prop.length is not None:
-            # struct and numpy agree on the letters of these types
-            unpack = struct.Struct(prop.length.str[0].replace("|", "<") + prop.length.char).unpack_from
-            length_size = prop.length.itemsize
-        layout.append((unpack, length_size, prop.item.itemsize, row_offsets, row_lengths))
+) -> "tuple[list[tuple[array[float], array[int]]], int]":  # in quotes: Python 3.11 cannot evaluate it
+    """Values, and numbers of values, of each property in the first ``rows`` rows; and where these end."""
+    found = [(array("d"), array("q")) for _ in element.properties]
     for row in range(rows):
-        for unpack, length_size, item_size, row_offsets, row_lengths in layout:
-            length = 1
-            if unpack:
-                if position + length_size > len(data):
-                    raise _truncated(element, row, where, size)
-                (length,) = unpack(data, position)
-                if not 0 <= length <= 2**32 or length != int(length):
-                    raise InputError(
-                        f"{where}: expected the length of a list in row {row} of element '{element.name}', "
-                        f"found {length}; the file is corrupt: export it again"
-                    )
-                length = int(length)
-                position += length_size
-            row_offsets.append(position)
-            row_lengths.append(length)
-            position += length * item_size
-        if position > len(data):
-            raise _truncated(element, row, where, size)
-    return offsets, lengths, position
+        for prop, (values, lengths) in zip(element.properties, found, strict=True):
+            try:
+                length = 1
+                if prop.length is not None:
+                    (length,) = struct.unpack_from(_code(prop.length, 1), data, position)
+                    position += prop.length.itemsize
+                    if not 0 <= length <= 2**32 or length != int(length):
+                        raise InputError(
+                            f"{where}: expected the length of a list in row {row} of element '{element.name}', "
+                            f"found {length}; the file is corrupt: export it again"
+                        )
+                values.extend(struct.unpack_from(_code(prop.item, int(length)), data, position))
+            except struct.error:
+                raise _truncated(element, row, where, size) from None
+            lengths.append(int(length))
+            position += int(length) * prop.item.itemsize
+    return found, position
+
+
+def _code(dtype: np.dtype, count: int) -> str:
+    # struct and numpy agree on the letters of these types
+    return f"{dtype.str[0].replace('|', '<')}{count}{dtype.char}"
 
 
 def _truncated(element: _Element, rows: int, where: str, size: str) -> InputError:

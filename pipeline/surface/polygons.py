@@ -1,6 +1,8 @@
-"""Split polygons into triangles: convex ones as fans, others so that no triangle leaves the polygon."""
+"""Split polygons into triangles: fans that do not leave the polygon."""
 
 import numpy as np
+
+from ..errors import InputError
 
 _BLOCK = 1 << 18
 """Polygons that are computed at a time, which bounds the memory that it takes."""
@@ -9,11 +11,11 @@ _STRAIGHT = 1e-9
 """A corner turns inwards if it does so by more than this part of the polygon's area: less is rounding."""
 
 
-def triangulated(vertices: np.ndarray, lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def triangulated(vertices: np.ndarray, lengths: np.ndarray, corners: np.ndarray, where: str) -> np.ndarray:
     """Split polygons.
 
     Convex ones become fans around their first corner. A polygon with one corner that turns inwards is seen whole from
-    that corner and becomes a fan around it; with more, ears are cut off (Meisters 1975).
+    that corner and becomes a fan around it; one with more is refused, but for quadrilaterals, which cross themselves.
 
     Parameters
     ----------
@@ -21,6 +23,8 @@ def triangulated(vertices: np.ndarray, lengths: np.ndarray, corners: np.ndarray)
         ``(V, 3)``, finite or not.
     lengths, corners
         ``(P,)`` corners of each polygon; ``(sum,)`` their vertices, which may be out of range: then all are fans.
+    where
+        Names the file in messages.
 
     Returns
     -------
@@ -39,11 +43,13 @@ def triangulated(vertices: np.ndarray, lengths: np.ndarray, corners: np.ndarray)
     parts = []
     for at in range(0, len(lengths), _BLOCK):
         count, begin = lengths[at : at + _BLOCK], starts[at : at + _BLOCK]
-        parts.append(corners[_triangle_places(vertices, shape_of, begin, count)])
+        parts.append(corners[_triangle_places(vertices, shape_of, begin, count, where)])
     return np.concatenate(parts) if parts else np.empty((0, 3), corners.dtype)
 
 
-def _triangle_places(vertices: np.ndarray, corners: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+def _triangle_places(
+    vertices: np.ndarray, corners: np.ndarray, starts: np.ndarray, lengths: np.ndarray, where: str
+) -> np.ndarray:
     """``(F, 3)`` places in ``corners`` of the triangles of polygons that begin at ``starts``."""
     polygon = np.repeat(np.arange(len(lengths)), lengths)
     within = np.arange(len(polygon)) - (np.cumsum(lengths) - lengths)[polygon]
@@ -55,6 +61,11 @@ def _triangle_places(vertices: np.ndarray, corners: np.ndarray, starts: np.ndarr
     turns = (np.cross(here - before, after - here) * normals[polygon]).sum(axis=1)
     inward = turns < -_STRAIGHT * (normals**2).sum(axis=1)[polygon]
     inwards = np.add.reduceat(inward.astype(np.int64), begins)
+    if ((inwards > 1) & (lengths > 4)).any():
+        raise InputError(
+            f"{where}: expected polygons with up to one corner that turns inwards, found others; triangulate the mesh, "
+            "for example in Blender (Ctrl T)"
+        )
     hub = np.zeros(len(lengths), np.int64)
     single = inward & (inwards == 1)[polygon]
     hub[polygon[single]] = within[single]
@@ -64,43 +75,4 @@ def _triangle_places(vertices: np.ndarray, corners: np.ndarray, starts: np.ndarr
     step = np.arange(len(owner)) - first_triangle[owner]
     order = np.stack([np.zeros_like(step), step + 1, step + 2], axis=1) + hub[owner, None]
     places = starts[owner, None] + order % lengths[owner, None]
-    # a quadrilateral with two crosses itself
-    for index in np.flatnonzero((inwards > 1) & (lengths > 4)):
-        cut = _ears(here[begins[index] : begins[index] + lengths[index]], normals[index])
-        places[first_triangle[index] :][: len(cut)] = starts[index] + cut
     return places
-
-
-def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """``(N - 2, 3)`` triangles of a polygon ``(N, 3)`` whose area and side are those of ``normal``."""
-    # flattened along the longest axis of the normal, counter-clockwise
-    axis = int(np.argmax(np.abs(normal)))
-    flat = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
-    flat = flat if normal[axis] > 0 else flat[:, ::-1]
-    x, y = flat.T.tolist()
-    left = list(range(len(points)))
-    ears: list[tuple[int, int, int]] = []
-    at, tried = 0, 0
-    while len(left) > 3 and tried < len(left):
-        a, b, c = corners = left[at - 1], left[at], left[(at + 1) % len(left)]
-        turns_out = (x[b] - x[a]) * (y[c] - y[b]) > (y[b] - y[a]) * (x[c] - x[b])
-        if turns_out and not _holds_a_point(flat[list(corners)], flat[left]):
-            ears.append(corners)
-            del left[at]
-            # the next ear is often beside the last one
-            at, tried = at - 1, 0
-        else:
-            at, tried = at + 1, tried + 1
-        at %= len(left)
-    # what crosses itself has no ears left
-    ears += [(left[0], left[step], left[step + 1]) for step in range(1, len(left) - 1)]
-    return np.array(ears)
-
-
-def _holds_a_point(triangle: np.ndarray, points: np.ndarray) -> bool:
-    """Whether another of the points than the corners lies in a triangle or on its sides."""
-    edges = np.roll(triangle, -1, axis=0) - triangle
-    to = points[:, None, :] - triangle
-    sides = edges[:, 0] * to[..., 1] - edges[:, 1] * to[..., 0]
-    is_corner = (to == 0).all(axis=2).any(axis=1)
-    return bool(((sides >= 0).all(axis=1) & ~is_corner).any())

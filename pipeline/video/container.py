@@ -29,6 +29,9 @@ _CONTAINERS = (
 _NO_FILM = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition.still_image
 """Streams of pictures that no player shows as a film: a cover, above all."""
 
+_HDR_TRANSFERS = (16, 18)
+"""FFmpeg's AVCOL_TRC_SMPTE2084 (PQ) and AVCOL_TRC_ARIB_STD_B67 (HLG)."""
+
 _MOST_ERRORS = 100
 """Errors after which a damaged container is read no further."""
 
@@ -56,6 +59,11 @@ def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
                 raise InputError(
                     f"{path.name}: expected frames of at most {LARGEST_FRAME / 1e6:.1f} million pixels, found "
                     f"{stream.width}x{stream.height}; scale the video down"
+                )
+            if stream.codec_context.color_trc in _HDR_TRANSFERS:
+                raise InputError(
+                    f"{path.name}: expected a film for screens of usual range, found HDR (HLG or PQ), whose colours "
+                    "come out pale; record without HDR, or convert it to SDR"
                 )
             # frames may change their size
             stream.codec_context.options = {"max_pixels": str(LARGEST_FRAME)}

@@ -24,9 +24,6 @@ from ..errors import InputError
 from .container import frames_of, opened, packets_of
 from .picture import Converter, comb_ratio
 
-HDR_TRANSFERS = (16, 18)
-"""FFmpeg's AVCOL_TRC_SMPTE2084 (PQ) and AVCOL_TRC_ARIB_STD_B67 (HLG)."""
-
 _LEADS_S = (2.0, 10.0, 60.0)
 """How long before a frame a seek aims, tried in turn; then decoding starts at the beginning."""
 
@@ -101,8 +98,6 @@ class _Survey:
         As the header states; 0 if it does not.
     missing_s
         How much shorter the film is than its header promises; 0 where that may be rounding, or where it lies.
-    hdr
-        Whether it states the transfer of HLG or PQ.
     """
 
     path: Path
@@ -110,7 +105,6 @@ class _Survey:
     times_s: list[float]
     fps: float
     missing_s: float
-    hdr: bool
 
     def info(self, first: int, last: int, size_wh: tuple[int, int], small_wh: tuple[int, int]) -> bytes:
         """For the reader."""
@@ -122,7 +116,6 @@ class _Survey:
                 "small_wh": small_wh,
                 "unique_times": bool(self.numbers),
                 "missing_s": self.missing_s,
-                "hdr": self.hdr,
                 "span_s": self.times_s[last - 1] - self.times_s[first],
             }
         ).encode()
@@ -193,7 +186,6 @@ def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
                 yield b""
         if not shown:
             raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
-        hdr = stream.codec_context.color_trc in HDR_TRANSFERS
         fps, tick_s = float(stream.guessed_rate or 0), float(stream.time_base)
         promised_s = float((stream.duration or 0) * stream.time_base)
         # that of a whole file may count from 0, wherever its first frame is
@@ -212,7 +204,7 @@ def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
     end_s = ticks[-1] * tick_s if ticks else found_s
     missing_s = max(promised_s - found_s, promised_end_s - max(end_s, found_s)) if lost_s is None else lost_s
     missing_s = missing_s if 0.1 * found_s + 0.25 < missing_s < _LONGEST_S else 0.0
-    return _Survey(path, {time: number for number, time in enumerate(times)}, times_s, fps, missing_s, hdr)
+    return _Survey(path, {time: number for number, time in enumerate(times)}, times_s, fps, missing_s)
 
 
 def _times_of_frames(path: Path, of_packets: list[int]) -> Generator[bytes, None, list[int]]:

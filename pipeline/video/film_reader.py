@@ -47,8 +47,6 @@ class FilmInfo:
         How much shorter the film is than its header promises; above 0 the file is cut off.
     span_s
         Time from the first of the chosen frames to the last.
-    hdr
-        Whether it is HDR (HLG or PQ), whose colours come out pale.
     """
 
     frames: int
@@ -58,7 +56,6 @@ class FilmInfo:
     unique_times: bool
     missing_s: float
     span_s: float = 0.0
-    hdr: bool = False
 
     @property
     def cut_off(self) -> str:
@@ -66,13 +63,6 @@ class FilmInfo:
         if not self.missing_s > 0:
             return ""
         return f"the file is cut off: it ends {self.missing_s:.1f} s before its header says; what is there is used"
-
-    @property
-    def pale(self) -> str:
-        """A sentence if the film is HDR; else empty."""
-        if not self.hdr:
-            return ""
-        return "the film is HDR (HLG or PQ), and its colours come out pale; record without HDR, or convert it to SDR"
 
 
 @dataclass(frozen=True)
@@ -147,7 +137,6 @@ class Film:
             found["unique_times"],
             found["missing_s"],
             found["span_s"],
-            found["hdr"],
         )
         self.broken = False
         """Whether decoding ended before the end."""
@@ -185,12 +174,6 @@ class Film:
         except DecodingError:
             # what could be decoded is used
             self.broken = True
-
-
-def video_info(path: Path) -> FilmInfo:
-    """What is known of a film before its frames."""
-    with Film(path) as film:
-        return film.info
 
 
 def read_video_frame(path: Path, index: int) -> np.ndarray:

@@ -54,13 +54,7 @@ class ChosenFrame:
 
 
 def check_frame_folder(out: Path, video: Path) -> None:
-    """Check before any work that the folder holds nothing else, and that the files of known names can be written.
-
-    Raises
-    ------
-    InputError, RunError
-        As :func:`.check_own_folder` and :func:`.check_outputs`.
-    """
+    """Check before any work that the folder holds nothing else, and that the files of known names can be written."""
     check_own_folder(out, _NAMES, {"video": video})
     check_outputs([out / SHEET, out / TABLE], {"video": video})
 
@@ -74,11 +68,6 @@ def write_frames(
     """Write frames, masked frames, contact sheet and table.
 
     ``chosen`` are the frames to write, the best first; the folder is created if it does not exist.
-
-    Raises
-    ------
-    RunError
-        A file cannot be written.
     """
     files = [_files(video, out, each) for each in chosen]
     check_outputs([out / SHEET, out / TABLE, *(path for pair in files for path in pair)], {"video": video})
@@ -86,7 +75,7 @@ def write_frames(
     written: list[ChosenFrame] = []
     tiles: list[np.ndarray] = []
     for rank, (score, (image_file, masked_file)) in enumerate(zip(chosen, files, strict=True), start=1):
-        picture = _picture(video, score)
+        picture = _shown(read_video_frame(video, score.index), score)
         mask = tissue_mask(picture, scores.inside, scores.circle)
         write_new(image_file, encode_png(picture))
         write_new(masked_file, _encoded_masked(picture, mask))
@@ -104,26 +93,13 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     """Write one frame, chosen or not, under the name and with the content that :func:`write_frames` gives it.
 
     Into an existing folder; ``masked``: with alpha 0 where it shows no tissue, instead of the frame as decoded.
-
-    Returns
-    -------
-    The file.
-
-    Raises
-    ------
-    RunError
-        The file cannot be written.
     """
-    image_file, masked_file = _files(video, folder, score)
-    written = masked_file if masked else image_file
-    check_outputs([written], {"video": video})
-    picture = _picture(video, score)
-    if masked:
-        mask = tissue_mask(picture, scores.inside, scores.circle)
-        write_new(written, _encoded_masked(picture, mask))
-    else:
-        write_new(written, encode_png(picture))
-    return written
+    path = _files(video, folder, score)[masked]
+    check_outputs([path], {"video": video})
+    picture = _shown(read_video_frame(video, score.index), score)
+    mask = tissue_mask(picture, scores.inside, scores.circle) if masked else None
+    write_new(path, encode_png(picture) if mask is None else _encoded_masked(picture, mask))
+    return path
 
 
 def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -> Iterator[Path]:
@@ -150,13 +126,7 @@ def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -
 
 
 def write_new(path: Path, data: bytes) -> None:
-    """Write an image, whole or not at all, unless it is there already.
-
-    Raises
-    ------
-    RunError
-        The file cannot be written.
-    """
+    """Write an image, whole or not at all, unless it is there already."""
     if path.exists():
         if path.read_bytes() == data:
             return
@@ -164,11 +134,6 @@ def write_new(path: Path, data: bytes) -> None:
             f"{path}: expected no such file, or one with this frame, found another image; rename it, or remove it"
         )
     write_output(path, data)
-
-
-def _picture(video: Path, score: FrameScore) -> np.ndarray:
-    """A frame at full size."""
-    return _shown(read_video_frame(video, score.index), score)
 
 
 def _shown(pixels: np.ndarray, score: FrameScore) -> np.ndarray:
@@ -257,8 +222,6 @@ def film_notes(scores: FilmScores) -> list[str]:
         lines.append(f"note: {info.cut_off}")
     elif scores.broken:
         lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
-    if info.pale:
-        lines.append(f"note: {info.pale}")
     combed = float(np.mean([each.comb > COMBED for each in frames]))
     if combed > INTERLACED_SHARE:
         lines.append(

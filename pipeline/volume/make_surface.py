@@ -11,7 +11,7 @@ from ..surface.structure_colour import OTHER, structure_colour
 from .bone.bone_surface import STEPS, BoneSurface, Finish, Report, bone_surface, removed_ball, taken_bone, widened_mm
 from .bone.isosurface import RemovedField
 from .bone.structures import structure_meshes
-from .bone.subtraction import removed_by_labels, removed_by_operation, united
+from .bone.subtraction import removed_by_labels, united
 from .drill.drill_plan import DrillPlan
 from .drill.virtual_drill import removed_by_plan
 from .volume import LabelMap, Volume, VoxelGrid
@@ -22,7 +22,7 @@ STRUCTURES_STAGE = "of the structures"
 
 @dataclass(frozen=True)
 class SurfaceSettings:
-    """What is taken away from the bone, in any of three ways, and how the surface is finished.
+    """What is taken away from the bone, in any of two ways, and how the surface is finished.
 
     Attributes
     ----------
@@ -30,15 +30,12 @@ class SurfaceSettings:
         Strokes of a virtual drill, and margins around structures, which hold on the finished surface.
     taken
         A map: all that has a label.
-    operated
-        A registered CT from after the operation: the bone that it lacks.
     tolerance_mm, smoothing_steps
         Of :class:`.Finish`; the tolerance is half the smallest distance of voxels if it is ``None``.
     """
 
     plan: DrillPlan | None = None
     taken: LabelMap | None = None
-    operated: Volume | None = None
     tolerance_mm: float | None = None
     smoothing_steps: int = STEPS
 
@@ -102,8 +99,6 @@ def make_surface(
         fields["drill"] = removed_of(settings.plan, volume, structures, tolerance_mm=settings.tolerance_mm)
     if settings.taken is not None:
         fields["labels"] = removed_by_labels(settings.taken, volume.grid)
-    if settings.operated is not None:
-        fields["operated volume"] = removed_by_operation(settings.operated, volume, level_hu, solid)
     ways = {way: field for way, field in fields.items() if field is not None}
     removed = united(list(ways.values()))
     finish = finish_of(

@@ -1,8 +1,7 @@
 """Published photographs with poses: as they are read, and as cases with held-out photographs for an evaluation.
 
 "Bloster" (Fu et al., "Texture mapping for 3D reconstruction with RGB-D sensor", 2018) is a printed cushion in 14
-photographs, LINEMOD-Occluded (Brachmann et al. 2014) has objects on a table that hide one another, and the stereo pair
-of SciKit-Surgery is a chessboard before a laparoscope. Needs ``cv2``.
+photographs, LINEMOD-Occluded (Brachmann et al. 2014) has objects on a table that hide one another. Needs ``cv2``.
 """
 
 import json
@@ -24,11 +23,9 @@ from oneframe.images.png import encode_png
 from oneframe.projection.z_buffer import inverse_depth_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import nearest_rotation, rigid
 
 from .figures import expected
-from .grid_mesh import grid_mesh
 
 CaseFiles = tuple[Path, Path]
 """A case file and its list of photographs."""
@@ -39,9 +36,6 @@ LMO_NAMES = {1: "ape", 5: "can", 6: "cat", 8: "driller", 9: "duck", 12: "holepun
 BLOSTER_SOURCES = (0, 7)
 FEWEST_LMO_PX = 400
 """Pixels of an object that is hardly hidden; photographs with fewer are left out."""
-BOARD_STEP_MM = 0.5
-BOARD_MARGIN_MM = 1.0
-"""The printed squares go on beyond the outermost corners by 3 mm."""
 
 
 def read_bloster(folder: Path) -> tuple[PinholeCamera, list[tuple[Path, np.ndarray]]]:
@@ -152,42 +146,8 @@ def lmo_cases(folder: Path, out: Path, *, most: int | None = None) -> list[CaseF
     return written
 
 
-def stereo_cases(folder: Path, out: Path, *, most: int | None = None) -> list[CaseFiles]:
-    """Write two cases of the chessboard: each picture of the pair as the frame, the other as the photograph.
-
-    The board is a plane with a vertex every half millimetre. The other picture is resampled to the K of the frame.
-    Options and errors as :func:`bloster_cases`; the folder holds the pair ``*-1095*``.
-    """
-    sides = ("left", "right")
-    cameras, poses = {}, {}
-    for side in sides:
-        k, extrinsics = _matrix(folder / f"calib.{side}.intrinsic.txt"), _matrix(folder / f"{side}-1095.extrinsic.txt")
-        height, width = read_codes(folder / f"{side}-1095-undistorted.png").shape[:2]
-        cameras[side] = PinholeCamera(width, height, k[0, 0], k[1, 1], k[0, 2], k[1, 2])
-        poses[side] = rigid(nearest_rotation(extrinsics[:3, :3]), extrinsics[:3, 3])
-    out.mkdir(parents=True, exist_ok=True)
-    write_ply(out / "board.ply", _board())
-    written = []
-    for source, other in (sides, sides[::-1])[:most]:
-        frame, photograph = out / f"{source}.png", out / f"{other}_as_{source}.png"
-        write_bytes_atomically(frame, encode_png(read_codes(folder / f"{source}-1095-undistorted.png")))
-        image = read_codes(folder / f"{other}-1095-undistorted.png")
-        # pixels of the other camera for those of the frame's
-        from_frame = np.asarray(cameras[other].k @ np.linalg.inv(cameras[source].k), np.float64)[:2]
-        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-        resampled = cv2.warpAffine(image, from_frame, cameras[source].size_wh, flags=flags)
-        inside = cv2.warpAffine(
-            np.full(image.shape[:2], 255, np.uint8), from_frame, cameras[source].size_wh, flags=flags
-        )
-        alpha = np.where(inside == 255, 255, 0).astype(np.uint8)
-        write_bytes_atomically(photograph, encode_png(np.dstack([resampled, alpha])))
-        case = Case(out / f"stereo_{source}.toml", 1.0, frame, cameras[source], None, out / "board.ply", poses[source])
-        written.append(written_case(case, [(photograph, poses[other])]))
-    return written
-
-
 Loader = Callable[..., list[CaseFiles]]
-LOADERS: Mapping[str, Loader] = {"bloster": bloster_cases, "lmo": lmo_cases, "stereo": stereo_cases}
+LOADERS: Mapping[str, Loader] = {"bloster": bloster_cases, "lmo": lmo_cases}
 """Name of a data set -> the function that writes its cases."""
 
 
@@ -227,14 +187,6 @@ def _spread(items: Sequence, most: int | None) -> list:
     return [items[round(number)] for number in np.linspace(0, len(items) - 1, most)]
 
 
-def _board() -> TriangleMesh:
-    """The plane of the chessboard's 14 x 10 corners, 3 mm apart, with a margin; the front faces the camera (-z)."""
-    x = np.arange(-BOARD_MARGIN_MM, 39 + BOARD_MARGIN_MM + 1e-9, BOARD_STEP_MM)
-    y = np.arange(-BOARD_MARGIN_MM, 27 + BOARD_MARGIN_MM + 1e-9, BOARD_STEP_MM)
-    u, v = np.meshgrid(x, y)
-    return grid_mesh(np.stack([u, v, np.zeros_like(u)], -1)).flipped()
-
-
 def _camera(k: dict) -> PinholeCamera:
     return PinholeCamera(k["width"], k["height"], k["fx"], k["fy"], k["cx"], k["cy"])
 
@@ -245,11 +197,6 @@ def read_codes(path: Path) -> np.ndarray:
     if image is None:
         raise InputError(f"{path}: expected an image, cannot decode it; save it as PNG")
     return np.ascontiguousarray(image[:, :, ::-1])
-
-
-def _matrix(path: Path) -> np.ndarray:
-    with expected(path, "a matrix as text", "check the folder"):
-        return np.loadtxt(read_content(path, "a matrix").decode().splitlines())
 
 
 def _table(path: Path) -> dict:

@@ -92,7 +92,6 @@ def trials_of(part: str, scenes: Sequence[Scene], arguments: argparse.Namespace,
         yield from sweeps.texture_and_size([each for each in whole if each.name != BONES], seed, half, quick=quick)
         yield from sweeps.small_objects(objects, OBJECT_FRAMES)
         for scene in sample:
-            yield from sweeps.light(scene, folder / "light", quick=quick)
             yield from sweeps.overlap(sweeps.around(scene, folder / "around", quick=quick))
     elif not quick:
         yield from film_trials(sample, folder, 1.0)

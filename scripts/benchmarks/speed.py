@@ -1,4 +1,4 @@
-"""Speed against PyVista, start-up and memory.
+"""Speed against PyVista, and start-up.
 
 All figures use the same surface, K and 640x480 px. Times are medians of alternating rounds, since
 machines are noisy. PyVista runs as users run it: off screen, RGB, in memory.
@@ -13,18 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from oneframe.blender.dataset.job import Job, open_job, render_views
 from oneframe.blender.render.engines import keep_freed_memory
-from oneframe.case.case_file import read_case
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.options import DatasetOptions
-from oneframe.dataset.run.run_folder import Shard
 from oneframe.files.machine import available_cores
 from oneframe.files.temporary import temporary_folder
 
 from .figures import write_figures
 from .rendering.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case
-from .rendering.memory import memory_mb
 from .rendering.render_accuracy import LIT_PEER, UNLIT_PEER, measure_scene, render_command, scene_peers
 from .rendering.render_scenes import case_scene
 from .rendering.speed_accuracy import FLOOR, Configuration
@@ -41,9 +36,7 @@ CONFIGURATIONS = (
 TIMED_VIEWS = 40
 EXACT = ("cycles", "raster")
 """The engines whose views are exact."""
-MEMORY_STEP = 100
-"""Number of views between two measurements of the memory."""
-QUICK = {"rounds": 1, "views": 300, "triangles": 20_000}
+QUICK = {"rounds": 1, "triangles": 20_000}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +46,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rounds", type=int, default=5, help="of the speed (default %(default)s)")
     parser.add_argument("--triangles", type=int, default=TRIANGLES, help="of the surface (default %(default)s)")
-    parser.add_argument("--views", type=int, default=2000, help="for the memory (default %(default)s)")
 
 
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
@@ -95,25 +87,7 @@ def start(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, 
     return figures
 
 
-def memory(case: Path, folder: Path, arguments: argparse.Namespace) -> dict[str, float]:
-    """Growth of this process's resident memory over many views, MB."""
-    out, sizes = folder / "memory", dict[int, float]()
-
-    def finished(index: int) -> None:
-        if (index + 1) % MEMORY_STEP == 0:
-            sizes[index + 1] = memory_mb("VmRSS")
-            # the disk may be small
-            shutil.rmtree(ViewPaths(out, index).file("rgb").parent, ignore_errors=True)
-
-    job = open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE), Shard()))
-    with job.renderer(threads=available_cores()) as renderer:
-        render_views(renderer, out, range(arguments.views), finished)
-    first, last = min(sizes), max(sizes)
-    return {f"growth from view {first} to {last}": sizes[last] - sizes[first], "in all": sizes[last]}
-
-
 MEASURES: dict[str, Callable[[Path, Path, argparse.Namespace], dict[str, float]]] = {
     "speed": speed,
     "start": start,
-    "memory": memory,
 }

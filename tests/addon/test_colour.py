@@ -12,6 +12,7 @@ from blender_addon.colour import operators as colour
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import baked_colour_of, reference_view
+from oneframe.images.masked_frame import UNSEEN
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
 
@@ -104,40 +105,22 @@ def test_projecting_again_replaces_the_colours_and_plain_removes_them(opened):
 
 
 @pytest.mark.parametrize("mode", ["vertex", "texture"])
-def test_marking_changes_the_unseen_surface_only(opened, mode):
+def test_what_the_frame_did_not_see_is_blue(opened, mode):
     bpy.ops.oneframe.project_colour(mode=mode)
     surface = opened.oneframe.surface
-
-    def state():
-        colours = vertex_colours(surface)
-        return colours, pixels_of(shown_image(surface)) if mode == "texture" else colours[:, :3] * 255
-
-    marked, marked_values = state()
-    bpy.ops.oneframe.mark_unseen()
-    grey, grey_values = state()
-    bpy.ops.oneframe.mark_unseen()
-    assert all(np.array_equal(one, other) for one, other in zip(state(), (marked, marked_values), strict=True))
-    unseen = grey[:, 3] == 0
+    colours = vertex_colours(surface)
+    unseen = colours[:, 3] == 0
     assert 0 < unseen.mean() < 1
-    assert np.array_equal(marked[~unseen], grey[~unseen])
-    assert np.allclose(grey[unseen, :3], 0.5, atol=1e-6)
-    blue = marked[unseen][0, :3]
-    assert blue[2] > 2 * blue[:2].max()
-    changed = (marked_values != grey_values).any(axis=-1)
-    assert np.abs(marked_values[changed] - 255 * blue).max() <= 0.5001
-    assert np.abs(grey_values[changed] - 127.5).max() <= 0.5001
+    np.testing.assert_allclose(colours[unseen, :3], np.broadcast_to(UNSEEN, (unseen.sum(), 3)), atol=1e-6)
+    if mode == "texture":
+        values = pixels_of(shown_image(surface)) / 255
+        assert (np.abs(values - UNSEEN).max(axis=-1) < 0.5 / 255 + 1e-6).any()
 
 
 def test_each_change_is_one_undo_step(opened):
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.oneframe.project_colour(mode="texture")
     bpy.ops.ed.undo_push(message="texture")
-    bpy.ops.oneframe.mark_unseen()
-    bpy.ops.ed.undo_push(message="marked")
-    bpy.ops.ed.undo()
-    record = json.loads(bpy.context.scene.oneframe.surface["oneframe_colour"])
-    assert record["unseen_marked"]
-    assert "marked" in shown_image(bpy.context.scene.oneframe.surface).name
     bpy.ops.ed.undo()
     surface = bpy.context.scene.oneframe.surface
     assert "oneframe_colour" not in surface
@@ -156,8 +139,6 @@ def test_everything_survives_the_blend_file(opened, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     surface = bpy.context.scene.oneframe.surface
     assert np.array_equal(pixels_of(shown_image(surface)), before)
-    bpy.ops.oneframe.mark_unseen()
-    assert not np.array_equal(pixels_of(shown_image(surface)), before)
 
 
 def test_colours_of_another_pose_are_outdated(opened):
@@ -181,7 +162,7 @@ def test_refusals_change_nothing(addon, opened, case_path):
     bpy.ops.object.mode_set(mode="EDIT")
     refused(bpy.ops.oneframe.project_colour, "expected Object mode, found Edit mode")
     bpy.ops.object.mode_set(mode="OBJECT")
-    refused(bpy.ops.oneframe.mark_unseen, "Project colour on the surface first")
+    refused(bpy.ops.oneframe.plain_surface, "Project colour on the surface first")
     # out of the frame
     surface.matrix_world = Matrix.Translation((500, 0, 0)) @ surface.matrix_world
     bpy.context.view_layer.update()

@@ -13,9 +13,9 @@ from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.alignment.surface_object import set_pose
 from oneframe.case.case_file import MM_PER_UNIT
-from oneframe.case.landmark_file import write_landmarks
 from oneframe.errors import InputError
 from oneframe.transforms import rotation_from_vector, transform_points
+from tests.landmark_writer import write_landmarks
 
 POINTS_PX = np.array(
     [[8.2, 7.4], [55.1, 9.3], [50.6, 40.2], [11.7, 38.9], [31.4, 24.8], [42.3, 15.6], [22.8, 12.1], [36.5, 33.3]]
@@ -240,7 +240,7 @@ def test_landmarks_of_a_file_are_imported_unchanged(scene, pairs, tmp_path):
     bpy.ops.oneframe.landmark_set(name="half", pixel=(5, 6))
     before = landmarks_mesh(scene)
     path = tmp_path / "pairs.csv"
-    write_landmarks(path, before, mm_per_unit=MM_PER_UNIT[scene.oneframe.units], inputs={})
+    write_landmarks(path, before, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
     bpy.ops.oneframe.landmarks_clear()
     moved = displace(scene)
     bpy.ops.oneframe.import_landmarks(filepath=str(path))
@@ -254,7 +254,7 @@ def test_landmarks_of_a_file_are_imported_unchanged(scene, pairs, tmp_path):
 def test_a_surface_that_cannot_be_picked_on_is_reported(scene, pairs, tmp_path):
     add(*pairs)
     path = tmp_path / "pairs.csv"
-    write_landmarks(path, landmarks_mesh(scene), mm_per_unit=1.0, inputs={})
+    write_landmarks(path, landmarks_mesh(scene), mm_per_unit=1.0)
     moved = displace(scene)
     bpy.context.view_layer.layer_collection.children[0].exclude = True
     with pytest.raises(InputError, match="Outliner"):

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.case.landmark_file import read_landmarks, write_landmarks
+from oneframe.case.landmark_file import read_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.errors import InputError
 from tests.case.test_case_writer import landmarks
+from tests.landmark_writer import write_landmarks
 
 
 @given(landmarks=landmarks, suffix=st.sampled_from([".csv", ".json", ".JSON"]), mm_per_unit=st.sampled_from([1.0, 1e3]))

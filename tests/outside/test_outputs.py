@@ -18,9 +18,10 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.landmark_file import read_landmarks, write_landmarks
+from oneframe.case.landmark_file import read_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.commands.__main__ import COMMANDS
+from tests.landmark_writer import write_landmarks
 from tests.waiting import children, is_alive, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -306,18 +307,13 @@ def test_no_operator_replaces_an_input(addon, case, tmp_path):
     folder = case.parent
     bpy.ops.oneframe.open_case(filepath=str(case))
     bpy.ops.oneframe.import_landmarks(filepath=str(folder / "landmarks.csv"))
-    operators = {
-        "save_case": {}, "export_landmarks": {}, "save_edited_surface": {}, "export_surface": {"mode": "texture"},
-    }  # fmt: skip
     inputs = [folder / name for name in ("case.toml", "frame.png", "surface.ply", "nerve.ply")]
     before = hashes(folder)
-    for (name, arguments), path in itertools.product(operators.items(), inputs):
-        targets = [path, *(path.with_suffix(suffix) for suffix in (".obj", ".ply") if path.suffix == ".png")]
-        for target in targets if name == "export_surface" else [path]:
-            if (name, target) == ("save_case", case):
-                continue
-            with pytest.raises(RuntimeError):
-                getattr(bpy.ops.oneframe, name)(filepath=str(target), **arguments)
-            assert hashes(folder).items() >= before.items(), (name, target)
+    for name, path in itertools.product(("save_case", "save_edited_surface"), inputs):
+        if (name, path) == ("save_case", case):
+            continue
+        with pytest.raises(RuntimeError):
+            getattr(bpy.ops.oneframe, name)(filepath=str(path))
+        assert hashes(folder).items() >= before.items(), (name, path)
     bpy.ops.oneframe.save_case(filepath=str(case))
     assert len(read_landmarks(folder / "landmarks.csv")) == 8

@@ -24,7 +24,9 @@ def page(tmp_path_factory):
         frames.append(FrameEvidence("", 10 * number, RegisteredFrame(verdict), 0.3, picture))
     off_mm = np.linspace(-1, 1, 300).reshape(15, 20)
     check = SurfaceCheck(off_mm, np.abs(off_mm) > 0.9, 14)
-    evidence = RegistrationEvidence(tuple(frames), (160, 120), PoseRecord(error_px=1.5), is_film=True, surface=check)
+    evidence = RegistrationEvidence(
+        tuple(frames), np.full((120, 160, 3), 0.6), PoseRecord(error_px=1.5), is_film=True, surface=check
+    )
     path = tmp_path_factory.mktemp("page") / "registration.html"
     path.write_bytes(registration_page(evidence, name="one & two"))
     return path
@@ -35,6 +37,7 @@ def test_frames_with_their_states_and_reasons(browser, page):
     assert browser.evaluate("document.querySelector('h1').textContent") == "one & two"
     text = browser.evaluate("document.body.textContent")
     assert "10% lies -1.0 to +1.0 mm" in text
+    assert browser.evaluate("document.querySelector('section img.wide').naturalWidth") == 160
     # of a stretch the first frame's reason
     assert "40 to 60, refused: <b>4</b> of 9 places" in text
     states = browser.evaluate("[...document.querySelectorAll('#grid button')].map(it => it.dataset.state)")

@@ -10,13 +10,13 @@ import pytest
 
 from oneframe.alignment import align_case
 from oneframe.case.case_file import Case, read_case
-from oneframe.case.landmark_file import write_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import transform_points
+from tests.landmark_writer import write_landmarks
 from tests.remembered import refinement, remembered
 
 ROUGH = "cam_from_mesh = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"

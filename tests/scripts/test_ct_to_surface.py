@@ -150,7 +150,7 @@ def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
     [
         (["ct", "--out", "out", "--crop", "0", "0", "0", "1", "1", "1"], "expected a box in the volume"),
         (["ct", "--out", "out", "--labels", "ct"], "it looks like a CT"),
-        (["ct", "--out", "out", "--operated", "nan"], "NaN or infinity in 1,800 voxels"),
+        (["nan", "--out", "out"], "NaN or infinity in 1,800 voxels"),
     ],
     ids=str,
 )

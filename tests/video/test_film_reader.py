@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.film_reader import Film, read_video_frame, video_info
+from oneframe.video.film_reader import Film, read_video_frame
 from oneframe.video.frame_mask import without_combs
 from oneframe.video.frame_scores import COMBED, score_frames
 from oneframe.video.picture import comb_ratio
@@ -18,6 +18,12 @@ pytestmark = pytest.mark.usefixtures("decoded_here")
 
 FRAMES = 60
 CUT = {"lossless.mkv": "ffv1", "a.avi": "mjpeg", "a.mp4": "mpeg4"}
+
+
+def known(path):
+    """What is known of a film before its frames."""
+    with Film(path) as film:
+        return film.info
 
 
 def frames_of(path, **options) -> list:
@@ -31,9 +37,9 @@ def test_of_a_film_that_is_cut_off_the_rest_is_used(tmp_path, name):
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
     if name == "a.mp4":  # its index is at the end
         with pytest.raises(InputError, match="expected a video, cannot open it; it is cut off"):
-            video_info(path)
+            known(path)
         return
-    left = video_info(path).frames
+    left = known(path).frames
     assert 0 < left < FRAMES
     assert number_of(read_video_frame(path, left // 2)) == left // 2
     with pytest.raises(InputError, match=f"expected a frame from 0 to {left - 1}"):
@@ -64,7 +70,7 @@ def test_frames_and_times_of_a_variable_rate_are_the_containers(tmp_path, suffix
     gaps = np.diff([frame.time_s for frame in frames])
     assert gaps[-1] > 3 * gaps[0] > 0
     assert [number_of(read_video_frame(path, index)) for index in (0, 34, 59)] == [0, 34, 59]
-    assert video_info(path).frames == FRAMES
+    assert known(path).frames == FRAMES
 
 
 def test_of_a_damaged_film_the_intact_frames_are_used(tmp_path):

@@ -39,7 +39,7 @@ def widest_sight_line(surface: TriangleMesh, tip: np.ndarray, start_mm: float, d
 def test_a_mastoidectomy_holds_its_margins_and_shows_the_incus():
     """On what ``oneframe surface --drill --tolerance 0`` writes."""
     volume = read_volume(BONES / "RT143_pseudoct_semisynthetic.nii.gz")
-    labels = without_bone(read_labels(BONES / "RT143_labels.nii.gz", volume, resampled=False))
+    labels = without_bone(read_labels(BONES / "RT143_labels.nii.gz", volume))
     plan = read_drill_plan(ROOT / "docs" / "examples" / "drill_rt143.toml")
     spared = set(plan.margins_mm) & set(structure_names(labels).values())
     assert spared >= {"facial_nerve", "chorda_tympani", "sinus_dura", "eac", "incus"}

@@ -119,7 +119,6 @@ def dataset(user: User) -> Action:
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     with user.context():
         operators.oneframe.show_frame()
-        operators.oneframe.mark_unseen()
     yield from user.open_sidebar("OneFrame")
     yield from look_at_frame(user, beside_panels=True)
     yield from user.open_panels("advanced", "dataset", "dataset_options")

@@ -8,7 +8,7 @@ MIDDLE = (np.array(SIZE) - 1) * SPACING / 2
 
 
 def scenario(user):
-    path = user.folder / "ct.mha"
+    path = user.folder / "ct.nrrd"
     written_ct(path)
     yield from user.open_sidebar("OneFrame")
     yield from user.press("open_ct")
@@ -53,16 +53,12 @@ def painting(user):
 
 
 def written_ct(path):
-    """A ball of bone, 10 mm in radius, with a hollow in it: MetaImage, which needs no library."""
+    """A ball of bone, 10 mm in radius, with a hollow in it: NRRD, which needs no library."""
     index = np.stack(np.meshgrid(*[np.arange(count) for count in SIZE], indexing="ij")).T * SPACING
     depth = 10 - np.linalg.norm(index - MIDDLE, axis=-1)
     hollow = np.linalg.norm(index - MIDDLE - [5, 0, 0], axis=-1) - 2
     hu = np.clip(300 + 900 * np.minimum(depth, hollow), -1000, 1400).astype("<i2")
-    lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "BinaryDataByteOrderMSB = False"]
-    lines += [
-        "TransformMatrix = 1 0 0 0 1 0 0 0 1",
-        "Offset = 0 0 0",
-        f"ElementSpacing = {SPACING} {SPACING} {SPACING}",
-    ]
-    lines += [f"DimSize = {SIZE[0]} {SIZE[1]} {SIZE[2]}", "ElementType = MET_SHORT", "ElementDataFile = LOCAL"]
+    lines = ["NRRD0004", "type: short", "dimension: 3", "space: left-posterior-superior", "encoding: raw"]
+    lines += [f"space directions: ({SPACING},0,0) (0,{SPACING},0) (0,0,{SPACING})", "space origin: (0,0,0)"]
+    lines += [f"sizes: {SIZE[0]} {SIZE[1]} {SIZE[2]}", "endian: little", ""]
     path.write_bytes(("\n".join(lines) + "\n").encode() + hu.tobytes())

@@ -36,14 +36,6 @@ def new_name(landmarks: Sequence[Landmark]) -> str:
     return f"Landmark {number}"
 
 
-def asked_half(landmarks: Sequence[Landmark], active: int) -> Half | None:
-    """The half that the next pick completes a landmark with; ``None`` if it starts a landmark, by either half."""
-    index = _half_picked(landmarks, active)
-    if index is None or (0 <= active < len(landmarks) and _count_halves(landmarks[active]) == 0):
-        return None
-    return "point" if landmarks[index].point is None else "pixel"
-
-
 def _half_picked(landmarks: Sequence[Landmark], active: int) -> int | None:
     """Index of the landmark to complete next, the active one first; ``None`` if none has just one half."""
     indices = [index for index, landmark in enumerate(landmarks) if _count_halves(landmark) == 1]

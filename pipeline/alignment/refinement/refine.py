@@ -2,8 +2,7 @@
 
 A local search (:mod:`.local_search`) starts from the rough pose. If its result fails the verification, a search over
 tilts, rolls, distances and shifts on a coarse image (:mod:`.pose_search`) gives further initial poses, which are
-refined from coarse to fine. Where the image shows cast shadows, :mod:`.side_light` takes them into account.
-:mod:`.verdict` accepts or refuses the result. Needs ``cv2``.
+refined from coarse to fine. :mod:`.verdict` accepts or refuses the result. Needs ``cv2``.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +25,6 @@ from .image_pyramid import PyramidLevel, pyramid
 from .local_search import LocalResult, refine_on_level, score
 from .pose_search import REACH, search_poses, second_peak_ratio
 from .shading_features import RIM, Surface
-from .side_light import refined_under_side_light
 from .verdict import MAX_SECOND_PEAK_RATIO, Refinement, judged, refused_unsearched
 from .verification import contrast, mean_distance_px
 
@@ -107,11 +105,7 @@ def refine_pose(
     def assess(pose: np.ndarray) -> Refinement:
         if area_px / levels[-1].px ** 2 < SMALL_PX:
             pose = _multistart(levels[-1], pose, points)
-        light = refined_under_side_light(levels, pose, points, camera)
-        if light is None:
-            return judged(start, pose, before, levels, points, camera)
-        before_lit = score(light.levels[-1], start)
-        return judged(start, light.cam_from_model, before_lit, light.levels, points, camera, bias_px=light.bias_px)
+        return judged(start, pose, before, levels, points, camera)
 
     # a pose whose shifts fit as well is not worth refining on finer levels
     pose = _multistart(levels[0], start, points, lambda fraction: report(0.05 + 0.05 * fraction))

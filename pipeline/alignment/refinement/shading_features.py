@@ -7,8 +7,7 @@ combination of features that correlates best with the image.
 Notes
 -----
 To first order, diffuse light is linear in the normal (Basri & Jacobs, "Lambertian reflectance and linear subspaces",
-2003). A light from the side also casts shadows, which no such combination explains: where :mod:`.side_light` finds
-one, the features say what it reaches. Depth relative to the surroundings models shadowing and interreflection (Luft et
+2003). Depth relative to the surroundings models shadowing and interreflection (Luft et
 al., "Image enhancement by unsharp masking the depth buffer", 2006). The region includes a rim of background around the
 outline, with one feature, the mask of the surface: so the outline counts where the surface differs in colour from its
 background.
@@ -20,7 +19,6 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...light.directional_light import DirectionalLight
 from ...light.local_mean import without_local_mean
 from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
@@ -29,17 +27,13 @@ from ...transforms import inverse_rigid, transform_points
 RIM = 0.1
 """Width of the rim relative to the square root of the surface's area in the image."""
 
-GRAZING = 0.1
-"""Cosine of the incidence below which a light fades out: so a small turn of a face changes its features by little."""
-
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh in the model frame, with optional ``(V, 3)`` vertex colours, 0..1, and an optional light from afar."""
+    """A mesh in the model frame, with optional ``(V, 3)`` vertex colours, 0..1."""
 
     mesh: TriangleMesh
     colours: np.ndarray | None = None
-    light: DirectionalLight | None = None
 
 
 @dataclass(frozen=True)
@@ -110,10 +104,6 @@ def appearance(
     if surface.colours is not None:
         colours = surface.colours[mesh.faces].mean(axis=1)
         features += list(np.moveaxis(np.where(seen[..., None], colours[raster.face], 0.0), 2, 0))
-    if surface.light is not None:
-        cosine = normal @ (cam_from_model[:3, :3] @ surface.light.towards_light)
-        reached = np.where(seen, surface.light.lit[raster.face], 0.0) * np.clip(cosine / GRAZING, 0, 1)
-        features += [reached, reached * np.maximum(cosine, 0)]
     if (region != seen).any():
         features.append(seen)
     stack = np.dstack([feature.astype(np.float32) for feature in features])

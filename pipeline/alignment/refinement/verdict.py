@@ -5,7 +5,7 @@ halves of the image, and has a small estimated error (:mod:`.verification`).
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,9 +32,6 @@ the whole: of the sample's refinements with 3 to 3.6 px both were right, of thos
 
 MAX_ERROR_PX, MAX_ERROR_LEVEL_PX = 2.0, 0.7
 """Estimated error, in pixels of the full image and of the finest level; the larger bound applies."""
-
-MAX_BIAS_PX, MAX_BIAS_LEVEL_PX = 3.0, 1.0
-"""The same for the error that all parts of the image share."""
 
 MAX_ERROR_DEG, MAX_ERROR_RELATIVE_DEPTH = 1.0, 0.01
 """Standard deviations of the rotation about its least certain axis, and of the distance. On small objects pixels hide
@@ -126,8 +123,6 @@ def judged(
     levels: list[PyramidLevel],
     points: np.ndarray,
     camera: PinholeCamera,
-    *,
-    bias_px: float = 0.0,
 ) -> Refinement:
     """Verify a refined pose, and accept or refuse it.
 
@@ -143,40 +138,24 @@ def judged(
         ``(N, 3)`` visible points, mm, model frame.
     camera
         Intrinsics of the full image.
-    bias_px
-        Error that all parts of the image share, 0 without cast shadows, see :class:`.side_light.SideLight`. It is part
-        of the estimated error, and a pose that moved by less than that is not accepted.
     """
     after = score(levels[-1], pose)
     tests = verify(levels[0], levels[-1], pose, points, camera)
     moved_px = mean_distance_px(camera, points, start, pose)
     rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
     uncertainty = jackknife(levels[-1], pose, points, camera)
-    own_px = np.inf if uncertainty is None else uncertainty.root_mean_square_px(points, camera, pose)
-    error_px = float(np.hypot(own_px, bias_px))
-    if uncertainty is not None and bias_px > 0:
-        # shadows draw the surface across the view
-        drawn_mm = bias_px * uncertainty.pivot_cam[2] / np.array([camera.fx, camera.fy])
-        bias = np.diag([*(drawn_mm**2 / 2), 0, 0, 0, 0])
-        uncertainty = replace(uncertainty, covariance=uncertainty.covariance + bias)
-    what = "the shape with the shadows of a side light" if bias_px > 0 else "the shape"
-    explained = f"{what} explains {after:.0%} of the image's variation ({before:.0%} before)"
-    reasons = _objections(tests, levels[-1].px, after, rotation_deg, own_px, bias_px, uncertainty)
+    error_px = np.inf if uncertainty is None else uncertainty.root_mean_square_px(points, camera, pose)
+    explained = f"the shape explains {after:.0%} of the image's variation ({before:.0%} before)"
+    reasons = _objections(tests, levels[-1].px, after, rotation_deg, error_px, uncertainty)
     objection = next((f"{explained}, {reason}" for reason in reasons), "")
-    within_error = bias_px > 0 and moved_px <= error_px
-    accepted = not objection and after > before and not within_error
+    accepted = not objection and after > before
     if objection:
         message = f"Refused, the pose is unchanged: {objection}; add landmarks, which decide without the image."
     elif accepted:
         message = (
             f"Refined by {moved_px:.1f} px and {rotation_deg:.2f}°: {explained}, two halves of the image agree within "
             f"{tests.split_half_px:.1f} px, and the next best place fits {tests.second_peak_ratio:.0%} as well. "
-            f"The surface is off by about {_px(error_px)}."
-        )
-    elif within_error:
-        message = (
-            f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is itself uncertain by "
-            f"{_px(error_px)} ({explained})."
+            f"The surface is off by about {format_two_digits(error_px)} px."
         )
     else:
         message = f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is no better ({explained})."
@@ -201,13 +180,11 @@ def _objections(
     level_px: float,
     score: float,
     rotation_deg: float,
-    own_px: float,
-    bias_px: float,
+    error_px: float,
     uncertainty: PoseUncertainty | None,
 ) -> Iterator[str]:
     """What speaks against a refined pose, the plainest first; ``level_px`` is the size of the finest level's pixels."""
     limit_error_px = max(MAX_ERROR_PX, MAX_ERROR_LEVEL_PX * level_px)
-    limit_bias_px = max(MAX_BIAS_PX, MAX_BIAS_LEVEL_PX * level_px)
     limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * level_px)
     if score < MIN_SCORE:
         yield f"which is too little (at least {MIN_SCORE:.0%})"
@@ -220,12 +197,9 @@ def _objections(
             f"but the poses from two halves of the image differ by {tests.split_half_px:.1f} px "
             f"(at most {limit_px:.1f} px)"
         )
-    if own_px > limit_error_px:
-        yield (
-            f"but without parts of the image the surface would move by {_px(own_px)} (at most {limit_error_px:.1f} px)"
-        )
-    if bias_px > limit_bias_px:
-        yield f"but may be drawn {_px(bias_px)} off by these (at most {limit_bias_px:.1f} px)"
+    if error_px > limit_error_px:
+        moved = f"{format_two_digits(error_px)} px" if np.isfinite(error_px) else "any distance"
+        yield f"but without parts of the image the surface would move by {moved} (at most {limit_error_px:.1f} px)"
     if uncertainty is None:
         return
     if uncertainty.largest_rotation_deg > MAX_ERROR_DEG:
@@ -240,7 +214,3 @@ def _objections(
             f"± {format_two_digits(uncertainty.relative_depth * distance_mm)} mm "
             f"(at most {format_two_digits(MAX_ERROR_RELATIVE_DEPTH * distance_mm)} mm)"
         )
-
-
-def _px(distance_px: float) -> str:
-    return f"{format_two_digits(distance_px)} px" if np.isfinite(distance_px) else "any distance"

@@ -14,8 +14,8 @@ import bpy
 import numpy as np
 
 from ...colour.reference_view import ReferenceView
-from ...colour.texture_atlas import OBSERVED_LEAST, TextureAtlas
-from ...colour.vertex_colours import NEUTRAL, VertexColours, colour_vertices
+from ...colour.texture_atlas import TextureAtlas
+from ...colour.vertex_colours import OBSERVED_LEAST, VertexColours, colour_vertices
 from ...images.masked_frame import UNSEEN
 from ...images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
 from ...images.png import encode_png
@@ -28,7 +28,7 @@ from ..render.material import COLOUR_ATTRIBUTE
 
 OBSERVED_ATTRIBUTE = "frame_observed"
 """Boolean attribute of the vertices: whether the frame saw them."""
-MATERIAL, TEXTURE, MARKED_TEXTURE = "OneFrame colour", "OneFrame texture", "OneFrame texture (unseen marked)"
+MATERIAL, TEXTURE = "OneFrame colour", "OneFrame texture"
 RECORD, PLAIN_MATERIAL = "oneframe_colour", "oneframe_plain_material"
 """Custom properties of the object: the record of its colours (JSON), and its material before."""
 COLOUR_NODE, UV_MAP = "frame", "frame_uv"
@@ -40,7 +40,6 @@ def put_colour(
     reference: ReferenceView,
     colour: VertexColours | TextureAtlas,
     *,
-    mark_unseen: bool,
     record: Mapping[str, object],
     vertices: VertexColours | None = None,
 ) -> None:
@@ -54,10 +53,8 @@ def put_colour(
         The surface as loaded; the faces of ``reference.mesh`` may be flipped relative to it.
     reference, colour
         The reference view, and the colours made from it.
-    mark_unseen
-        Show unseen surface in :data:`UNSEEN`, else in neutral grey.
     record
-        What to store with the colours, JSON types; ``mode`` and ``unseen_marked`` are added.
+        What to store with the colours, JSON types; ``mode`` is added.
     vertices
         The colours of the vertices if they are known already; a textured surface has them too.
     """
@@ -69,11 +66,8 @@ def put_colour(
         vertices = colour
     elif vertices is None:
         vertices = colour_vertices(reference.mesh, reference.views)
-    _set_colour_attribute(surface, vertices, mark_unseen)
-    if isinstance(colour, TextureAtlas):
-        material = _textured(surface, colour, mark_unseen, flipped)
-    else:
-        material = _vertex_coloured(mark_unseen, flipped)
+    _set_colour_attribute(surface, vertices)
+    material = _textured(surface, colour, flipped) if isinstance(colour, TextureAtlas) else _vertex_coloured(flipped)
     flags = surface.data.attributes.new(OBSERVED_ATTRIBUTE, "BOOLEAN", "POINT")
     flags.data.foreach_set("value", np.ascontiguousarray(vertices.observed))
     material.cycles.emission_sampling = "NONE"
@@ -83,7 +77,7 @@ def put_colour(
     if plain is not None:
         surface[PLAIN_MATERIAL] = plain
     surface.data.materials[0] = material
-    surface[RECORD] = json.dumps({**record, "mode": "texture" if textured else "vertex", "unseen_marked": mark_unseen})
+    surface[RECORD] = json.dumps({**record, "mode": "texture" if textured else "vertex"})
     surface.data.update()
 
 
@@ -119,29 +113,6 @@ def colour_record(surface: bpy.types.Object) -> dict | None:
     return record if isinstance(record, dict) else None
 
 
-def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
-    """Show unseen surface in :data:`UNSEEN` (``mark``) or in neutral grey; does nothing to plain objects."""
-    record = colour_record(surface)
-    if record is None:
-        return
-    # no material if the user has emptied the slot
-    for material in _own_materials(surface):
-        nodes = material.node_tree.nodes
-        _set_unseen_input(nodes, mark)
-        if record["mode"] == "texture" and record["unseen_marked"] != mark:
-            shown, other = nodes[COLOUR_NODE], nodes[COLOUR_NODE + " other"]
-            shown.image, other.image = other.image, shown.image
-    attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
-    if attribute is not None:
-        rgba: np.ndarray = np.empty(4 * len(attribute.data), np.float32)
-        attribute.data.foreach_get("color", rgba)
-        rgba = rgba.reshape(-1, 4)
-        rgba[rgba[:, 3] == 0, :3] = linear_from_codes(_unseen_codes(mark))
-        attribute.data.foreach_set("color", rgba.ravel())
-        surface.data.update()
-    surface[RECORD] = json.dumps({**record, "unseen_marked": mark})
-
-
 def vertex_codes(surface: bpy.types.Object) -> np.ndarray | None:
     """``(V, 3)`` float32 code values 0..1 of an object's vertices, NaN where unseen; ``None`` for a plain object."""
     attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
@@ -153,8 +124,8 @@ def vertex_codes(surface: bpy.types.Object) -> np.ndarray | None:
     return np.where(rgba[:, 3:] > 0, codes_from_linear(rgba[:, :3]), np.nan).astype(np.float32)
 
 
-def _set_colour_attribute(surface: bpy.types.Object, colour: VertexColours, mark: bool) -> None:
-    codes = np.where(colour.observed[:, None], colour.rgb, _unseen_codes(mark))
+def _set_colour_attribute(surface: bpy.types.Object, colour: VertexColours) -> None:
+    codes = np.where(colour.observed[:, None], colour.rgb, UNSEEN)
     rgba = np.concatenate([linear_from_codes(codes), colour.observed[:, None]], axis=1)
     set_vertex_colors(surface, COLOUR_ATTRIBUTE, rgba)
     attributes = surface.data.color_attributes
@@ -162,34 +133,29 @@ def _set_colour_attribute(surface: bpy.types.Object, colour: VertexColours, mark
     attributes.render_color_index = attributes.active_color_index
 
 
-def _vertex_coloured(mark: bool, flipped: bool) -> bpy.types.Material:
+def _vertex_coloured(flipped: bool) -> bpy.types.Material:
     material, nodes = _new_material()
     attribute = nodes.add("ShaderNodeAttribute", name=COLOUR_NODE, attribute_name=COLOUR_ATTRIBUTE)
     # a point is observed if all three vertices of its triangle are
     observed = nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST)
-    _emit(material, nodes, attribute.outputs["Color"], observed, mark, flipped)
+    _emit(material, nodes, attribute.outputs["Color"], observed, flipped)
     return material
 
 
-def _textured(surface: bpy.types.Object, atlas: TextureAtlas, mark: bool, flipped: bool) -> bpy.types.Material:
+def _textured(surface: bpy.types.Object, atlas: TextureAtlas, flipped: bool) -> bpy.types.Material:
     # flipped faces have their corners in the opposite order
     set_corner_uv(surface, UV_MAP, atlas.uv[:, ::-1] if flipped else atlas.uv)
     layer = surface.data.uv_layers[UV_MAP]
     layer.active = layer.active_render = True
-    images = []
-    for name, marked in ((TEXTURE, False), (MARKED_TEXTURE, True)):
-        codes = np.where(atlas.observed[..., None], atlas.image, np.float32(_unseen_codes(marked)))
-        png = encode_png(to_uint8(codes))
-        images.append(new_packed_image(name, png, width=codes.shape[1], height=codes.shape[0]))
+    codes = np.where(atlas.observed[..., None], atlas.image, np.float32(UNSEEN))
+    image = new_packed_image(TEXTURE, encode_png(to_uint8(codes)), width=codes.shape[1], height=codes.shape[0])
     material, nodes = _new_material()
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
-    shown = nodes.add("ShaderNodeTexImage", name=COLOUR_NODE, image=images[mark], extension="EXTEND")
-    # refers to the other image, so that it is saved with the file
-    nodes.add("ShaderNodeTexImage", name=COLOUR_NODE + " other", image=images[not mark], extension="EXTEND")
+    shown = nodes.add("ShaderNodeTexImage", name=COLOUR_NODE, image=image, extension="EXTEND")
     nodes.link(uv.outputs["UV"], shown.inputs["Vector"])
     # the node that Solid mode shows with texture colours
     material.node_tree.nodes.active = shown
-    _emit(material, nodes, shown.outputs["Color"], 1.0, mark, flipped)
+    _emit(material, nodes, shown.outputs["Color"], 1.0, flipped)
     return material
 
 
@@ -204,27 +170,16 @@ def _emit(
     nodes: Nodes,
     colour: bpy.types.NodeSocket,
     observed: bpy.types.NodeSocket | float,
-    mark: bool,
     flipped: bool,
 ) -> None:
     """Make the material emit the colour; back sides, which the frame never saw, emit that of unseen surface."""
     backfacing = nodes.add("ShaderNodeNewGeometry").outputs["Backfacing"]
     front = nodes.math("MULTIPLY", backfacing, 1.0) if flipped else nodes.math("SUBTRACT", 1.0, backfacing)
     flag = nodes.math("MULTIPLY", front, observed)
-    mixed = nodes.mixed(flag, (0.0, 0.0, 0.0, 1.0), colour)
-    mixed.node.name = "unseen"
-    _set_unseen_input(material.node_tree.nodes, mark)
+    mixed = nodes.mixed(flag, (*linear_from_codes(np.array(UNSEEN)), 1.0), colour)
     emission, output = nodes.add("ShaderNodeEmission"), nodes.add("ShaderNodeOutputMaterial")
     nodes.link(mixed, emission.inputs["Color"])
     nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
-
-
-def _set_unseen_input(nodes: bpy.types.Nodes, mark: bool) -> None:
-    nodes["unseen"].inputs[6].default_value = (*linear_from_codes(_unseen_codes(mark)), 1.0)
-
-
-def _unseen_codes(mark: bool) -> np.ndarray:
-    return np.array(UNSEEN if mark else (NEUTRAL,) * 3)
 
 
 def _own_materials(surface: bpy.types.Object) -> list[bpy.types.Material]:

@@ -18,8 +18,7 @@ import numpy as np
 from ...colour.lens_shading import LensShading, corner_normals
 from ...colour.shading import ColouredSurface, SurfaceColour
 from ...colour.source_view import SourceView
-from ...colour.texture_atlas import OBSERVED_LEAST
-from ...colour.vertex_colours import NEUTRAL, VertexColours
+from ...colour.vertex_colours import NEUTRAL, OBSERVED_LEAST, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
 from ..bridge.data_blocks import set_corner_vectors, set_vertex_colors

@@ -19,7 +19,7 @@ EPILOG = """examples:
   %(prog)s dicom_folder --list
   %(prog)s dicom_folder --series 2 --out surface
 
-VOLUME is a CT in Hounsfield units: NIfTI, NRRD, MetaImage, or a folder of DICOM slices. The folder gets surface.ply
+VOLUME is a CT in Hounsfield units: NIfTI, NRRD, or a folder of DICOM slices. The folder gets surface.ply
 (LPS, mm), structures/*.ply, and surface.json, which says what was done.
 Names, dates and other text of the headers are written nowhere.
 """
@@ -56,7 +56,6 @@ class Arguments:
     )  # fmt: skip
     drill: Path | None = option("PLAN.toml", "strokes of a virtual drill, and margins around structures")
     remove: Path | None = option("LABELS", "a label map, such as a network's prediction: all its labels")
-    operated: Path | None = option("VOLUME", "a registered CT from after the operation: the bone it lacks")
     labels: Path | None = option("LABELS", "a label map: a mesh for each label but bone, and what the drill spares")
     tolerance: float | None = option(
         "MM", "how far the simplified surface may lie from the original, and a quarter of it around what is "

@@ -69,9 +69,7 @@ class _Work:
 def write_surface(arguments: "Arguments", out: Path, output: TextIO) -> None:
     """Make the surface that the arguments of ``oneframe surface`` describe, and report every stage."""
     work = _Work(output)
-    inputs = {
-        name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
-    }
+    inputs = {name: path for name in ("volume", "drill", "remove", "labels") if (path := getattr(arguments, name))}
     check_own_folder(out, "|".join(map(re.escape, (SURFACE, RECORD, STRUCTURES))), inputs)
     check_outputs(_outputs(out, ()), inputs)
     try:
@@ -98,13 +96,12 @@ def _make(arguments: "Arguments", work: _Work, out: Path, inputs: Mapping[str, P
             work.say(f"warning: {message}")
     labels = None
     if arguments.labels is not None:
-        labels = without_bone(read_labels(arguments.labels, volume, resampled=False))
+        labels = without_bone(read_labels(arguments.labels, volume))
         check_outputs(_outputs(out, structure_names(labels).values()), inputs)
     if plan is not None:
         check_margins(plan.margins_mm, () if labels is None else structure_names(labels).values())
     # read before the long work, which what they hold could make vain
-    taken = None if arguments.remove is None else read_labels(arguments.remove, volume, resampled=False)
-    after = None if arguments.operated is None else read_volume(arguments.operated)
+    taken = None if arguments.remove is None else read_labels(arguments.remove, volume)
 
     level, how = _threshold(arguments, volume)
     work.record |= {"threshold_hu": level, "threshold_by": how}
@@ -115,7 +112,7 @@ def _make(arguments: "Arguments", work: _Work, out: Path, inputs: Mapping[str, P
     }  # fmt: skip
     work.say(f"bone above {level:g} HU ({how}): {bone_mm3 / 1000:.1f} cm³")
 
-    settings = SurfaceSettings(plan, taken, after, arguments.tolerance, arguments.smooth)
+    settings = SurfaceSettings(plan, taken, arguments.tolerance, arguments.smooth)
     made = make_surface(volume, level, solid, labels, settings, report=work.report)
     _report_removed(work, made)
     if plan is not None and made.removed is not None:

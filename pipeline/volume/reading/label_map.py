@@ -1,4 +1,4 @@
-"""Label maps: read as nnU-Net, 3D Slicer and ITK-SNAP write them, on the grid of the volume.
+"""Label maps: read as nnU-Net, 3D Slicer and ITK-SNAP write them.
 
 Names of the labels come from a JSON file beside it (nnU-Net's ``dataset.json``, also one folder up, or
 ``labels.json``), or from ITK-SNAP's label descriptions as text. Those in the file itself (``Segment0_Name`` of a
@@ -16,13 +16,9 @@ from ...files.content import LARGEST_TEXT, decoded, read_content
 from ...files.tables import parsed_json
 from ...transforms import transform_points
 from ..bone.structures import anatomical_name, is_bone
-from ..simple_itk import resampled
 from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_corners
 from .volume_header import read_header, volume_suffix
 from .volume_reader import file_voxels
-
-SAME_GRID_VOXELS = 0.01
-"""Largest distance between voxels of equal grids; headers round."""
 
 LONGEST_NAME = 80
 
@@ -30,7 +26,7 @@ _SNAP_LINE = re.compile(r'\s*(\d+)(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
 """Label, red, green, blue, opacity, visibility, mesh visibility, name."""
 
 
-def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = True) -> LabelMap:
+def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
     """Read a label map, with a name for each label that occurs.
 
     Parameters
@@ -38,11 +34,8 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
     path
         A file of a format of :func:`.read_volume`, but not DICOM.
     like
-        The volume that the labels are for. A map on another grid in the same space is resampled to it: each voxel gets
-        the label of the nearest voxel of the map, and 0 outside it.
-    resampled
-        Whether a map on another grid is resampled; otherwise it keeps its own after the check that it overlaps the
-        volume, which is better for the surfaces of fine structures.
+        The volume that the labels are for, which they must overlap. A map on another grid in the same space keeps its
+        own, which is better for the surfaces of fine structures.
     """
     path = Path(path)
     if path.is_dir():
@@ -53,10 +46,7 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
     header = read_header(path)
     values, grid = file_voxels(path, header, "labels")
     if like is not None:
-        moved = on_grid(values, grid, like.grid, path.name)
-        if resampled:
-            moved.setflags(write=False)
-            values, grid = moved, like.grid
+        _check_place(values, grid, like.grid, path.name)
     named = names_beside(path)
     for label, name in header.segments.items():
         if known := name if is_bone(name) else anatomical_name(name):
@@ -64,24 +54,24 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
     return LabelMap(values, grid, _distinct(_present(values), named))
 
 
-def on_grid(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: str) -> np.ndarray:
-    """Labels ``(Z, Y, X)`` of the nearest voxels on another grid, 0 outside; the same array if the grids agree."""
-    apart = _voxels_apart(grid, wanted)
-    if apart <= SAME_GRID_VOXELS:
-        return values
+def _check_place(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: str) -> None:
+    """Check that labels ``(Z, Y, X)`` lie in the grid of their volume, and have not lost their place."""
     if grid.size == wanted.size and _is_default(grid) and not _is_default(wanted):
         raise InputError(
             f"{where}: expected labels with the place of the volume, found {' x '.join(map(str, grid.size))} voxels as "
             "in the volume, but 1 mm apart from (0, 0, 0): the header was lost; save them with the volume's affine"
         )
-    moved = resampled(values, grid, wanted)
-    if not moved.any():
-        found, expected = (np.round(bounds, 1).tolist() for bounds in (_label_bounds(values, grid), wanted.bounds_mm))
+    first, stop = box_around(values)
+    points = transform_points(grid.mesh_from_index, box_corners(first, stop - 1.0))
+    index = transform_points(wanted.index_from_mesh, points)
+    if (index.max(axis=0) < -0.5).any() or (index.min(axis=0) > np.array(wanted.size) - 0.5).any():
+        found, expected = (
+            np.round([each.min(axis=0), each.max(axis=0)], 1).tolist() for each in (points, wanted.corners_mm)
+        )
         raise InputError(
             f"{where}: expected labels in the volume, found all of them outside: they cover {found[0]} to {found[1]} "
             f"mm, the volume {expected[0]} to {expected[1]} mm (LPS); take the labels of this volume"
         )
-    return moved
 
 
 def names_beside(path: Path) -> dict[int, str]:
@@ -138,20 +128,6 @@ def _present(values: np.ndarray) -> list[int]:
     return [int(label) for label in present.nonzero()[0] if label]
 
 
-def _voxels_apart(grid: VoxelGrid, wanted: VoxelGrid) -> float:
-    """Largest distance of corresponding corner voxels in voxels; infinite if the sizes differ."""
-    if grid.size != wanted.size:
-        return np.inf
-    return float(np.abs((wanted.corners_mm - grid.corners_mm) @ grid.index_from_mesh[:3, :3].T).max())
-
-
 def _is_default(grid: VoxelGrid) -> bool:
     """Whether a grid is what writers put into a header if they know nothing: 1 mm, at the origin, of any signs."""
     return bool(np.allclose(np.abs(grid.mesh_from_index), np.eye(4), atol=1e-6))
-
-
-def _label_bounds(values: np.ndarray, grid: VoxelGrid) -> np.ndarray:
-    """``(2, 3)`` LPS box of the voxels with a label."""
-    first, stop = box_around(values)
-    points = transform_points(grid.mesh_from_index, box_corners(first, stop - 1.0))
-    return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -4,8 +4,8 @@ ITK fills up a NIfTI file that was cut off, reads compressed voxels without thei
 orientation for one along the patient's axes, chooses one of two orientations, and ignores units. Nothing of a header is
 ever printed but numbers: text in it may name the patient.
 
-Formats: NIfTI-1 (https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h), NRRD
-(https://teem.sourceforge.net/nrrd/format.html) and MetaImage (https://itk.org/Wiki/MetaIO/Documentation).
+Formats: NIfTI-1 (https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h) and NRRD
+(https://teem.sourceforge.net/nrrd/format.html).
 """
 
 import gzip
@@ -21,13 +21,12 @@ import numpy as np
 
 from ...errors import InputError
 from ...files.content import LARGEST_TEXT, read_beginning, reading
-from ...files.numbers import parsed_numbers
 from ...transforms import rotation_from_vector
 from ..simple_itk import simple_itk
 from ..volume import VoxelGrid
 from .header_checks import apart_mm, check_axes, three_dimensions
 
-SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
+SUFFIXES = (".nii", ".nii.gz", ".nrrd")
 
 _NIFTI_UNITS = {0: 1.0, 1: 1000.0, 2: 1.0, 3: 0.001}
 """Code -> mm; writers that state none mean mm."""
@@ -36,8 +35,6 @@ _NIFTI_FLOATS = {16: "f4", 64: "f8"}
 
 _SPACES = ("left-posterior-superior", "lps", "right-anterior-superior", "ras", "left-anterior-superior", "las")
 """Spaces of NRRD that ITK takes to LPS."""
-
-_SKIPS = ("lineskip", "byteskip", "headersize")
 
 _CHUNK = 1 << 20
 
@@ -100,7 +97,7 @@ def read_header(path: Path) -> VolumeHeader:
     if suffix is None:
         raise InputError(
             f"{path}: expected a volume ({', '.join(SUFFIXES)}) or a folder of DICOM files, found another kind of "
-            "file; convert it to NIfTI"
+            "file; convert it to NIfTI or NRRD, for example in 3D Slicer"
         )
     head = read_beginning(path, "a volume", LARGEST_TEXT)
     if not head:
@@ -108,8 +105,7 @@ def read_header(path: Path) -> VolumeHeader:
     if suffix.startswith(".nii"):
         stored, matrix = _checked_nifti(path, head)
     else:
-        stored, fields = _checked_text(path, head)
-        matrix = None
+        stored, matrix = _checked_nrrd(path, head), None
     reader = simple_itk().ImageFileReader()
     reader.SetFileName(str(path))
     try:
@@ -128,8 +124,6 @@ def read_header(path: Path) -> VolumeHeader:
         matrix[:3, :3] = np.reshape(reader.GetDirection(), (ranks, ranks))[:3, :3] * reader.GetSpacing()[:3]
         matrix[:3, 3] = reader.GetOrigin()[:3]
         check_axes(matrix, path.name)
-        if suffix.startswith(".m"):
-            _check_stated(fields, reader, path.name)
     voxel_bytes = int(re.match(r"\d+", pixel)[0]) // 8  # type: ignore[index]
     return VolumeHeader(VoxelGrid(size, matrix), voxel_bytes, stored, _segments(reader))
 
@@ -250,63 +244,28 @@ def _check_agreement(qform: np.ndarray, sform: np.ndarray, size: tuple[int, int,
         )
 
 
-def _checked_text(path: Path, head: bytes) -> tuple[StoredVoxels, dict[str, str]]:
-    """Orientation, units and place of the voxels, from the lines of NRRD or MetaImage, and these lines."""
-    where, is_nrrd = path.name, head.startswith(b"NRRD")
-    fields, start = _fields(head, is_nrrd)
-    if is_nrrd:
-        oriented = fields.get("space", "").lower() in _SPACES and "spacedirections" in fields
-        units = set(re.findall(r'"([^"]*)"', fields.get("spaceunits", "")))
-        packed, name = fields.get("encoding", "").lower() in ("gzip", "gz"), fields.get("datafile", "")
-    else:
-        turned, spaced = {"transformmatrix", "rotation", "orientation"}, {"elementspacing", "elementsize"}
-        oriented = not turned.isdisjoint(fields) and not spaced.isdisjoint(fields)
-        units = {fields.get("distanceunits", "mm").lower()} - {"?"}
-        packed = fields.get("compresseddata", "false").lower() == "true"
-        name = re.sub("^local$", "", fields.get("elementdatafile", ""), flags=re.IGNORECASE)
-    if not oriented:
-        raise _unoriented(where)
-    if any(not re.fullmatch(r"|mm|millimet(er|re)s?", unit, re.IGNORECASE) for unit in units):
-        raise InputError(f"{where}: expected lengths in mm, found another unit; convert it to mm")
-    # a list of files, or a pattern of their names, or a header of their own: what ITK makes of them is not checked
-    plain = not re.search(r" |%|^LIST", name) and all(fields.get(skip, "0") == "0" for skip in _SKIPS)
-    data = path.parent / name if name and plain else path
-    if not data.is_file():
-        raise InputError(f"{where}: expected the file of its voxels, as the header says; it is missing: copy it, too")
-    return StoredVoxels(data, 0 if name else start, None, packed and plain), fields
-
-
-def _check_stated(fields: Mapping[str, str], reader: Any, where: str) -> None:
-    """Check that ITK has understood a MetaImage: it ends a number at a decimal comma, and takes 0 for what is none."""
-    ranks = len(reader.GetSize())
-    turn = np.reshape(reader.GetDirection(), (ranks, ranks)).T.ravel()
-    used = dict.fromkeys(("offset", "position", "origin"), reader.GetOrigin())
-    used |= dict.fromkeys(("transformmatrix", "rotation", "orientation"), turn)
-    used |= {"elementspacing": reader.GetSpacing()}
-    scale = {"elementtointensityfunctionslope": [1.0], "elementtointensityfunctionoffset": [0.0]}
-    for key, values in (used | scale).items():
-        stated = parsed_numbers(fields[key].encode(), np.float64) if key in fields else values
-        if stated is None or len(stated) != len(values) or not np.allclose(stated, values, rtol=1e-4, atol=1e-4):
-            raise InputError(
-                f"{where}: expected {key} = {' '.join(f'{value:g}' for value in values)}, as ITK reads it, found "
-                "something else in the header; correct it, with decimal points, or export the volume again"
-            )
-
-
-def _fields(head: bytes, is_nrrd: bool) -> tuple[dict[str, str], int]:
-    """Fields by name in lower case without spaces, and where the voxels begin; keys of the user's own are left out."""
-    fields: dict[str, str] = {}
-    start = 0
+def _checked_nrrd(path: Path, head: bytes) -> StoredVoxels:
+    """Place of the voxels of an NRRD, whose header states orientation and units."""
+    where, fields, start = path.name, dict[str, str](), 0
     for line in head.split(b"\n"):
         start += len(line) + 1
-        key, mark, value = line.decode("latin-1").partition(":" if is_nrrd else "=")
-        if is_nrrd and not line.strip():
+        if not line.strip():
             break
+        key, mark, value = line.decode("latin-1").partition(":")
+        # with "=" they are keys of the user's own
         if mark and not value.startswith("="):
             fields[key.strip().lower().replace(" ", "")] = value.strip()
-        if not is_nrrd and "elementdatafile" in fields:
-            break
-    return fields, start
+    if fields.get("space", "").lower() not in _SPACES or "spacedirections" not in fields:
+        raise _unoriented(where)
+    units = set(re.findall(r'"([^"]*)"', fields.get("spaceunits", "")))
+    if any(not re.fullmatch(r"|mm|millimet(er|re)s?", unit, re.IGNORECASE) for unit in units):
+        raise InputError(f"{where}: expected lengths in mm, found another unit; convert it to mm")
+    if "datafile" in fields or any(fields.get(skip, "0") != "0" for skip in ("lineskip", "byteskip")):
+        raise InputError(
+            f"{where}: expected the voxels right behind the header, found them elsewhere; save it as one .nrrd file, "
+            "for example in 3D Slicer"
+        )
+    return StoredVoxels(path, start, None, fields.get("encoding", "").lower() in ("gzip", "gz"))
 
 
 def _segments(reader: Any) -> dict[int, str]:
@@ -322,6 +281,6 @@ def _segments(reader: Any) -> dict[int, str]:
 def _unoriented(where: str) -> InputError:
     return InputError(
         f"{where}: expected an orientation and a spacing, found none (NIfTI: qform_code and sform_code are 0; NRRD: no "
-        "space and space directions; MetaImage: no TransformMatrix), so left and right are unknown; export it again "
+        "space and space directions), so left and right are unknown; export it again "
         "from the original with its orientation"
     )

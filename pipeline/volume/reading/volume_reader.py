@@ -1,4 +1,4 @@
-"""Volumes and label maps from files: NIfTI, NRRD, MetaImage, and folders of DICOM slices.
+"""Volumes and label maps from files: NIfTI, NRRD, and folders of DICOM slices.
 
 Headers are checked first (:mod:`.volume_header`, :mod:`.dicom_series`); then SimpleITK reads the voxels.
 """
@@ -30,7 +30,7 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
     Parameters
     ----------
     path
-        A file (``.nii``, ``.nii.gz``, ``.nrrd``, ``.nhdr``, ``.mha``, ``.mhd``), or a folder of DICOM slices, which may
+        A file (``.nii``, ``.nii.gz``, ``.nrrd``), or a folder of DICOM slices, which may
         lie in folders in it.
     series
         Number of the DICOM series as :func:`list_series` counts; needed only where several CTs are in the folder.

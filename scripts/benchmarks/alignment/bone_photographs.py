@@ -109,7 +109,7 @@ def lit_bone_cases(folder: Path, out: Path, *, most: int | None = None) -> list[
 
 def _planned(folder: Path, name: str) -> tuple[Volume, LabelMap, DrillPlan]:
     volume = read_volume(folder / f"{name}_pseudoct_semisynthetic.nii.gz")
-    labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume, resampled=False))
+    labels = without_bone(read_labels(folder / f"{name}_labels.nii.gz", volume))
     return volume, labels, read_drill_plan(PLANS / f"drill_{name.lower()}.toml")
 
 

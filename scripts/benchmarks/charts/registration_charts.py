@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from oneframe.registration.verdict import LEAST_ACCEPTED
-
 from ..alignment.registration_trials import RegistrationTrial, share
 from ..figures import conditions_note
 from ..learning.bad_photographs import LOCATED, NETWORK, REFINED, REGISTERED
@@ -26,7 +24,6 @@ from .panels import (
     draw_chart,
     handle,
     line,
-    rule,
     short_number,
     text,
 )
@@ -46,7 +43,6 @@ LIMITS = (
     ("paint", "Texture: fine paint", "blur of source and frame (px)", ()),
     ("size", "Size in the frame", "longer side of the surface shown, from (px)", (0, 60, 100, 130, 170, 340, 641)),
     ("overlap", "Angle to the source", "angle between both views, from (°)", (0, 15, 25, 35, 50, 65, 90, 120, 181)),
-    ("light", "Light", "light, from where the source has it (°)", ()),
 )
 SMALL = (
     "Share of all frames that is accepted and right; bands: 95 %, by a bootstrap over sources. Wrong: accepted, but "
@@ -63,17 +59,16 @@ def registration_charts(rows: Trials, conditions: Sequence[str], out: Path) -> l
     """Draw bad frames and limits into a folder; returns the files written."""
     said, grid = conditions_note(conditions), [row for row in rows if row.part == "grid"]
     bad = [_share_panel(how_title(kind), how.label, by_amount(grid, kind)) for kind, how in DEGRADATIONS.items()]
-    bad += [_wrong_panel(grid), _threshold_panel(grid)]
+    bad.append(_wrong_panel(grid))
     ends = [_limit_panel(rows, *each) for each in LIMITS]
     limited = [row for row in rows if row.part in ("limits", "photographs")]
-    light = f"{SMALL} The sample's light moves with the lens, bloster's stays in the room."
     return [
         draw_chart(
             out / "registration_grid.csv", "Registration of bad frames", [bad[:4], bad[4:8], bad[8:]], (SMALL, said),
             size=(3.15, 2.9), key=_key(grid),
         ),
         draw_chart(
-            out / "stability_registration.csv", "Registration: where it ends", [ends[:3], ends[3:]], (light, said),
+            out / "stability_registration.csv", "Registration: where it ends", [ends[:2], ends[2:]], (SMALL, said),
             size=(4.2, 3.1), key=_key(limited),
         ),
     ]  # fmt: skip
@@ -160,27 +155,6 @@ def _wrong_panel(rows: Trials) -> Panel:
         counts = [f"{kind}: {sum(row.wrong for row in some)} of {len(some)}" for kind, some in own.items()]
         layers.append(text((0, 0.78 - 0.33 * place), "\n  ".join([name, *counts]), color=colour))
     return Panel("Wrong images accepted", Axis(), Axis(), layers)
-
-
-def _threshold_panel(rows: Trials) -> Panel:
-    """Wrong poses of those accepted against the share found, as the probability that is accepted is swept."""
-    layers: list[Layer] = [rule(0.01)]
-    for scene in distinct([row.scene for row in rows]):
-        own, points = [row for row in rows if row.scene == scene], []
-        showing = sum(row.kind not in WRONG for row in own)
-        levels = sorted({row.probability for row in own if np.isfinite(row.error_deg)} | {LEAST_ACCEPTED})
-        for level in levels:
-            accepted = [row for row in own if row.probability >= level and not np.isnan(row.error_deg)]
-            right = sum(row.right for row in accepted)
-            points.append((right / max(showing, 1), (len(accepted) - right) / max(len(accepted), 1)))
-        colour, look = _look(scene)
-        x, y = np.array(points).T
-        here = levels.index(LEAST_ACCEPTED)
-        layers.append(line(x, y, colour, **look | {"marker": ""}))
-        layers.append(line(x[here], y[here], colour, marker="D", markersize=6))
-    wrong = Axis(ends=(-0.002, 0.065), ticks={0: "0", 0.01: "1 %", 0.02: "2 %", 0.04: "4 %", 0.06: "6 %"})
-    found = Axis("share found (diamond: as accepted)", ends=(0, 1.05), ticks=PARTS.ticks)
-    return Panel("Wrong of those accepted", found, wrong, layers)
 
 
 def _limit_panel(rows: Trials, kind: str, title: str, label: str, edges: Sequence[int]) -> Panel:

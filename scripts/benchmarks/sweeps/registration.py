@@ -7,13 +7,12 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from oneframe.blender.sample.photograph import LAMP_OFFSET_MM, take_photographs
+from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import FILM, FILM_POSES
 from oneframe.case.frame import PosedFrame, UnreadFrame, load_posed_frame
 from oneframe.poses.distributions import ReferencePose
@@ -24,13 +23,11 @@ from ..alignment.registration_trials import Registration, RegistrationTrial, Sce
 from .degradations import CLEAN, DEGRADATIONS, WRONG
 from .refinement import blurred, faded
 
-surface_once = cache(sample_surface)
 Trials = Iterator[RegistrationTrial]
 OTHERS = 6
 """Images of other scenes that a source is shown."""
 CONTRASTS, PAINT_PX, SIZES = (1.0, 0.3, 0.1, 0.05, 0.02), (0.0, 1.5, 3.0, 6.0, 12.0), (1.0, 0.5, 0.25, 0.125)
 ZOOM_PERCENT, FILM_ZOOM = (-10.0, 5.0, 10.0), 1.12
-LIGHTS_DEG, LAMP_MM = (0.0, 15.0, 30.0, 45.0, 60.0), 300.0
 TILTS_DEG, DIRECTIONS = (10.0, 20.0, 30.0, 45.0, 60.0, 75.0), 4
 
 
@@ -161,17 +158,6 @@ def shown_px(scene: Scene, frame: PosedFrame) -> float:
     return float(np.ptp(pixels, axis=0).max())
 
 
-def light(scene: Scene, out: Path, *, quick: bool) -> Trials:
-    """Photograph the sample under a lamp that leaves the lens."""
-    registration = Registration(scene, "limits")
-    poses = [frame.cam_from_model for frame in scene.photographs[: 1 if quick else None]]
-    for angle_deg in LIGHTS_DEG[:: 4 if quick else 1]:
-        turn = math.radians(angle_deg)
-        lamp = LAMP_OFFSET_MM + LAMP_MM * np.array([math.sin(turn), 0, 1 - math.cos(turn)])
-        lit = photographed(scene, poses, out / f"{angle_deg:.0f}", lamp)
-        yield from (registration.trial(frame, "light", angle_deg) for frame in lit)
-
-
 def around(scene: Scene, out: Path, *, quick: bool) -> Scene:
     """The sample with photographs from ever further away around the source."""
     pivot = Registration(scene, "").registrar.pivot_model
@@ -191,16 +177,12 @@ def overlap(scene: Scene) -> Trials:
         yield registration.trial(frame, "overlap")
 
 
-def photographed(
-    scene: Scene, poses: Sequence[np.ndarray], out: Path, lamp_cam: np.ndarray = LAMP_OFFSET_MM
-) -> list[PosedFrame]:
+def photographed(scene: Scene, poses: Sequence[np.ndarray], out: Path) -> list[PosedFrame]:
     """Path trace the sample at some poses, ``cam_from_model``, into a folder."""
     camera, mesh_from_model = scene.loaded.frame.camera, scene.loaded.surface.mesh_from_model
     out.mkdir(parents=True)
     shots = [(pose @ inverse_rigid(mesh_from_model), out / f"{number:03d}.png") for number, pose in enumerate(poses)]
     return [
         load_posed_frame(UnreadFrame(path, camera, None, pose), mesh_from_model, name="sample")
-        for path, (pose, _) in zip(
-            take_photographs(surface_once(), camera, shots, lamp_cam=lamp_cam), shots, strict=True
-        )
+        for path, (pose, _) in zip(take_photographs(sample_surface(), camera, shots), shots, strict=True)
     ]

@@ -17,7 +17,6 @@ from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import baked_colour_of
 from oneframe.colour.shading import ColouredSurface
-from oneframe.colour.texture_atlas import OBSERVED_LEAST
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.check.findings import Findings
 from oneframe.dataset.check.inputs import check_inputs
@@ -104,14 +103,12 @@ def test_a_texture_has_the_colour_of_the_first_frame_that_saw_a_face(loaded):
     source = reference_view_of(loaded)
     mesh, (atlas, _) = source.mesh, baked_colour_of(source, "texture")
     height, width = atlas.observed.shape
-    texels = atlas.uv.mean(axis=1) * [width, -height] + [-0.5, height - 0.5]
-    found = sample_bilinear(atlas.image, texels)
-    known = sample_bilinear(atlas.observed.astype(np.float32), texels) > OBSERVED_LEAST
+    found = sample_bilinear(atlas.image, atlas.uv.mean(axis=1) * [width, -height] + [-0.5, height - 0.5])
     seen = np.stack([view.observed(mesh.face_centres, mesh.face_normals) for view in source.views])
-    assert not (known & ~seen.any(axis=0)).mean() > 0.01
-    assert known.sum() > 0.9 * seen.any(axis=0).sum()
+    assert not (atlas.seen & ~seen.any(axis=0)).any()
+    # all but those at a border
+    assert atlas.seen.sum() > 0.8 * seen.any(axis=0).sum()
     colours = np.stack([view.colours(view.project(mesh.face_centres)[0]) for view in source.views])
-    first = np.take_along_axis(colours, seen.argmax(axis=0)[None, :, None], axis=0)[0]
-    both = known & seen.any(axis=0)
-    assert np.bincount(seen.argmax(axis=0)[both], minlength=3).min() > 20
-    assert np.abs(found - first)[both].mean() < 2 / 255
+    off = np.abs(colours - found).max(axis=2).min(axis=0)
+    assert off[atlas.seen].max() < 1e-2
+    assert np.bincount(np.abs(colours - found).max(axis=2).argmin(axis=0)[atlas.seen], minlength=3).min() > 20

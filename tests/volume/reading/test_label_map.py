@@ -1,16 +1,12 @@
-"""Label maps: names as others write them, and labels on the grid of the volume."""
+"""Label maps: names as others write them, and labels in the volume."""
 
-import itertools
 import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.transforms import rigid, rotation_from_vector, transform_points
-from oneframe.volume.reading.label_map import on_grid, read_labels
+from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.volume import Volume, VoxelGrid
 
 sitk = pytest.importorskip("SimpleITK")
@@ -82,61 +78,11 @@ def test_labels_of_any_type_of_number_and_equal_names_that_stay_apart(tmp_path, 
     assert set(read_labels(write(tmp_path / "b.nrrd", LABELS.astype(np.uint16) * 1000)).names) == {3000, 12000}
 
 
-def in_space(values: np.ndarray, grid: VoxelGrid) -> set[tuple]:
-    """Labels and where they lie, mm."""
-    where = np.argwhere(values)[:, ::-1].astype(float)
-    points = np.round(transform_points(grid.mesh_from_index, where), 6) + 0.0
-    return {(*point, int(label)) for point, label in zip(points.tolist(), values[values > 0], strict=True)}
-
-
-@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
-@pytest.mark.parametrize("flips", [(False, False, False), (True, False, False), (True, True, True)])
-def test_a_turned_copy_of_the_grid_gives_the_same_labels(order, flips):
-    """Voxels in any order of the axes, and mirrored."""
-    target = like((9, 8, 7), origin=(0.5, 1.5, 2.5)).grid
-    own = like().grid
-    matrix = np.eye(4)
-    for column, axis in enumerate(order):
-        matrix[:3, column] = own.mesh_from_index[:3, axis] * (-1 if flips[column] else 1)
-        matrix[:3, 3] += own.mesh_from_index[:3, axis] * (own.size[axis] - 1 if flips[column] else 0)
-    matrix[:3, 3] += own.mesh_from_index[:3, 3]
-    turned = LABELS.transpose([2 - order[2 - axis] for axis in range(3)])
-    for column in range(3):
-        turned = np.flip(turned, 2 - column) if flips[column] else turned
-    grid = VoxelGrid(turned.shape[::-1], matrix)
-    assert in_space(turned, grid) == in_space(LABELS, own)
-    moved = on_grid(turned, grid, target, "labels")
-    assert in_space(moved, target) == in_space(LABELS, own)
-
-
-@settings(max_examples=10)
-@given(vector=st.tuples(*[st.floats(-3, 3)] * 3), shift=st.tuples(*[st.floats(-1, 1)] * 3))
-def test_every_voxel_gets_the_label_of_the_nearest(vector, shift):
-    own = like().grid
-    target = VoxelGrid(
-        (6, 7, 8),
-        rigid(rotation_from_vector(np.array(vector)), np.array([2, 3, 4.0]) + shift) @ np.diag([0.3] * 3 + [1]),
-    )
-    try:
-        moved = on_grid(LABELS, own, target, "labels")
-    except InputError:
-        moved = np.zeros(target.size[::-1], np.uint8)
-    for index in np.ndindex(*target.size):
-        place = transform_points(own.index_from_mesh @ target.mesh_from_index, np.array([index], float))[0]
-        nearest = np.rint(place).astype(int)
-        if np.abs(place - nearest).max() < 0.499:
-            inside = ((nearest >= 0) & (nearest < own.size)).all()
-            assert moved[index[::-1]] == (LABELS[tuple(nearest[::-1])] if inside else 0)
-
-
-def test_a_map_on_a_finer_grid_is_resampled_and_names_follow(tmp_path):
-    path = write(
-        tmp_path / "a.nii.gz", LABELS.repeat(2, 0).repeat(2, 1).repeat(2, 2), (0.25,) * 3, (0.875, 1.875, 2.875)
-    )
-    np.testing.assert_array_equal(read_labels(path, like()).values, LABELS)
-    assert read_labels(path, like(), resampled=False).grid.size == (14, 12, 10)
-    cropped = read_labels(path, like((7, 2, 5)))
-    assert cropped.names == {3: "label 3"}
+def test_a_map_on_a_finer_grid_keeps_its_own(tmp_path):
+    finer = LABELS.repeat(2, 0).repeat(2, 1).repeat(2, 2)
+    labels = read_labels(write(tmp_path / "a.nii.gz", finer, (0.25,) * 3, (0.875, 1.875, 2.875)), like((7, 2, 5)))
+    assert labels.grid.size == (14, 12, 10)
+    np.testing.assert_array_equal(labels.values, finer)
 
 
 BAD = {
@@ -155,7 +101,7 @@ BAD = {
 def test_what_is_no_label_map_of_the_volume_is_refused(tmp_path, name):
     values, place, expected = BAD[name]
     with pytest.raises(InputError, match=expected):
-        read_labels(write(tmp_path / "a.nrrd", values, **place), like(), resampled=False)
+        read_labels(write(tmp_path / "a.nrrd", values, **place), like())
 
 
 def test_overlapping_segments_and_broken_names_are_refused(tmp_path):

@@ -113,7 +113,7 @@ def test_no_tag_of_dicom_is_ever_reported(write_series, tmp_path):
     assert SECRET.encode() not in reported
 
 
-@pytest.mark.parametrize("suffix", [".nii", ".nrrd", ".mhd"])
+@pytest.mark.parametrize("suffix", [".nii", ".nrrd"])
 @pytest.mark.parametrize("fault", ["none", "labels", "cut", "keyword"])
 def test_no_text_of_a_header_is_ever_reported(tmp_path, suffix, fault):
     path, values = tmp_path / f"ct{suffix}", np.arange(-60, 60, dtype=np.int16).reshape(4, 5, 6)
@@ -125,19 +125,14 @@ def test_no_text_of_a_header_is_ever_reported(tmp_path, suffix, fault):
         for field in ("descrip", "aux_file", "intent_name", "db_name"):
             image.header[field] = SECRET.encode()
         nib.save(image, path)
-    elif suffix == ".nrrd":
+    else:
         text = f"Segment0_Name:={SECRET}\nSegment0_LabelValue:=1\n"
         text += f"# {SECRET}\nPatient Name:={SECRET}\nSegment0_ID:={SECRET}\ncontent: {SECRET}\nlabels: "
         text += f'"{SECRET}" "{SECRET}" "{SECRET}"\n' + (f"no such line {SECRET}\n" if fault == "keyword" else "")
         path.write_bytes(path.read_bytes().replace(b"kinds:", text.encode() + b"kinds:", 1))
-    else:
-        text = f"Comment = {SECRET}\nName = {SECRET}\nAcquisitionDate = {SECRET}\n"
-        text += f"{SECRET} = 3\n" + (f"ElementType = {SECRET}\n" if fault == "keyword" else "")
-        path.write_bytes(path.read_bytes().replace(b"ElementDataFile", text.encode() + b"ElementDataFile", 1))
     assert SECRET.encode() in path.read_bytes()
     if fault == "cut":
-        data = path.with_suffix(".raw") if suffix == ".mhd" else path
-        data.write_bytes(data.read_bytes()[:-20])
+        path.write_bytes(path.read_bytes()[:-20])
     reported = reported_by(read_volume, path) + reported_by(read_labels, path)
     assert "Volume(" in reported or "LabelMap(" in reported or "InputError" in reported
     assert SECRET not in reported

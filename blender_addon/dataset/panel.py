@@ -59,11 +59,12 @@ class ONEFRAME_PT_dataset_preview(SidebarPanel):
             else:
                 draw_text(layout, "The case has changed. Preview the poses again.", icon="ERROR")
         light = scene.oneframe.dataset.light  # type: ignore[attr-defined]  # from DatasetOptions
-        if light != NONE or lamp_of(scene) is not None:
-            row = layout.row(align=True)
-            row.label(icon="LIGHT_POINT")
-            for choice, text in ((NONE, "Frame"), (LENS, "Lens"), (SHADOWS, "Shadows")):
-                row.prop_enum(scene.oneframe.dataset, "light", choice, text=text)
+        row = layout.row(align=True)
+        row.label(icon="LIGHT_POINT")
+        for choice, text in ((NONE, "Frame"), (LENS, "Lens"), (SHADOWS, "Shadows")):
+            row.prop_enum(scene.oneframe.dataset, "light", choice, text=text)
+        if light != NONE and lamp_of(scene) is None:
+            layout.operator("oneframe.find_lamp", icon="VIEWZOOM")
         row = layout.row(align=True)
         row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")
         row.prop(scene.oneframe, "preview_view", text="")

@@ -11,7 +11,7 @@ from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.images.image_reader import read_image
 from ..pipeline.video.frame_folder import write_frame
-from ..state import another_frame, pose_evidence, to_scene
+from ..state import from_scene, pose_evidence, to_scene
 from ..state.pose import set_cam_from_model
 from ..state.scene_files import session_folder
 from ..ui.background_operator import InBackground, Work
@@ -49,13 +49,13 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
             raise InputError("the video has changed meanwhile, nothing was taken")
         frame, record = found.frame_at(scene, self._at), found.record_of(scene, film.scores.frames[self._at].index)
         taken = film.path.name, film.scores.frames[self._at].index
+        is_same = from_scene.video(scene) == taken
         messages = to_scene.set_frame(context, path, read_image(path, path.name), taken)
         scene = context.scene
         scene.oneframe_video.taken_path = scene.oneframe.frame_path
         text = f"the frame of the case is {path}"
         # the same frame keeps the pose of the case
-        if frame is not None and frame.cam_from_model is not None and scene.oneframe.aligned_path:
-            another_frame.keep_pose(scene)
+        if frame is not None and frame.cam_from_model is not None and not is_same:
             set_cam_from_model(scene, frame.cam_from_model)
             pose_evidence.remember(scene, record, frame.cam_from_model, frame.uncertainty)
             text += f", at its pose: {found.text_of(frame.verdict)}"

@@ -135,7 +135,7 @@ class Landmarks(Pane):
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
         is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
-        is_own = not scene.oneframe.aligned_path and another_frame.seen(scene) is None
+        is_own = another_frame.seen(scene) is None
         return scene.oneframe.show_landmarks and is_used and from_scene.is_set_up(scene) and is_own
 
     @classmethod

@@ -5,15 +5,8 @@ import numpy as np
 
 from ..pipeline.alignment.manual.picking import Half, landmark_for, new_name
 from ..pipeline.errors import InputError
-from ..state import another_frame, events, from_scene, workbench
+from ..state import events, from_scene
 from ..state.landmarks import landmarks_model, point_of_file
-
-
-def check_frame(scene: bpy.types.Scene) -> None:
-    """Raise :class:`InputError` while the landmarks are those of another frame than the one in view."""
-    another_frame.check_own(scene)
-    if scene.oneframe.aligned_path:
-        raise InputError(workbench.next_step(scene))
 
 
 def checked_index(scene: bpy.types.Scene, index: int) -> int:

@@ -13,7 +13,7 @@ from bpy.props import EnumProperty
 
 from ..class_registration import prop
 from ..pipeline.errors import InputError
-from ..state import events, from_scene
+from ..state import another_frame, events, from_scene
 from ..state.events import redraw
 from ..state.pose import set_cam_from_model
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
@@ -143,7 +143,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         global _running, _missed
         scene, _missed = context.scene, None
         try:
-            edit.check_frame(scene)
+            another_frame.check_own(scene)
             self._before = _Snapshot.of(scene)
             view = LandmarkView.of(context)
             gesture = self._begin(scene, view, pointer_of(event))

@@ -15,7 +15,7 @@ from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.surface.mesh import TriangleMesh
-from ..state import events, from_scene, pose_evidence
+from ..state import another_frame, events, from_scene, pose_evidence
 from ..state.landmarks import landmarks_mesh, replace_landmarks
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import (
@@ -86,7 +86,7 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
-        edit.check_frame(scene)
+        another_frame.check_own(scene)
         point, pixel = self.given_point(), self.given_pixel(scene)
         if self.index >= 0:
             index = edit.checked_index(scene, self.index)
@@ -115,7 +115,7 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
-        edit.check_frame(scene)
+        another_frame.check_own(scene)
         point, pixel = self.given_point(), self.given_pixel(scene)
         pose = from_scene.cam_from_model(scene)
         if pixel is None:
@@ -277,7 +277,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
-        edit.check_frame(scene)
+        another_frame.check_own(scene)
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
         existing = landmarks_mesh(scene) if self.keep else ()

@@ -164,8 +164,6 @@ def draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty | Non
 
 
 def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) -> tuple[str, str]:
-    if scene.oneframe.aligned_path:
-        return "Another frame", "NONE"
     if not item.has_pixel:
         return "No pixel" if item.has_point else "Empty", "NONE"
     if not item.has_point:

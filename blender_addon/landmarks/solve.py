@@ -25,7 +25,7 @@ from ..pipeline.case.landmarks import Landmark
 from ..pipeline.case.pose_record import PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import rotation_angle_deg, transform_points
-from ..state import events, from_scene, pose_evidence, workbench
+from ..state import events, from_scene, pose_evidence
 from ..state.landmarks import landmarks_model, points_model
 from ..state.pose import set_cam_from_model
 
@@ -93,15 +93,11 @@ class Departure:
 def solution(scene: bpy.types.Scene) -> Solution:
     """Solve for the pose from the scene's landmarks, or return the cached solution if nothing has changed.
 
-    Landmarks of another frame give none.
-
     Raises
     ------
     InputError
         There is no camera.
     """
-    if scene.oneframe.aligned_path:
-        return Solution(None, workbench.next_step(scene))
     found = solved(*pairs_of(scene))
     if not isinstance(found, UndeterminedPose):
         return Solution(found, "")

@@ -22,7 +22,7 @@ from ..pipeline.case.case_history import EarlierCase, add_to_history, earlier_ca
 from ..pipeline.case.case_writer import case_text
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
-from ..state import from_scene, pose, scene_files, workbench
+from ..state import another_frame, from_scene, pose, scene_files, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.recent import remember
 from ..state.scene_files import Stamp, forget_stamps, known_stamp, usual_folder
@@ -243,6 +243,7 @@ def _keep_reported(*, settled: bool) -> None:
 PARTS = (
     at_end(_kept.clear, _moving.clear, _read.clear),
     listening(bpy.app.handlers.load_pre, flush),
+    listening(another_frame.leaving, flush),
     at_end(flush),
     timers(_tick),
     Part(lambda: bpy.app.timers.register(_tick, first_interval=TICK_S, persistent=True), lambda: None),

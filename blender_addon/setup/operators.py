@@ -12,22 +12,17 @@ from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.surface_doubts import SizeDoubt, extents_of, place_doubt, size_doubt, size_text
 from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
 from ..pipeline.errors import InputError
-from ..pipeline.files.outputs import check_outputs
 from ..pipeline.images.image_reader import read_image
 from ..pipeline.poses.pose_file import read_pose
-from ..pipeline.surface.mesh_reader import read_mesh, stated_space
-from ..pipeline.surface.mesh_writer import write_ply
+from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.structures import name_of_file
 from ..state import another_frame, from_scene, to_scene, workbench
 from ..state.camera_view import WORKSPACE
 from ..state.events import areas
 from ..state.from_scene import surface_bounds, surface_extents
-from ..state.initial_pose import set_initial_pose
-from ..state.landmarks import replace_landmarks
 from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
-from ..state.scene_files import input_files
 from ..ui.frame_view import window_region
 from ..ui.operator import (
     ChosenFiles,
@@ -36,7 +31,6 @@ from ..ui.operator import (
     OpensFile,
     OperatorResult,
     Reporting,
-    SavesFile,
     call,
 )
 
@@ -60,33 +54,6 @@ class ONEFRAME_OT_load_frame(OpensFile):
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         return to_scene.set_frame(context, path, read_image(path, path.name))
-
-
-class _OfAnotherFrame(Reporting):
-    """Mixin: available while pose and image points are those of another frame."""
-
-    needs = (lambda context: context.scene.oneframe.aligned_path, "The pose is of this frame")
-
-
-class ONEFRAME_OT_keep_pose(_OfAnotherFrame):
-    """Start from the pose of the other frame, recorded as such; landmarks keep their surface points only"""
-
-    bl_label = "Keep Pose"
-
-    def run(self, context: bpy.types.Context) -> None:
-        another_frame.keep_pose(context.scene)
-
-
-class ONEFRAME_OT_clear_pose(_OfAnotherFrame):
-    """Start from an initial guess, without landmarks"""
-
-    bl_label = "Clear"
-
-    def run(self, context: bpy.types.Context) -> None:
-        scene = context.scene
-        set_initial_pose(scene)
-        replace_landmarks(scene, ())
-        scene.oneframe.aligned_path = ""
 
 
 class ONEFRAME_OT_load_camera(OpensFile):
@@ -268,29 +235,6 @@ class ONEFRAME_OT_remove_scale(NeedsAlignment, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         surface_object.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
-
-
-class ONEFRAME_OT_save_edited_surface(SavesFile):
-    """Write the surface as edited in Blender to a PLY file, and use that file from now on"""
-
-    bl_label = "Save Edited Surface"
-
-    filename_ext = ".ply"
-    usual_name = "edited.ply"
-    filter_glob: str = prop(StringProperty, default="*.ply", options={"HIDDEN"})
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        scene, path = context.scene, self.chosen_file()
-        if path.suffix.lower() != ".ply":
-            raise InputError(f"{path}: expected a file name *.ply, found {path.name!r}; choose another name")
-        check_outputs([path], input_files(scene))
-        surface = from_scene.surface_of(scene)
-        mesh = surface_object.edited_mesh(surface)
-        given = mesh.moved(surface_object.mesh_from_model_of(surface)[:3, 3])
-        space = stated_space(from_scene.absolute_path(surface.oneframe.mesh_path))
-        write_ply(path, given.scaled(1 / MM_PER_UNIT[scene.oneframe.units]), space=space)
-        to_scene.relink_surface(context, path)
-        return (f"saved {path}: {len(mesh.faces)} triangles",)
 
 
 PARTS = (timers(_ask_for_units),)

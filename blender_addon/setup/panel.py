@@ -39,10 +39,6 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     step = next_step(scene)
     if step:
         draw_text(layout, step, icon="INFO")
-    if scene.oneframe.aligned_path:
-        row = layout.row(align=True)
-        row.operator("oneframe.keep_pose", icon="PINNED")
-        row.operator("oneframe.clear_pose", icon="X")
     if step == OPEN:
         if workbench.existing() not in (None, scene):
             layout.operator("oneframe.enter_workbench", icon="WORKSPACE")

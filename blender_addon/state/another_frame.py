@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.blender.bridge.data_blocks import absolute_path
-from ..pipeline.case.pose_record import OTHER_FRAME, UNKNOWN
+from ..pipeline.case.pose_record import OTHER_FRAME, UNKNOWN, PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.images.image_reader import read_image
 from . import events, from_scene, pose_evidence
@@ -40,41 +40,33 @@ def check_own(scene: bpy.types.Scene) -> None:
         raise InputError(f"expected the case's frame in the view, found {other.name}; press Back to Case Frame")
 
 
-def leave_frame(scene: bpy.types.Scene, image: np.ndarray, valid: np.ndarray) -> bool:
-    """Say whose pose and image points are, before a picture replaces the frame's.
+leaving: list[Callable[[], None]] = []
+"""Called before another frame takes the place of an aligned one: what was found in that goes to its history."""
 
-    ``(H, W, 3)`` and ``(H, W)`` of the new picture are as :func:`.read_image` returns them.
+
+def leave_frame(scene: bpy.types.Scene, image: np.ndarray, valid: np.ndarray) -> bool:
+    """Make the pose a start, recorded as such, and take the image points away, unless the picture is the frame's own.
+
+    ``(H, W, 3)`` and ``(H, W)`` of the new picture are as :func:`.read_image` returns them; the landmarks keep their
+    points of the surface.
 
     Returns
     -------
     Whether it is the same frame: the same picture, with or without a mask.
     """
     settings = scene.oneframe
-    is_same = _shows(settings.frame_path, image, valid)
-    if settings.aligned_path:
-        if not is_same and _shows(settings.aligned_path, image, valid):
-            settings.aligned_path = ""
-    elif settings.frame_path and not is_same and _is_aligned(scene):
-        settings.aligned_path = settings.frame_path
-        pose_evidence.leave(scene)
-    return is_same
-
-
-def keep_pose(scene: bpy.types.Scene) -> None:
-    """Start from the pose of the other frame, recorded as such; the landmarks keep their points of the surface.
-
-    Raises
-    ------
-    InputError
-        There is no pose.
-    """
-    record, pose = pose_evidence.remembered(scene), from_scene.cam_from_model(scene)
-    if record is not None and record.method == OTHER_FRAME:
-        pose_evidence.remember(scene, record, pose)
-    scene.oneframe.aligned_path = ""
-    with events.muted():
-        for entry in scene.oneframe.landmarks:
-            entry.has_pixel = False
+    if _shows(settings.frame_path, image, valid):
+        return True
+    if settings.frame_path and _is_aligned(scene):
+        for call in leaving:
+            call()
+        name = bpy.path.basename(settings.frame_path)
+        record = PoseRecord(OTHER_FRAME, doubt=f"found in another frame ({name})")
+        pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
+        with events.muted():
+            for entry in settings.landmarks:
+                entry.has_pixel = False
+    return False
 
 
 def _shows(path: str, image: np.ndarray, valid: np.ndarray) -> bool:

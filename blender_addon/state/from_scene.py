@@ -5,7 +5,6 @@ Files are cached until they, or the settings with which they are read, change. N
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -144,9 +143,6 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
     if not surface.oneframe.mesh_path:
         raise InputError(f"{surface.name}: expected a surface that was loaded from a file; load it with Load Surface")
     landmarks = landmarks_mesh(scene)
-    if settings.aligned_path:
-        # of another frame: its pixels mean nothing in this one
-        landmarks = tuple(replace(landmark, pixel=None) for landmark in landmarks)
     structures = tuple(
         Structure(child.name, absolute_path(child.oneframe.mesh_path), _of_codes(child.color))
         for child in sorted(surface.children, key=lambda child: child.name)
@@ -316,7 +312,7 @@ def _mesh(path: Path, _stamp: tuple[int, int], like: Path) -> TriangleMesh:
 
 
 def _check_unedited(surface: bpy.types.Object, mesh: TriangleMesh) -> None:
-    advice = "save the edited surface to a file and load that, or undo the edit, so that every tool uses the same mesh"
+    advice = "undo the edit, so that every tool uses the same mesh"
     if surface.mode == "EDIT":
         surface.update_from_editmode()
     data = surface.data

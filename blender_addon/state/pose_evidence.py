@@ -1,8 +1,7 @@
 """What the present pose rests on, as far as it was found by something other than the landmarks: kept with its pose.
 
-The record (:class:`.PoseRecord`) is stored with the pose that it is
-about, in the frame and units of the mesh file, and holds while the surface has that pose: it survives undo, .blend
-files and other units, and no movement of the surface can leave it stale.
+The record (:class:`.PoseRecord`) is stored with the pose that it is about, in the frame and units of the mesh file, and
+holds while the surface has that pose: it survives undo, .blend files and other units, and is never stale.
 """
 
 import json
@@ -15,7 +14,7 @@ import numpy as np
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of
 from ..pipeline.case.case_file import MM_PER_UNIT
-from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
+from ..pipeline.case.pose_record import PoseRecord
 from ..pipeline.transforms import inverse_rigid, is_same_pose, transform_points
 from . import from_scene
 
@@ -27,18 +26,26 @@ def remember(
     uncertainty: PoseUncertainty | None = None,
 ) -> None:
     """Store what a pose ``(4, 4)``, mm, rests on; an empty record: it was given, nobody knows how it was found."""
-    _store(scene, record, cam_from_model, uncertainty)
-
-
-def leave(scene: bpy.types.Scene) -> None:
-    """Note that another frame comes: from now on the present pose is that of the frame before."""
-    pose, stored = from_scene.cam_from_model(scene), _stored(scene)
-    _store(scene, None if stored is None else stored[0], pose, None if stored is None else stored[1], is_left=True)
+    mesh_from_model, numbers = mesh_from_model_of(from_scene.surface_of(scene)), None
+    if uncertainty is not None:
+        pivot = transform_points(mesh_from_model, uncertainty.pivot_model)
+        numbers = {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in asdict(replace(uncertainty, pivot_model=pivot)).items()
+        }
+    scene.oneframe.evidence = json.dumps(
+        {
+            "mm_per_unit": MM_PER_UNIT[scene.oneframe.units],
+            "cam_from_mesh": (cam_from_model @ inverse_rigid(mesh_from_model)).tolist(),
+            "record": record.table(),
+            "uncertainty": numbers,
+        }
+    )
 
 
 def record_of(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> PoseRecord | None:
     """What is stored about a pose ``(4, 4)``, mm, of the surface; ``None`` if nothing is."""
-    stored = _stored_about(scene, cam_from_model)
+    stored = _stored(scene, cam_from_model)
     return None if stored is None else stored[0]
 
 
@@ -61,7 +68,7 @@ def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
     InputError
         There is no pose.
     """
-    stored = _stored(scene)
+    stored = _stored(scene, from_scene.cam_from_model(scene))
     return None if stored is None else stored[1]
 
 
@@ -77,39 +84,7 @@ def is_refined(scene: bpy.types.Scene) -> bool:
     return record is not None and record.is_from_image
 
 
-def _store(
-    scene: bpy.types.Scene,
-    record: PoseRecord | None,
-    cam_from_model: np.ndarray,
-    uncertainty: PoseUncertainty | None,
-    *,
-    is_left: bool = False,
-) -> None:
-    mesh_from_model, numbers = mesh_from_model_of(from_scene.surface_of(scene)), None
-    if uncertainty is not None:
-        pivot = transform_points(mesh_from_model, uncertainty.pivot_model)
-        numbers = {
-            key: value.tolist() if isinstance(value, np.ndarray) else value
-            for key, value in asdict(replace(uncertainty, pivot_model=pivot)).items()
-        }
-    scene.oneframe.evidence = json.dumps(
-        {
-            "mm_per_unit": MM_PER_UNIT[scene.oneframe.units],
-            "cam_from_mesh": (cam_from_model @ inverse_rigid(mesh_from_model)).tolist(),
-            "record": None if record is None else record.table(),
-            "uncertainty": numbers,
-            "is_left": is_left,
-        }
-    )
-
-
-def _stored(scene: bpy.types.Scene) -> tuple[PoseRecord | None, PoseUncertainty | None] | None:
-    return _stored_about(scene, from_scene.cam_from_model(scene))
-
-
-def _stored_about(
-    scene: bpy.types.Scene, cam_from_model: np.ndarray
-) -> tuple[PoseRecord | None, PoseUncertainty | None] | None:
+def _stored(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> tuple[PoseRecord, PoseUncertainty | None] | None:
     """Record and uncertainty (model frame) of a pose, if what is stored is about it."""
     settings = scene.oneframe
     if not settings.evidence:
@@ -119,11 +94,6 @@ def _stored_about(
     factor, pose = MM_PER_UNIT[settings.units] / stored["mm_per_unit"], np.array(stored["cam_from_mesh"])
     pose[:3, 3] *= factor
     if not is_same_pose(pose, cam_from_model @ inverse_rigid(mesh_from_model)):
-        return None
-    if stored["is_left"] and settings.aligned_path:
-        name = bpy.path.basename(settings.aligned_path)
-        return PoseRecord(OTHER_FRAME, doubt=f"found in another frame ({name})"), None
-    if stored["record"] is None:
         return None
     record, uncertainty = PoseRecord.of_table(stored["record"], "the record of the pose").scaled(factor), None
     if stored["uncertainty"] is not None:

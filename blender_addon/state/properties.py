@@ -140,12 +140,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     video_text: str = prop(
         StringProperty, description="Film of the frame, and its number there (JSON)", options={"HIDDEN"}
     )
-    aligned_path: str = prop(
-        StringProperty,
-        description="The frame in which pose and image points were found, if it is another one than the present",
-        subtype="FILE_PATH",
-        options={"HIDDEN"},
-    )
     refused: str = prop(StringProperty, "Refused", "Why the frame is refused; empty unless it is")
     evidence: str = prop(StringProperty, description="What the pose rests on (JSON)", options={"HIDDEN"})
     began_at_guess: bool = prop(

@@ -44,8 +44,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     remember_file(scene, case)
     settings.frame_path = str(case.image.resolve())
     settings.frame_size = case.camera.size_wh
-    for name in ("aligned_path", "began_at_guess"):
-        settings.property_unset(name)
+    settings.property_unset("began_at_guess")
     settings.video_text = json.dumps(case.video) if case.video else ""
     settings.refused = case.refused
     settings.camera_object, settings.surface = objects.camera, objects.surface
@@ -196,7 +195,6 @@ def set_surface(
     surface = alignment_scene.put_surface(scene, given.moved(-centre), rigid(translation=centre), np.eye(4))
     surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(path.resolve())
     settings.surface, settings.units = surface, units
-    settings.property_unset("aligned_path")
     set_focus(scene, focus)
     set_initial_pose(scene)
     replace_landmarks(scene, ())
@@ -235,13 +233,6 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     settings.units = units
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), from_scene.cam_from_model(scene))
-
-
-def relink_surface(context: bpy.types.Context, path: Path) -> None:
-    """Link the edited surface to its new file; the model frame moves with the mean of the vertices."""
-    surface = from_scene.surface_of(context.scene)
-    given = surface_object.edited_mesh(surface).moved(surface_object.mesh_from_model_of(surface)[:3, 3])
-    exchange_surface(context, path, given)
 
 
 def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh) -> None:

@@ -80,9 +80,6 @@ def next_step(scene: bpy.types.Scene) -> str:
         return "Next: load K from a file, or type it under Camera K and press Set Camera."
     if not has_surface:
         return "Next: load the surface, or make it from the CT."
-    if settings.aligned_path:
-        name = bpy.path.basename(settings.aligned_path)
-        return f"Pose and landmarks are of another frame, {name}; press Keep Pose to start from it, or Clear."
     return ""
 
 

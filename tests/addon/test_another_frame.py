@@ -14,6 +14,7 @@ from blender_addon.state import from_scene
 from blender_addon.state.landmarks import landmarks_mesh
 from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
+from oneframe.case.case_history import earlier_cases
 from oneframe.case.pose_record import PoseRecord
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
@@ -51,56 +52,28 @@ def load(path):
     assert bpy.ops.oneframe.load_frame(filepath=str(path)) == {"FINISHED"}
 
 
-def test_a_frame_that_nobody_aligned_gets_neither_pixels_nor_figures(aligned, other, folder):
+def test_another_frame_starts_at_the_pose_says_so_and_gets_no_pixels(aligned, other, folder):
+    bpy.ops.ed.undo_push(message="aligned")
     before = state(aligned)
     load(other)
-    settings = aligned.oneframe
-    assert settings.aligned_path.endswith("frame.png")
-    record = replace(pose_record(aligned), tool="", date="")
+    record, landmarks, pose = state(aligned)
     assert record == PoseRecord("another frame", doubt="found in another frame (frame.png)")
+    assert pose == before[2]
+    assert [landmark.point for landmark in landmarks] == [landmark.point for landmark in before[1]]
+    assert not any(landmark.pixel for landmark in landmarks)
     assert solve.solution(aligned).alignment is None
-    for pick in (
-        lambda: bpy.ops.oneframe.landmark_set(pixel=(3, 4)),
-        lambda: bpy.ops.oneframe.landmark_pin(index=0, pixel=(3, 4)),
-        lambda: bpy.ops.oneframe.solve_landmarks(),
-    ):
-        with pytest.raises(RuntimeError, match=r"are of another frame, frame\.png; press Keep Pose"):
-            pick()
-    # the pose of the file, saved before over the same file, is not taken for this frame's either
     bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
     saved = read_case(folder / "new.toml")
-    assert saved.image == other
-    assert (saved.alignment.method, saved.alignment.rms_px) == ("another frame", None)
-    assert all(landmark.pixel is None and landmark.point is not None for landmark in saved.landmarks)
-    # another frame comes and goes, and the first one comes back: all is as it was
-    load(folder / "frame.png")
-    assert state(aligned) == before
-    assert not settings.aligned_path
-
-
-def test_keep_pose_starts_from_it_and_says_so(aligned, other, folder):
-    _, landmarks, pose = state(aligned)
-    load(other)
-    bpy.ops.oneframe.keep_pose()
-    record, kept, same = state(aligned)
-    assert (record.method, "frame.png" in record.doubt, same) == ("another frame", True, pose)
-    assert [landmark.point for landmark in kept] == [landmark.point for landmark in landmarks]
-    assert not any(landmark.pixel for landmark in kept)
-    assert not bpy.ops.oneframe.keep_pose.poll()
-    bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
-    assert read_case(folder / "new.toml").alignment.doubt == record.doubt
+    assert (saved.image, saved.alignment.doubt, saved.alignment.rms_px) == (other, record.doubt, None)
+    # what was found in the frame before is in its history, and undo brings it back: here of Save Case, and of the nudge
+    assert earlier_cases(folder / "case.toml")[0].case.landmarks == before[1]
     # and whoever aligns in this frame is not in doubt
     bpy.ops.oneframe.nudge(axis="x")
     assert pose_record(aligned).method == "manual"
-
-
-def test_clear_starts_from_the_initial_guess(aligned, other):
-    load(other)
-    bpy.ops.oneframe.clear_pose()
-    record, landmarks, _ = state(aligned)
-    assert (record, landmarks) == (PoseRecord("initial guess"), ())
-    load(other.with_name("frame.png"))
-    assert not aligned.oneframe.aligned_path, "a guess is of no frame"
+    bpy.ops.ed.undo_push(message="nudged")
+    for _ in range(2):
+        bpy.ops.ed.undo()
+    assert state(bpy.context.scene) == before
 
 
 @pytest.mark.parametrize("by", ["alpha", "load_mask", "copy"])

@@ -27,6 +27,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from tests.addon.test_setup import exchange_edited
 from tests.alignment.test_refinement import hills
 from tests.remembered import refinement, remembered
 
@@ -243,7 +244,7 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
     # an edit moves the mean of the vertices, which is the origin of the frame `model`
     data = from_scene.surface_of(opened).data
     data.vertices[0].co.z += 50
-    bpy.ops.oneframe.save_edited_surface(filepath=str(tmp_path / "edited.ply"))
+    exchange_edited(tmp_path / "edited.ply")
     edited, edited_covariances, edited_pivot_px = known()
     assert edited == back
     assert np.allclose(edited_covariances, covariances, rtol=1e-4)

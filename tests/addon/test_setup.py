@@ -17,6 +17,7 @@ from blender_addon.state import from_scene, pose_evidence, to_scene
 from blender_addon.state.pose import pivot_of
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.view.overlay_passes import world_from_structure
+from oneframe.blender.alignment.surface_object import edited_mesh, mesh_from_model_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
@@ -240,14 +241,22 @@ def test_deleted_objects_are_reported(opened):
     assert opened.oneframe.camera_object.name in opened.objects
 
 
-def test_an_edited_surface_is_refused_until_it_is_saved(opened, case_path, tmp_path):
+def exchange_edited(path):
+    """Write the surface as it is edited to a file, and use that version of it."""
+    surface = bpy.context.scene.oneframe.surface
+    mesh = edited_mesh(surface).moved(mesh_from_model_of(surface)[:3, 3])
+    write_ply(path, mesh)
+    to_scene.exchange_surface(bpy.context, path, mesh)
+
+
+def test_an_edited_surface_is_refused_and_another_version_keeps_pose_and_landmarks(opened, case_path, tmp_path):
     surface = opened.oneframe.surface
     before = updated_pose(opened)
     point = surface.matrix_world @ surface.data.vertices[7].co
     surface.data.vertices[0].co.z += 3.0
     with pytest.raises(RuntimeError, match="edited in Blender"):
         bpy.ops.oneframe.save_case(filepath=str(tmp_path / "edited.toml"))
-    bpy.ops.oneframe.save_edited_surface(filepath=str(tmp_path / "edited.ply"))
+    exchange_edited(tmp_path / "edited.ply")
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "edited.toml"))
     saved, given = read_case(tmp_path / "edited.toml"), read_case(case_path)
     assert saved.mesh.name == "edited.ply"
@@ -266,7 +275,6 @@ MISTAKES = [
     ("load_pose", "pose.txt", b"-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "reflection"),
     ("save_case", "", None, "expected a file"),
     ("save_case", "frame.png", None, "expected the name of a case file"),
-    ("save_edited_surface", "case.toml", None, r"a file name \*.ply"),
 ]
 
 

@@ -18,10 +18,9 @@ from .landmarks.align_landmarks import (
     off_surface,
 )
 from .landmarks.degeneracy import UndeterminedPose
-from .landmarks.picture import marked
 from .refinement.refine import refine_pose
 from .refinement.verdict import Refinement
-from .report import pose_lines, pose_table, refinement_table, report_lines, report_table
+from .report import marked, pose_lines, pose_table, refinement_table, report_lines, report_table
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ Two things move with the lens as the shading does, and would be taken for a lamp
 the gloss of wet surfaces, of which one share is found, and the lamp's profile across the field, a smooth term about the
 axis. Both are nuisances: the law is without them.
 
-Least squares with Cauchy's weights, reweighted iteratively and damped (Marquardt 1963): instruments and light between
+Least squares with Cauchy's weights, reweighted iteratively: instruments and light between
 the walls are in no frame's model. How far the lamp is before or behind the lens and how its light falls off with the
 distance change little, and little but what light between the walls does too: the lamp is taken to be small and beside
 the lens, and what this may be wrong by is part of the uncertainty.
@@ -22,6 +22,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..images.transfer import TRANSFERS
+from ..least_squares import damped_least_squares
 from ..surface.mesh import TriangleMesh
 from .lens_light import PHYSICAL, LensLight
 from .shaded_points import Image, ShadedPoints, shaded_points
@@ -40,7 +41,7 @@ GRANTED = {Z: 20.0, FALLOFF: 0.3}
 """Standard deviations of what is not looked for."""
 PROFILE = 2
 """Terms of the profile: powers of the squared distance from the axis."""
-ROUNDS, ITERATIONS, GREATEST_DAMPING = 2, 30, 1e6
+ROUNDS, ITERATIONS = 2, 30
 """Rounds before which the lamp's shadows are cast anew, and the most steps of each."""
 CAUCHY, LEAST_SCATTER = 2.5, 1e-9
 """Residuals of so many standard deviations count half; and the least of these."""
@@ -176,24 +177,23 @@ class _Problem:
 
     def solved(self, values: np.ndarray) -> np.ndarray:
         """The best parameters, from those given."""
-        damping = 1e-3
-        for _ in range(ITERATIONS):
+
+        def linear(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             self._reweight(values)
-            residuals, slopes = self._residuals(values), self._slopes(values, self._free)
+            slopes = self._slopes(values, self._free)
             weighted = slopes * self._weights[:, None]
-            normal, right = weighted.T @ slopes, weighted.T @ residuals
-            trial = values
-            while damping < GREATEST_DAMPING:
-                trial = values.copy()
-                trial[self._free] += np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right)
-                trial = np.clip(trial, LEAST, MOST)
-                if self._cost(self._residuals(trial)) <= self._cost(residuals):
-                    break
-                damping *= 10
-            moved, values, damping = np.abs(trial - values), trial, damping / 10
-            if (moved <= ENOUGH).all():
-                break
-        return values
+            return weighted.T @ slopes, weighted.T @ self._residuals(values)
+
+        def better(values: np.ndarray, step: np.ndarray) -> np.ndarray | None:
+            trial = values.copy()
+            trial[self._free] += step
+            trial = np.clip(trial, LEAST, MOST)
+            return trial if self._cost(self._residuals(trial)) <= self._cost(self._residuals(values)) else None
+
+        def is_settled(before: np.ndarray, after: np.ndarray) -> bool:
+            return bool((np.abs(after - before) <= ENOUGH).all())
+
+        return damped_least_squares(values, linear, better, is_settled, steps=ITERATIONS)
 
     def found(self, values: np.ndarray) -> FoundLamp:
         """The parameters with what they explain, and how sure they are."""

@@ -19,6 +19,7 @@ from ..case.loaded_case import LoadedCase
 from ..case.pose_record import FURTHER_FRAMES, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.numbers import format_two_digits
+from ..least_squares import damped_least_squares
 from ..projection.rays import MeshRays
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, cross_matrices, inverse_rigid, rotation_angle_deg, transform_points
@@ -229,19 +230,20 @@ class SourceCorrection:
         poses = np.stack([source, *(track.cam_from_model for track in tracks)])
         number = np.repeat(np.arange(len(tracks)), [len(track.source_px) for track in tracks])
         source_px, frame_px = (np.concatenate(each) for each in list(zip(*tracks, strict=True))[:2])
-        now, damping = self._linear(poses, source_px, frame_px, number), 1e-4
-        for _ in range(MOST_STEPS):
-            normal, gradient = _normal_equations(now, number)
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient).reshape(-1, 6)
-            moved = np.stack([apply_twist(*each, self._pivot) for each in zip(step, poses, strict=True)])
-            tried = self._linear(moved, source_px, frame_px, number)
-            if tried.cost >= now.cost:
-                damping *= 10
-                continue
-            is_last = now.cost - tried.cost < SETTLED * now.cost
-            poses, now, damping = moved, tried, damping / 10
-            if is_last:
-                break
+
+        def better(before: tuple[np.ndarray, _Linear], step: np.ndarray) -> tuple[np.ndarray, _Linear] | None:
+            twists = zip(step.reshape(-1, 6), before[0], strict=True)
+            moved = np.stack([apply_twist(*each, self._pivot) for each in twists])
+            after = self._linear(moved, source_px, frame_px, number)
+            return (moved, after) if after.cost < before[1].cost else None
+
+        poses, now = damped_least_squares(
+            (poses, self._linear(poses, source_px, frame_px, number)),
+            lambda state: _normal_equations(state[1], number),
+            better,
+            lambda before, after: before[1].cost - after[1].cost < SETTLED * before[1].cost,
+            steps=MOST_STEPS,
+        )
         return SourceFit(poses[0], poses[1:], _covariance(now, number, source_px), float(now.weight.mean()))
 
     def _linear(self, poses: np.ndarray, source_px: np.ndarray, frame_px: np.ndarray, number: np.ndarray) -> _Linear:

@@ -3,8 +3,6 @@
 import io
 import json
 import shutil
-import subprocess
-import sys
 import tarfile
 from pathlib import Path
 
@@ -188,30 +186,3 @@ def test_other_files_and_packs_are_refused(dataset, copied, copied_pack, tmp_pat
     with pytest.raises(RunError, match="identity was abab"):
         pack(dataset, copied_pack)
     assert tree(copied_pack) == before
-
-
-def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(dataset, packed, tmp_path):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    # models and one shard fit
-    size = sum(len(data) for data in tree(packed).values()) - len(tree(packed)["shard-000001.tar"])
-    if shutil.which("mount") is None:
-        pytest.skip("there is no mount command")
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", f"size={size // 2}", "tmpfs", disk], capture_output=True, text=True, check=False
-    )
-    if mounted.returncode:
-        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
-    command = [sys.executable, "-m", "oneframe.commands", "pack", dataset, "--out", disk / "out"]
-    command += ["--views-per-shard", "1", "--workers", "2"]
-    try:
-        ended = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
-        assert ended.returncode == 3, ended
-        assert "(No space left on device); the shards packed so far are safe" in ended.stderr
-        assert ended.stderr.count("\n") == 1
-        subprocess.run(["mount", "-o", "remount,size=50m", disk], check=True)
-        ended = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
-        assert ended.returncode == 0, ended.stderr
-        assert tree(disk / "out") == pack(dataset, tmp_path / "out", views_per_shard=1)
-    finally:
-        subprocess.run(["umount", disk], check=True)

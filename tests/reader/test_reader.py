@@ -12,7 +12,6 @@ import subprocess
 import sys
 import tarfile
 import zlib
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -102,14 +101,6 @@ def test_chosen_views_keep_their_order_and_numbers(dataset, tmp_path):
     assert chosen.shards == (range(2), range(2, 3))
     for view in chosen:
         assert_same(view, whole[view.index])
-
-
-def test_threads_share_it(opened):
-    expected = [arrays(view) for view in opened]
-    with ThreadPoolExecutor(8) as pool:
-        for place, found in enumerate(pool.map(lambda place: arrays(opened[place % 4]), range(200))):
-            for name, array in expected[place % 4].items():
-                np.testing.assert_array_equal(found[name], array)
 
 
 def total(views: Dataset, place: int) -> float:

@@ -3,8 +3,7 @@
 The surface is rendered, and its visible points then sample the image where they project as the pose moves. Each step
 solves for the mixture exactly and removes its degrees of freedom from the Jacobian (variable projection: Golub &
 Pereyra 1973, in the form of Kaufman 1975). Gradients are a mean of those of the image and of the rendered mixture
-(Benhimane & Malis, "Real-time image-based tracking of planes using efficient second-order minimization", 2004). Steps
-are damped (Levenberg-Marquardt).
+(Benhimane & Malis, "Real-time image-based tracking of planes using efficient second-order minimization", 2004).
 """
 
 from typing import Literal, NamedTuple
@@ -13,6 +12,7 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...least_squares import damped_least_squares
 from ...light.local_mean import image_without_local_mean
 from ...transforms import rigid, se3_exp, transform_points
 from .canonical_correlation import CanonicalCorrelation, best_mixture
@@ -113,7 +113,7 @@ def refine_on_level(
         if state is None:
             return result
         before = state.pixels
-        state = _levenberg_marquardt(level, image, points, state, steps)
+        state = _fitted(level, image, points, state, steps)
         cam_from_model = state.cam_from_model
         result = LocalResult(state.mixture.score, cam_from_model)
         if np.linalg.norm(state.pixels - before, axis=1).mean() < RENDERING_CONVERGED_PX:
@@ -193,27 +193,24 @@ def _evaluate(level: PyramidLevel, image: np.ndarray, points: _Points, cam_from_
     )
 
 
-def _levenberg_marquardt(level: PyramidLevel, image: np.ndarray, points: _Points, state: _State, steps: int) -> _State:
-    damping, min_weight = 1e-3, MIN_OVERLAP * state.weights.sum()
-    pivot = state.points_cam.mean(axis=0)
-    for _ in range(steps):
+def _fitted(level: PyramidLevel, image: np.ndarray, points: _Points, start: _State, steps: int) -> _State:
+    min_weight, pivot = MIN_OVERLAP * start.weights.sum(), start.points_cam.mean(axis=0)
+
+    def linear(state: _State) -> tuple[np.ndarray, np.ndarray]:
         jacobian, residuals = _linear_system(level.camera, image, points, state, pivot)
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ residuals
-        for _ in range(4):
-            twist = np.linalg.solve(normal + damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(6), -gradient)
-            moved = rigid(translation=pivot) @ se3_exp(twist) @ rigid(translation=-pivot) @ state.cam_from_model
-            trial = _evaluate(level, image, points, moved)
-            if trial is not None and trial.mixture.score > state.mixture.score and trial.weights.sum() >= min_weight:
-                break
-            damping *= 10
-        else:
-            return state
-        damping *= 0.2
-        moved_px = float(np.linalg.norm(trial.pixels - state.pixels, axis=1).mean())
-        state = trial
-        if moved_px < STEP_CONVERGED_PX:
-            break
-    return state
+        return jacobian.T @ jacobian, -jacobian.T @ residuals
+
+    def better(state: _State, twist: np.ndarray) -> _State | None:
+        moved = rigid(translation=pivot) @ se3_exp(twist) @ rigid(translation=-pivot) @ state.cam_from_model
+        trial = _evaluate(level, image, points, moved)
+        if trial is None or trial.mixture.score <= state.mixture.score or trial.weights.sum() < min_weight:
+            return None
+        return trial
+
+    def is_settled(before: _State, after: _State) -> bool:
+        return float(np.linalg.norm(after.pixels - before.pixels, axis=1).mean()) < STEP_CONVERGED_PX
+
+    return damped_least_squares(start, linear, better, is_settled, steps=steps)
 
 
 def _linear_system(

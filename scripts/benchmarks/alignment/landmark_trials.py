@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from oneframe.alignment.landmarks.candidates import UNDISTORTED
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose
+from oneframe.alignment.landmarks.hypotheses import UNDISTORTED
 from oneframe.alignment.landmarks.solver import solve_pose
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.transforms import nearest_rotation, rigid, rotation_angle_deg, transform_points

@@ -14,8 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from oneframe.alignment.landmarks.candidates import UNDISTORTED
 from oneframe.alignment.landmarks.degeneracy import MIN_INLIER_FRACTION, UndeterminedPose
+from oneframe.alignment.landmarks.hypotheses import UNDISTORTED
 from oneframe.alignment.landmarks.solver import FEW_CORRESPONDENCES, LARGE_NOISE_RATIO, solve_pose
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points

@@ -11,7 +11,7 @@ from ..pipeline.dataset.description import describe, input_files, inputs_sha256
 from ..pipeline.dataset.identity import COUNT
 from ..pipeline.dataset.layout import RECORD, WORK
 from ..pipeline.dataset.options import DatasetOptions
-from ..pipeline.dataset.run.same_run import check_description, holds_views_of
+from ..pipeline.dataset.run.run_folder import check_description
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_TEXT, read_file
 
@@ -51,7 +51,7 @@ def check_folder(out: Path, loaded: LoadedCase, options: DatasetOptions, poses: 
     asked = describe(loaded, options, poses, hashes=hashes, blender=bpy.app.version_string)
     if (out / RECORD).exists():
         check_description(out, asked, poses, advice=f"set them back to continue it, or {ADVICE}")
-    elif out.is_dir() and not (out / WORK).exists() and any(out.iterdir()) and not holds_views_of(out, asked, poses):
+    elif out.is_dir() and not (out / WORK).exists() and any(out.iterdir()):
         raise InputError(
             f"{out}: expected a new or empty folder, or a dataset to continue, found other files; {ADVICE}"
         )

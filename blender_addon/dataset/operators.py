@@ -11,6 +11,7 @@ from ..class_registration import at_end, listening
 from ..pipeline.blender.dataset.job import light_of, own_instruments
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
+from ..pipeline.dataset.description import input_files
 from ..pipeline.dataset.options import LIGHTS
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -89,7 +90,7 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
             reference_view_of(loaded, options.engine, light_of(loaded, options)),
             options,
             listed,
-            own_instruments(options),
+            own_instruments(input_files(loaded.case, options)),
         ) as renderer:
             view = renderer.make(index)
             messages = renderer.messages

@@ -157,7 +157,7 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
     from ..case.case_file import read_case
     from ..case.case_queue import ALIGNED, CHECKED, queued_cases, state_of
     from ..dataset.layout import CASES
-    from ..dataset.run.same_run import check_description
+    from ..dataset.run.run_folder import check_description
     from ..files.outputs import check_own_folder
 
     out: Path = arguments.out
@@ -198,7 +198,7 @@ def _render_on_cluster(job: "Job", arguments: argparse.Namespace, output: TextIO
     from ..cluster.scheduler import open_scheduler
     from ..cluster.shards import render_shards
     from ..dataset.option_arguments import absolute_options, option_arguments
-    from ..dataset.run.same_run import check_description
+    from ..dataset.run.run_folder import check_description
     from ..dataset.run.work_folder import run_token
 
     opened = open_job(job)

@@ -6,7 +6,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -76,38 +76,13 @@ class Checksums:
     files: Mapping[str, FileSum] = field(default_factory=dict)
     records: Mapping[str, str] = field(default_factory=dict)
 
-    def without(self, files: Collection[str], scenes: Collection[str]) -> "Checksums":
-        """All but those of some files and scenes."""
-        return Checksums(
-            {name: known for name, known in self.files.items() if name not in files},
-            {scene: known for scene, known in self.records.items() if scene not in scenes},
-        )
 
-    def write(self, root: Path, identity: str) -> None:
-        """Write ``checksums.json``."""
-        files = sums_to_json(dict(sorted(self.files.items())))
-        write_json(root / CHECKSUMS, {"identity": identity, "files": files, "records": dict(self.records)})
-
-
-def write_checksums(root: Path, identity: str, names: Iterable[str], *, known: Checksums | None = None) -> None:
-    """Write ``checksums.json`` for the named files, given relative to ``root``, and the records of their scenes.
-
-    Parameters
-    ----------
-    known
-        What to repeat instead of the sums of the files as they are now: that of the files which nobody has written
-        since. Else a file that was changed behind the dataset's back would be taken for sound.
-
-    Raises
-    ------
-    OSError
-        A file is missing or cannot be read.
-    """
-    known = known or Checksums()
-    files = {name: known.files.get(name) or sum_of_file(root / name) for name in names}
+def write_checksums(root: Path, identity: str, names: Iterable[str]) -> None:
+    """Write ``checksums.json`` for the named files, given relative to ``root``, and the records of their scenes."""
+    files = sums_to_json({name: sum_of_file(root / name) for name in sorted(names)})
     scenes = sorted(name.removesuffix("/scene_gt.json") for name in files if name.endswith("/scene_gt.json"))
-    records = {scene: known.records.get(scene) or records_hash(root / scene) for scene in scenes}
-    Checksums(files, records).write(root, identity)
+    records = {scene: records_hash(root / scene) for scene in scenes}
+    write_json(root / CHECKSUMS, {"identity": identity, "files": files, "records": records})
 
 
 def records_hash(scene: Path) -> str:
@@ -116,19 +91,6 @@ def records_hash(scene: Path) -> str:
     for record in sorted((scene / "frame").glob("[0-9]*.json")):
         digest.update(read_file(record, LARGEST_FILE))
     return digest.hexdigest()
-
-
-def keep_checksums(root: Path, identity: str, names: Collection[str], scenes: Collection[str]) -> None:
-    """Remove all but the named files and scenes from ``checksums.json``, if there is one: the others are to change.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
-    """
-    known = read_checksums(root, identity)
-    if known is not None:
-        known.without(known.files.keys() - names, known.records.keys() - scenes).write(root, identity)
 
 
 def read_checksums(root: Path, identity: str) -> Checksums | None:

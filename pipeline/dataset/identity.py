@@ -17,7 +17,7 @@ COUNT, POSES_HASH, DEPTH_SCALE = "count", "poses_sha256", "depth_scale"
 GROWING = (COUNT, POSES_HASH)
 """The keys of the description that may change: a dataset that grows stays the same one."""
 LISTED = "poses"
-"""The key of listed poses as such, and followed by a dot and a number that of one of them."""
+"""The key of listed poses as such."""
 INPUTS = "inputs_sha256."
 """The keys of the hashes of input files begin with it."""
 
@@ -122,14 +122,9 @@ def _clause(change: Difference) -> str:
     if group in ("camera", "frame"):
         return f"{which} of the camera was {was}, is {now}"
     if group == LISTED:
-        changed = f"pose {which} (counted from 0)" if which else "a pose"
-        return f"{changed} of the list has changed, which may only get longer at its end"
+        return "a pose of the list has changed, which may only get longer at its end"
     if change.key == "options.views":
         return f"poses along a trajectory depend on the number of views, which was {was}, is {now}"
-    if change.key == DEPTH_SCALE and change.asked is None:
-        return "its poses were listed (--poses), now they are drawn"
-    if change.key == DEPTH_SCALE and change.found is None:
-        return "its poses were drawn, now they are listed (--poses)"
     if change.key == DEPTH_SCALE:
-        return f"the listed poses reach to another depth: the scale of the depth images was {was} mm, is {now} mm"
+        return f"listed poses (--poses) set the scale of the depth images, which was {was} mm, is {now} mm; null: drawn"
     return f"{change.key} was {was}, is {now}"

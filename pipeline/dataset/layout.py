@@ -128,25 +128,6 @@ def other_files(count: int) -> list[str]:
     return [RECORD, *TABLES, *(f"{scene}/{name}" for scene in scenes for name in SCENE_TABLES)]
 
 
-def occupied_views(root: Path) -> int:
-    """Number of views up to the last one with a file on disk; those before it may be missing."""
-    scenes = sorted(
-        (folder for folder in (root / SPLIT).glob("[0-9]*") if re.fullmatch("[0-9]{6,}", folder.name)),
-        key=lambda folder: int(folder.name),
-        reverse=True,
-    )
-    for scene in scenes:
-        found = [
-            int(file.name[:6])
-            for kind in KINDS
-            for file in (scene / kind).glob("[0-9]*")
-            if is_own_file(f"{SPLIT}/{scene.name}/{kind}/{file.name}")
-        ]
-        if found:
-            return int(scene.name) * VIEWS_PER_SCENE + max(found) + 1
-    return 0
-
-
 def is_own_file(name: str) -> bool:
     """Whether a run writes a file of this name, relative to the dataset's folder, with forward slashes."""
     if name in (RECORD, CHECKSUMS, *TABLES, *VIDEO_FILES):

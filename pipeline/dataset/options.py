@@ -286,6 +286,10 @@ def checked_together(checked: Mapping[str, object], where: str) -> DatasetOption
             f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
             f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
         )
+    if options.occluder_meshes is not None and not options.occluders:
+        raise InputError(
+            f"{where}: expected occluders above 0 beside occluder_meshes, found 0; say how many, on average"
+        )
     if options.eye == "right" and not options.stereo_mm:
         raise InputError(f"{where}: expected stereo_mm with the right eye, found none; give the eyes' distance")
     return options

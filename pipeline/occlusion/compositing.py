@@ -9,13 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..colour.lens_shading import CornerNormals, LensShading, shifted_codes, shown_codes
+from ..colour.lens_shading import CornerNormals, LensShading, lit_by_lamp, shifted_codes, shown_codes
 from ..light.lens_light import LensLight
 from ..projection.edge_pixels import pixel_pattern
+from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
+from ..projection.visible_surface import pixel_points
 from ..projection.z_buffer import DepthRaster, inverse_depth_map, rasterise_depth
+from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 from .occluders import Occluders
+from .shadow import Shadow
+from .staging import Filter, Staging
 
 HEAD_LIGHT = LensLight((0.0, 0.0, 0.0), 0.1)
 MOST_SAMPLES = 8
@@ -28,6 +33,15 @@ def head_light(pivot_model: np.ndarray) -> LensShading:
     """A lamp in the lens' centre, for what no light of a case shines on; exposed for a pivot (3,), model frame, mm."""
     x, y, z = pivot_model.tolist()
     return LensShading(HEAD_LIGHT, LEAST, middle_model=(x, y, z))
+
+
+def front_filter(staging: Staging) -> Filter | None:
+    """The filter that puts the instruments in front of a view."""
+    if not staging.options["occluders"]:
+        return None
+    light = staging.light or head_light(staging.reference.pivot_model).moved(staging.camera_from_planned)
+    front = Front(staging.camera, light, staging.options["samples"])
+    return lambda view, staged: front.composed(view, staged.occluders, staged.cam_from_model)
 
 
 @dataclass(frozen=True)
@@ -120,3 +134,53 @@ class _Seen:
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
+
+
+def shadow_filter(staging: Staging) -> Filter | None:
+    """The filter that casts the shadow of instruments on the surface."""
+    light, mesh = staging.light, staging.reference.mesh
+    if light is None or not staging.options["occluders"]:
+        return None
+    lit = LitSurface(mesh, CornerNormals(mesh), light, staging.rays_at(mesh) if light.shadows else None)
+    return lambda view, staged: view if staged.shadow is None else lit.shaded(view, staged.shadow)
+
+
+@dataclass(frozen=True)
+class LitSurface:
+    """The surface in the light at the lens, for the shadows on it.
+
+    Attributes
+    ----------
+    mesh, normals
+        The surface, model frame, mm, and its normals.
+    light
+        The light.
+    rays
+        Rays at it, if its own parts throw shadows, too.
+    """
+
+    mesh: TriangleMesh
+    normals: CornerNormals
+    light: LensShading
+    rays: MeshRays | None = None
+
+    def shaded(self, view: RenderedView, shadow: Shadow) -> RenderedView:
+        """A view of the surface alone with a shadow on it."""
+        camera, pose = shadow.camera, shadow.cam_from_model
+        v, u = np.nonzero(shadow.covers(view.depth_mm))
+        if len(v) == 0:
+            return view
+        left, top, width, height = u.min(), v.min(), int(np.ptp(u)) + 1, int(np.ptp(v)) + 1
+        part = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
+        faces = rasterise_depth(self.mesh, part, pose).face[v - top, u - left]
+        # a centre on an edge, where the renderer meets surface and double precision does not, stays lit
+        v, u, faces = v[faces >= 0], u[faces >= 0], faces[faces >= 0]
+        points = pixel_points(view.depth_mm, (v, u), camera, pose)
+        normals = self.normals.at(faces, points, self.mesh.front_facing(camera_centre(pose), faces))
+        lit = None if self.rays is None else lit_by_lamp(self.rays, self.light, faces, points, pose)
+        before, after = (
+            self.light.factors(points, normals, pose, each) for each in (lit, np.zeros(len(v), np.float32))
+        )
+        rgb, curve = view.rgb.copy(), self.light.curve
+        rgb[v, u] = shown_codes(shifted_codes(rgb[v, u], curve), after / before, curve)
+        return replace(view, rgb=rgb)

@@ -1,6 +1,6 @@
 """Where instruments are held in a view: drawn at random by a stream of their own, and never through the surface."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -78,7 +78,7 @@ def draw_occluders(
     room: Room,
     camera: PinholeCamera,
     cam_from_model: np.ndarray,
-    kinds: Sequence[Callable[[np.random.Generator], Instrument]] = KINDS,
+    own: Sequence[Instrument] = (),
 ) -> Occluders | None:
     """Draw the instruments of a view; ``None`` if there are none.
 
@@ -92,9 +92,10 @@ def draw_occluders(
         The surface.
     camera, cam_from_model
         The view's intrinsics and pose (4x4, mm).
-    kinds
-        What makes an instrument; any is as likely as another.
+    own
+        The user's instruments, in place of the built-in ones; any is as likely as another.
     """
+    kinds = [lambda _rng, each=each: each for each in own] or KINDS
     rng = np.random.default_rng([*seed, STREAM])
     placed: list[list[tuple[TriangleMesh, Finish]]] = []
     for stream in rng.spawn(rng.poisson(mean)):
@@ -180,3 +181,22 @@ def _length_mm(instrument: Instrument, camera: PinholeCamera, cam_from_tool: np.
     beyond = np.maximum(-0.5 - pixels, pixels - np.array(camera.size_wh) + 0.5).max(axis=1)
     out = np.flatnonzero(beyond > 2 * radius_px)
     return float(z[min(out[0] + int(BEYOND_MM / STEP_MM), first_near - 1)]) if len(out) else None
+
+
+def places_doubt(
+    own: Sequence[Instrument], seed: int, room: Room, camera: PinholeCamera, poses: Sequence[np.ndarray]
+) -> list[str]:
+    """What there is to say if some of the user's instruments find no place in the first views, at their poses."""
+    said = []
+    for number, instrument in enumerate(own, start=1):
+        streams = [np.random.default_rng([seed, view, STREAM]) for view in range(len(poses))]
+        held = [
+            held_instrument(instrument, stream, room, (), camera, pose)
+            for stream, pose in zip(streams, poses, strict=True)
+        ]
+        if without := held.count(None):
+            said.append(
+                f"--occluder-meshes: number {number} by name finds no place in {without} of the first {len(poses)} "
+                "views, and is left out there; its shaft must be longer than what the image shows of it, in mm"
+            )
+    return said

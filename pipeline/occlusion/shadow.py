@@ -1,17 +1,13 @@
 """The shadow of instruments in the light at the lens: a z-buffer from the lamp, as fine as the view's pixels."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..colour.lens_shading import CornerNormals, LensShading, lit_by_lamp, shifted_codes, shown_codes
-from ..projection.rays import MeshRays
-from ..projection.rendered_view import RenderedView
-from ..projection.visible_surface import pixel_points
-from ..projection.z_buffer import inverse_depth_of, rasterise_depth
+from ..colour.lens_shading import LensShading
+from ..projection.z_buffer import inverse_depth_of
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre
 
 
 class Shadow:
@@ -45,44 +41,3 @@ class Shadow:
         covered = np.zeros(depth_mm.shape, bool)
         covered[v, u] = self._inverse_depth[texel] > inverse
         return covered
-
-
-@dataclass(frozen=True)
-class LitSurface:
-    """The surface in the light at the lens, for the shadows on it.
-
-    Attributes
-    ----------
-    mesh, normals
-        The surface, model frame, mm, and its normals.
-    light
-        The light.
-    rays
-        Rays at it, if its own parts throw shadows, too.
-    """
-
-    mesh: TriangleMesh
-    normals: CornerNormals
-    light: LensShading
-    rays: MeshRays | None = None
-
-    def shaded(self, view: RenderedView, shadow: Shadow) -> RenderedView:
-        """A view of the surface alone with a shadow on it."""
-        camera, pose = shadow.camera, shadow.cam_from_model
-        v, u = np.nonzero(shadow.covers(view.depth_mm))
-        if len(v) == 0:
-            return view
-        left, top, width, height = u.min(), v.min(), int(np.ptp(u)) + 1, int(np.ptp(v)) + 1
-        part = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
-        faces = rasterise_depth(self.mesh, part, pose).face[v - top, u - left]
-        # a centre on an edge, where the renderer meets surface and double precision does not, stays lit
-        v, u, faces = v[faces >= 0], u[faces >= 0], faces[faces >= 0]
-        points = pixel_points(view.depth_mm, (v, u), camera, pose)
-        normals = self.normals.at(faces, points, self.mesh.front_facing(camera_centre(pose), faces))
-        lit = None if self.rays is None else lit_by_lamp(self.rays, self.light, faces, points, pose)
-        before, after = (
-            self.light.factors(points, normals, pose, each) for each in (lit, np.zeros(len(v), np.float32))
-        )
-        rgb, curve = view.rgb.copy(), self.light.curve
-        rgb[v, u] = shown_codes(shifted_codes(rgb[v, u], curve), after / before, curve)
-        return replace(view, rgb=rgb)

@@ -20,6 +20,7 @@ from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, transform_points
 from .shadow import Shadow
+from .staging import Filter, Staging
 
 CELLS = 64
 """Of the grid, along the frame's longer side."""
@@ -31,6 +32,14 @@ KNOWN = 0.999
 """Weight of pixels that show the surroundings from which on a colour is theirs."""
 MARGIN_PX = 3
 """Pixels of the frame beside the surface that count as its own, as the pose is not exact."""
+
+
+def surroundings_filter(staging: Staging) -> Filter | None:
+    """The filter that shows the surroundings where a view has no surface."""
+    if staging.options["surroundings"] != "frame":
+        return None
+    around = Surroundings.of(staging.reference.view, staging.reference.light, staging.light)
+    return lambda view, staged: around.behind(view, staging.camera, staged.cam_from_model, staged.shadow)
 
 
 @dataclass(frozen=True)

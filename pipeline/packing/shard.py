@@ -32,11 +32,6 @@ def write_shard(
     """Write some views of a dataset into a tar file, whole or not at all.
 
     The bytes depend on the views alone; with a quality of JPEG, on the version of OpenCV, too.
-
-    Raises
-    ------
-    RunError
-        A view is missing, damaged or of another dataset, or the shard cannot be written.
     """
     with (
         writing(path, SAFE),
@@ -59,7 +54,7 @@ def write_shard(
 
 def _members(description: Description, paths: ViewPaths, jpeg_quality: int | None) -> Iterator[tuple[str, bytes]]:
     """The members of one view: name after its key, and content."""
-    record, camera = read_record(paths, with_mask=False), description.camera
+    record, camera = read_record(paths), description.camera
     if record.identity != description.identity:
         raise RunError(
             f"{paths.file('frame')}: expected a view of this dataset, found one of another run; put the right view in "

@@ -116,7 +116,7 @@ class FolderFiles(ViewFiles):
     def numbers(self, index: int) -> Numbers:
         """The numbers of a view, from its record."""
         try:
-            record = read_record(ViewPaths(self.root, index), with_mask=False)
+            record = read_record(ViewPaths(self.root, index))
         except RunError as error:
             raise InputError(str(error)) from None
         info, camera = record.gt_info, self.description.camera

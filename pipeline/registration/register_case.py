@@ -163,13 +163,6 @@ def register_case(
         Choose so many accepted frames, at most, to colour the surface with.
     progress
         Called with the finished share, 0..1.
-
-    Raises
-    ------
-    InputError
-        The case or the frames cannot be used, or none of them can be read.
-    RunError
-        A file cannot be written.
     """
     loaded, is_film = registrar.loaded, not frames.is_dir()
     run, names, usable = RegistrationRun(registrar, is_film=is_film), dict[int, str](), False

@@ -91,7 +91,7 @@ def _width_px(description: Description, count: int) -> int:
 def _item(root: Path, number: int, description: Description, width_px: int) -> Item:
     paths, record, note = ViewPaths(root, number), None, ""
     try:
-        record = read_record(paths, with_mask=False)
+        record = read_record(paths)
     except RunError as error:
         note = _shown(error, root).partition("; ")[0]
     rgb, depth, observed = (

@@ -71,7 +71,12 @@ def legal_and_not(entry: Option) -> tuple[list[object], list[object]]:
 def test_an_option_takes_its_limits_and_nothing_beyond_by_flag_and_table(entry):
     legal, illegal = legal_and_not(entry)
     # an order that the ends of one alone would break, and what one needs
-    needed = {"distance_min": {"distance_max": 1000}, "distance_max": {"distance_min": 0.01}, "eye": {"stereo_mm": 24}}
+    needed = {
+        "distance_min": {"distance_max": 1000},
+        "distance_max": {"distance_min": 0.01},
+        "eye": {"stereo_mm": 24},
+        "occluder_meshes": {"occluders": 1},
+    }
     other = needed.get(entry.key, {})
     for value in legal:
         options = checked_options({**other, entry.key: value}, "table")

@@ -68,7 +68,6 @@ def test_whatever_is_left_of_a_record_is_no_view(tmp_path):
         first, last = sorted(rng.integers(0, len(whole) + 1, 2))
         data = whole[:first] + rng.bytes(last - first) + whole[last:]
         paths.file("frame").write_bytes(data)
-        # nobody reads a mask to resume, but its digits stay digits
         assert finished() <= {7}
         assert not finished() or data == whole or first >= whole.index(b"rle_counts")
     for number in ("1" + "0" * 400, "NaN", "-Infinity", "1e999", "9" * 5000):

@@ -10,11 +10,13 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.lens_shading import CornerNormals, LensShading, shifted_codes, shown_codes
 from oneframe.colour.source_view import SourceView
 from oneframe.light.lens_light import LensLight
+from oneframe.occlusion.compositing import LitSurface
 from oneframe.occlusion.instruments import hook
-from oneframe.occlusion.shadow import LitSurface, Shadow, pixel_points
+from oneframe.occlusion.shadow import Shadow
 from oneframe.occlusion.surroundings import MARGIN_PX, Surroundings
 from oneframe.projection.rays import MeshRays
 from oneframe.projection.rendered_view import RenderedView
+from oneframe.projection.visible_surface import pixel_points
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points

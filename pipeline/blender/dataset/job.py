@@ -14,14 +14,14 @@ from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, load_case
 from ...colour.lens_shading import LensShading, lens_shading_of
 from ...dataset import layout
-from ...dataset.description import POSES, describe, input_files, instrument_files, object_name
+from ...dataset.description import INSTRUMENT, POSES, describe, input_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import NONE, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
 from ...dataset.stereo import camera_from_planned
 from ...dataset.view import RenderedSample, write_view
-from ...errors import InputError, RunError
+from ...errors import RunError
 from ...files.content import hashed_reading
 from ...occlusion.instruments import Instrument, own_instrument
 from ...poses.pose_file import read_poses
@@ -128,7 +128,7 @@ def open_job(job: Job) -> OpenJob:
     given_poses: np.ndarray | None = None
     messages: list[str] = []
     with hashed_reading() as hashes:
-        loaded, instruments = load_case(case), own_instruments(job.options)
+        loaded, instruments = load_case(case), own_instruments(files)
         if POSES in files:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
@@ -139,14 +139,10 @@ def open_job(job: Job) -> OpenJob:
     return OpenJob(job, loaded, given_poses, tuple(messages), read, instruments)
 
 
-def own_instruments(options: DatasetOptions) -> tuple[Instrument, ...]:
-    """The user's instruments that options name."""
-    if options.occluder_meshes is None:
-        return ()
-    if not options.occluders:
-        raise InputError("--occluder-meshes: expected --occluders above 0 beside it, found 0; say how many, on average")
-    files = instrument_files(Path(options.occluder_meshes)).values()
-    return tuple(own_instrument(read_mesh(path)[0], path.name) for path in files)
+def own_instruments(files: Mapping[str, Path]) -> tuple[Instrument, ...]:
+    """The user's instruments among the input files of a dataset."""
+    own = [path for name, path in files.items() if name.startswith(INSTRUMENT)]
+    return tuple(own_instrument(read_mesh(path)[0], path.name) for path in own)
 
 
 def render_views(

@@ -7,21 +7,37 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TextIO
 
-from ...dataset.checksums import FileSurvey, survey_files
-from ...dataset.layout import RECORD, VIDEO_FILES, other_files
+import numpy as np
+
+from ...case.loaded_case import frame_overlay
+from ...colour.vertex_colours import colour_vertices
+from ...dataset.checksums import FileSurvey, survey_files, write_checksums
+from ...dataset.dataset_file import read_description
+from ...dataset.layout import RECORD, VIDEO_FILES, ViewPaths, other_files
 from ...dataset.option_arguments import option_arguments
 from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished, report_ready
-from ...dataset.run.run_folder import RunFolder
-from ...dataset.run.same_run import check_description
-from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
+from ...dataset.run.run_folder import RunFolder, check_description
+from ...dataset.run.survey import Survey, Tally, survey_views, view_ranges
 from ...dataset.stereo import further_datasets
+from ...dataset.tables.bop import write_camera, write_models
+from ...dataset.tables.dataset_info import write_dataset_info
+from ...dataset.tables.pose_tables import POSE_COLUMNS, pose_cells
+from ...dataset.tables.view_tables import write_view_tables
 from ...dataset.truths import written_truths
+from ...files.content import create_folder, read_file, write_bytes_atomically
 from ...files.machine import available_cores
+from ...files.tables import write_csv
+from ...images.contact_sheet import contact_sheet
+from ...images.image_reader import read_image
+from ...images.pixel_values import to_uint8
+from ...images.png import encode_png
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import engine_named, keep_freed_memory
-from . import finish
+from ..render.video import FRAMES_PER_SECOND, write_video
 from .job import Job, OpenJob, open_job, render_views, write_error
 from .view_renderer import ViewRenderer
+
+SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 
 
 def run(
@@ -138,42 +154,35 @@ def _survey(opened: OpenJob, *, verify: bool) -> _Found:
     has_tables = files.intact.issuperset(other_files(opened.count))
     # all views of a dataset that was complete; else the other shards may be working on theirs
     wanted = range(opened.count) if has_tables else opened.views
-    views = _survey_views(opened, wanted, verify=verify)
-    missing = tuple(index for index in wanted if index not in views.finished)
-    return _Found(files, views, has_tables, missing, finish.video_to_render(opened, files))
-
-
-def _kinds(job: Job) -> tuple[str, ...]:
-    return written_truths(job.options.content(), len(job.case.every_frame))
-
-
-def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Survey:
-    return survey_views(
-        opened.job.out,
-        views,
+    views = survey_views(
+        job.out,
+        wanted,
         opened.description,
-        _kinds(opened.job),
+        written_truths(job.options.content(), len(job.case.every_frame)),
         poses=opened.given_poses,
         hashes=verify,
         threads=available_cores(),
     )
+    missing = tuple(index for index in wanted if index not in views.finished)
+    return _Found(files, views, has_tables, missing, _video_to_render(opened, files))
 
 
 def _complete(opened: OpenJob, found: _Found, means: _Means) -> Tally | None:
-    """Render what is missing, then write what all views give; sums over them, ``None`` while other shards lack some."""
+    """Render what is missing, then write what all views give; sums over them, ``None`` for a shard."""
     with _at_work(opened, found, means) as (renderer, pool, progress):
         if found.lacks_tables:
-            finish.write_model_files(opened, renderer)
+            _write_model_files(opened, renderer)
             render_views(renderer, opened.job.out, pool.views(), lambda _index: progress.advance())
         progress.close()
+        if len(opened.views) < opened.count and found.lacks_tables:
+            return None
         tally = _write_tables(opened, renderer, means.report) if found.lacks_tables else found.views.tally
-        if tally is not None:
-            _write_video(opened, renderer, found, means)
-            # the description is written by the folder, which forgets its sum
-            tables = set(other_files(opened.count)) - {RECORD} if found.lacks_tables else set()
-            video = VIDEO_FILES if found.video_frames is not None else ()
-            has_video = bool(video) or found.files.intact.issuperset(VIDEO_FILES)
-            finish.write_sums(opened, written={*tables, *video}, rendered=found.missing, video=has_video)
+        if found.video_frames is not None:
+            with means.progress(found.video_frames, "video frames") as frames:
+                _write_video(opened, renderer, found.video_frames, frames)
+            means.report(f"video: {opened.job.out / VIDEO_FILES[0]}")
+        video = VIDEO_FILES if all((opened.job.out / name).exists() for name in VIDEO_FILES) else ()
+        write_checksums(opened.job.out, opened.identity, [*other_files(opened.count), *video])
     return tally
 
 
@@ -198,33 +207,61 @@ def _at_work(opened: OpenJob, found: _Found, means: _Means) -> Iterator[tuple[Vi
         sys.stderr.write(message + "\n")
 
 
-def _write_video(opened: OpenJob, renderer: ViewRenderer, found: _Found, means: _Means) -> None:
-    """Write the video, if it is missing."""
-    if found.video_frames is None:
-        return
-    with means.progress(found.video_frames, "video frames") as progress:
-        path = finish.write_trajectory_video(opened, renderer, found.video_frames, progress)
-    means.report(f"video: {path}")
+def _write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
+    """Write ``camera.json`` and ``models/``, which are known before the first view."""
+    out, reference = job.job.out, renderer.reference
+    write_camera(out, renderer.camera, renderer.depth_scale)
+    colours = colour_vertices(reference.mesh, reference.views)
+    write_models(out, reference.mesh, to_uint8(colours.rgb))
 
 
-def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Callable[[str], None]) -> Tally | None:
-    """Write the tables if all views of the dataset exist; sums over the views, or ``None`` if some are missing."""
-    out, count = opened.job.out, opened.count
-    complete = len(opened.views) == count
-    if not complete and not unrecorded_views(out, count):
-        others = _survey_views(opened, range(count))
-        complete = len(others.finished) == count
-        if not complete:
-            report(
-                f"{len(others.damaged)} views of other shards are not whole: {view_ranges(others.damaged)}; run the "
-                "same command without --shard to render them again"
-            )
-    if not complete:
-        finish.write_finished_scenes(opened, renderer)
-        return None
-    tally = finish.write_dataset_tables(opened, renderer)
+def _write_tables(job: OpenJob, renderer: ViewRenderer, report: Callable[[str], None]) -> Tally:
+    """Write the tables of a complete dataset, its overlay and its contact sheet; gives sums over all views."""
+    out, camera, mesh = job.job.out, renderer.camera, renderer.reference.mesh
+    depth_scale = renderer.depth_scale
+    description = read_description(out / RECORD)
+    tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)
+    occluded = job.job.options.occluders > 0
+    write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale, occluded=occluded)
+    picture = frame_overlay(job.loaded, renderer.reference.view.depth_mm)
+    write_bytes_atomically(out / "overlay.png", encode_png(to_uint8(picture)))
+    chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
+    images = [read_image(ViewPaths(out, int(index)).file("rgb"))[0] for index in chosen]
+    sheet = contact_sheet(images, columns=min(SHEET_COLUMNS, len(images)), tile_width=SHEET_TILE_PX)
+    write_bytes_atomically(out / "contact_sheet.png", encode_png(to_uint8(sheet)))
     report(f"contact sheet: {out / 'contact_sheet.png'}")
     return tally
+
+
+def _video_to_render(job: OpenJob, files: FileSurvey) -> int | None:
+    """Number of frames of the video that is to be rendered; ``None`` if there is nothing to do.
+
+    That is the video that the options ask for, or one that the dataset had and that is damaged now.
+    """
+    options, (video, poses), out = job.job.options, VIDEO_FILES, job.job.out
+    damaged = not files.damaged.keys().isdisjoint(VIDEO_FILES)
+    is_known = (out / poses).exists() and poses not in files.damaged
+    frames = read_file(out / poses).count(b"\n") - 1 if is_known else None
+    if not options.video:
+        return (frames or options.video_frames) if damaged else None
+    is_there = (out / video).exists() and frames == options.video_frames and not damaged
+    return None if is_there else options.video_frames
+
+
+def _write_video(job: OpenJob, renderer: ViewRenderer, frames: int, progress: Progress) -> None:
+    """Write ``video/trajectory.mp4`` and ``video/poses.csv``, one pose per frame."""
+    video, table = (job.job.out / name for name in VIDEO_FILES)
+    poses = renderer.video_poses(frames)
+
+    def images() -> Iterator[np.ndarray]:
+        for pose in poses:
+            yield renderer.render(pose).rgb
+            progress.advance()
+
+    create_folder(video.parent)
+    write_video(video, images())
+    rows = [[number, repr(number / FRAMES_PER_SECOND), *pose_cells(pose)] for number, pose in enumerate(poses)]
+    write_csv(table, ("frame", "time_s", *POSE_COLUMNS), rows)
 
 
 def work(job: Job, *, workers: int, stream: TextIO) -> None:
@@ -242,7 +279,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     keep_freed_memory()
     opened = open_job(job)
     # the files may have changed since the run began
-    check_description(job.out, opened.description, opened.given_poses, may_shrink=False)
+    check_description(job.out, opened.description, opened.given_poses)
     with opened.renderer(threads=_threads(workers)) as renderer:
         report_ready(stream)
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))

@@ -6,26 +6,26 @@ from contextlib import ExitStack
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...colour.lens_shading import CornerNormals
 from ...colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from ...colour.shading import ColouredSurface
 from ...dataset.layout import ViewPaths
-from ...dataset.options import FRAME, DatasetOptions
+from ...dataset.options import DatasetOptions
 from ...dataset.run.resume_record import ViewRecord
 from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
-from ...occlusion.compositing import Front, head_light
-from ...occlusion.instruments import KINDS, Instrument
-from ...occlusion.occluders import STREAM, draw_occluders, held_instrument
-from ...occlusion.shadow import LitSurface, Shadow
-from ...occlusion.surroundings import Surroundings
-from ...poses.constraints import PlannedPose
-from ...projection.rendered_view import RenderedView
+from ...occlusion.compositing import front_filter, shadow_filter
+from ...occlusion.instruments import Instrument
+from ...occlusion.occluders import places_doubt
+from ...occlusion.staging import StagedView, Staging
+from ...occlusion.surroundings import surroundings_filter
 from ...projection.silhouette import SilhouetteEdges
 from ...transforms import inverse_rigid
 from ..render.engines import opened_engine
 from ..render.surface_tree import rays_at
 from .view_planner import SAMPLED_VIEWS, ViewPlanner
+
+FILTERS = (shadow_filter, surroundings_filter, front_filter)
+"""What changes a view after its engine, in this order; each is made from a :class:`.Staging`, if that asks for it."""
 
 
 class ViewRenderer(ViewPlanner):
@@ -60,8 +60,6 @@ class ViewRenderer(ViewPlanner):
         """
         super().__init__(loaded, reference, options, given_poses)
         self._identity = identity
-        self._own = instruments
-        self._instruments = [lambda _rng, each=each: each for each in instruments] or KINDS
         self._kinds = written_truths(options.content(), len(loaded.frames))
         self._edges = SilhouetteEdges.of(reference.mesh)
         colours, messages = colours_of(self.reference, options.colour)
@@ -69,16 +67,18 @@ class ViewRenderer(ViewPlanner):
         unseen = unseen_colours_of(self.reference, options.unseen)
         # both eyes see everything by the left one's lamp
         light = None if reference.light is None else reference.light.moved(self._camera_from_planned)
-        head = head_light(reference.pivot_model).moved(self._camera_from_planned)
         surface = ColouredSurface(reference.mesh, tuple(colours), unseen, reference.pivot_model, light)
-        self._front = Front(self.camera, light or head, options.samples)
-        self._lit = None
-        if light is not None and options.occluders:
-            rays = rays_at(reference.mesh) if light.shadows else None
-            self._lit = LitSurface(reference.mesh, CornerNormals(reference.mesh), light, rays)
-        self._surroundings = None
-        if options.surroundings == FRAME:
-            self._surroundings = Surroundings.of(self.reference.view, reference.light, light)
+        self._staging = Staging(
+            options.content(),
+            self.reference,
+            self.camera,
+            self._camera_from_planned,
+            light,
+            self.probe,
+            rays_at,
+            tuple(instruments),
+        )
+        self._filters = [*filter(None, (made(self._staging) for made in FILTERS))]
         self._resources = ExitStack()
         self.render = self._resources.enter_context(
             opened_engine(options.engine, surface, self.camera, samples=options.samples, threads=threads)
@@ -92,40 +92,18 @@ class ViewRenderer(ViewPlanner):
 
     def sampling_doubt(self) -> str:
         """As of :class:`ViewPlanner`, and of the user's own instruments."""
-        said, views = [super().sampling_doubt()], range(min(SAMPLED_VIEWS, self._count))
-        for number, instrument in enumerate(self._own, start=1):
-            without = 0
-            for view in views:
-                pose = inverse_rigid(self._camera_from_planned) @ self.plan(view).cam_from_model
-                stream = np.random.default_rng([self._options.seed, view, STREAM])
-                without += held_instrument(instrument, stream, self.probe, (), self.camera, pose) is None
-            if without:
-                said.append(
-                    f"--occluder-meshes: number {number} by name finds no place in {without} of the first {len(views)} "
-                    "views, and is left out there; its shaft must be longer than what the image shows of it, in mm"
-                )
+        own, views, back = self._staging.own_instruments, range(SAMPLED_VIEWS), inverse_rigid(self._camera_from_planned)
+        poses = [back @ self.plan(index).cam_from_model for index in views if own and index < self._count]
+        said = [super().sampling_doubt(), *places_doubt(own, self._options.seed, self.probe, self.camera, poses)]
         return "; ".join(filter(None, said))
 
     def make(self, index: int) -> RenderedSample:
-        """Plan and render view ``index``."""
+        """Plan, render and compose view ``index``."""
         planned = self.plan(index)
-        return self.sample(index, planned, self.render(planned.cam_from_model))
-
-    def sample(self, index: int, planned: PlannedPose, rendered: RenderedView) -> RenderedSample:
-        """View ``index`` with what is in front and around, by seed and number alone; the same for both eyes."""
-        mean, pose, occluders, shadow = self._options.occluders, planned.cam_from_model, None, None
-        if mean > 0:
-            left = inverse_rigid(self._camera_from_planned) @ pose
-            seed = self._options.seed, index
-            occluders = draw_occluders(mean, seed, self.probe, self.camera, left, self._instruments)
-        if self._lit is not None and occluders is not None:
-            shadow = Shadow(occluders.mesh, self._lit.light, self.camera, pose)
-            rendered = self._lit.shaded(rendered, shadow)
-        if self._surroundings is not None:
-            rendered = self._surroundings.behind(rendered, self.camera, pose, shadow)
-        if mean > 0:
-            rendered = self._front.composed(rendered, occluders, pose)
-        return RenderedSample(planned, rendered)
+        view, staged = self.render(planned.cam_from_model), StagedView(self._staging, index, planned.cam_from_model)
+        for change in self._filters:
+            view = change(view, staged)
+        return RenderedSample(planned, view)
 
     def encode(self, paths: ViewPaths, sample: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
         """Encode a view's files, by kind, and its record; uses no Blender data, so any thread may call it."""

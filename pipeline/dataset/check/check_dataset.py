@@ -117,9 +117,6 @@ def check_dataset(
         if not has_views:
             raise
         findings.add("damaged files", damage)
-        findings.add(
-            "damaged files", f"{RECORD}: remove a damaged one and {AGAIN}: this writes it, and keeps the views"
-        )
         return CheckReport(0, findings, 0, ())
     report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
     if case is not None:
@@ -235,7 +232,7 @@ class _Check:
                 raise InputError(f"{FURTHER}/{RECORD}: {right.count} right eyes of {self._description.count} views")
             for index, pose in self._poses.items():
                 paths = ViewPaths(root, index)
-                found = read_record(paths, with_mask=False).cam_from_model
+                found = read_record(paths).cam_from_model
                 require_pose(found, right_eye @ pose, f"{FURTHER}/{paths.relative('frame')}", "the left eye, beside it")
 
 

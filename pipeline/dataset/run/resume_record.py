@@ -163,21 +163,13 @@ def _pose(r: list[float], t: list[float]) -> np.ndarray:
     return np.array([[*r[:3], t[0]], [*r[3:6], t[1]], [*r[6:], t[2]], [0.0, 0.0, 0.0, 1.0]], np.float64)
 
 
-def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
-    """Read the record of a finished view.
-
-    Parameters
-    ----------
-    paths
-        The view's files.
-    with_mask
-        False leaves the run lengths empty: they are only checked to be whole, which takes a tenth of the time.
-    """
+def read_record(paths: ViewPaths) -> ViewRecord:
+    """Read the record of a finished view; RunError, which names the file, if it is missing, damaged or of another."""
     path = paths.file("frame")
     where = str(path)
     try:
         data = read_content(path, "the record of a view", where, most=LARGEST_FILE)
-        record = ViewRecord.from_json(_parsed(data, where, with_mask=with_mask), where)
+        record = ViewRecord.from_json(parsed_json(data, where), where)
     except InputError as error:
         raise RunError(f"{error}; or remove the file and {_AGAIN}") from None
     if record.index != paths.index:
@@ -191,24 +183,3 @@ def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
 LARGEST_COUNT = 1e15
 """No run of pixels is nearly as long."""
 _AGAIN = "run the same command again: it renders the view again"
-_RUN_LENGTHS = b',"rle_counts":['
-
-
-def _parsed(data: bytes, where: str, *, with_mask: bool) -> Any:
-    """Parse a record; its thousands of run lengths, which come last, apart from the rest: they are only digits."""
-    head, mark, tail = data.partition(_RUN_LENGTHS)
-    only_digits = tail[-3:] == b"]}\n" and not tail[:-3].translate(None, b"0123456789,")
-    if not mark or (with_mask and not only_digits):
-        return parsed_json(data, where)
-    if not only_digits:
-        raise InputError(f"{where}: expected the record of a view, found a damaged one")
-    # too large numbers are refused whatever they are read as
-    content = parsed_json(head + _RUN_LENGTHS + b"]}", where, parse_int=int)
-    if with_mask:
-        try:
-            content["rle_counts"] = json.loads(b"[" + tail[:-2])
-        except ValueError as error:
-            raise InputError(
-                f"{where}: expected JSON, found a mistake: {error}; correct it or write it again"
-            ) from None
-    return content

@@ -1,4 +1,4 @@
-"""The folder of a dataset run: one writer at a time, one identity that never changes, no partial files.
+"""The folder of a dataset run: one writer at a time, one description that never changes, no partial files.
 
 ``dataset.json``, the dataset's description, holds everything that the content depends on. A run writes it first; a run
 that finds another one stops. See :mod:`oneframe.dataset.run.work_folder`.
@@ -17,19 +17,8 @@ import numpy as np
 
 from ...errors import InputError, RunError
 from ...files.content import LARGEST_TEXT, partial_name, read_file, write_bytes_atomically
-from .. import layout
-from ..checksums import keep_checksums
-from ..identity import COUNT, description_bytes, identity_of
-from ..layout import (
-    RECORD,
-    SPLIT,
-    VIDEO_FILES,
-    WORK,
-    is_own_file,
-    own_folders,
-    scene_folder,
-)
-from .same_run import check_count, check_description, holds_views_of
+from ..identity import COUNT, LISTED, POSES_HASH, Difference, described, description_bytes, differences, poses_hash
+from ..layout import CHECKSUMS, RECORD, SPLIT, WORK, is_own_file, own_folders
 from .work_folder import WorkFolder
 
 
@@ -67,19 +56,14 @@ class RunFolder(WorkFolder):
     """Exclusive access to a dataset folder, or to one shard of it; use as a context manager."""
 
     def __init__(
-        self,
-        path: Path,
-        description: Mapping[str, Any],
-        shard: Shard,
-        *,
-        poses: np.ndarray | None = None,
+        self, path: Path, description: Mapping[str, Any], shard: Shard, *, poses: np.ndarray | None = None
     ) -> None:
         """Create or enter the folder.
 
         Parameters
         ----------
         path
-            The dataset's folder.
+            The dataset's folder. Nothing in it has been touched if it cannot be entered.
         description
             Everything that the content depends on; JSON types only.
         shard
@@ -88,9 +72,7 @@ class RunFolder(WorkFolder):
             ``(N, 4, 4)`` listed ``cam_from_model``, mm, or ``None`` if the poses are drawn.
         """
         super().__init__(path, doing="renders into", work_files=r"surface-[0-9a-f]{16}\.npz")
-        self._description = description
-        self._poses = poses
-        self._shared = shard.count > 1
+        self._description, self._poses, self._shared = description, poses, shard.count > 1
         self._is_new = False
         self._new_folders: list[Path] = []
 
@@ -143,18 +125,13 @@ class RunFolder(WorkFolder):
         names = [entry.name for entry in self.path.iterdir()]
         if self._holds_only_work() and all(name == WORK or partial_name(name) == RECORD for name in names):
             return True
-        # whole views may be left without their description; their records tell whose they are
-        if holds_views_of(self.path, self._description, self._poses):
-            check_count(self.path, self._description)
-            return False
         raise RunError(
             f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "
             "choose another folder (--out)"
         )
 
-    def _check_description(self) -> None:
-        # other shards may not be there yet
-        check_description(self.path, self._description, self._poses, may_shrink=not self._shared)
+    def _check_description(self) -> int:
+        return check_description(self.path, self._description, self._poses)
 
     def _share(self) -> None:
         """Take the shared lock; before, one alone writes a new ``dataset.json``: others may work on fewer views."""
@@ -164,10 +141,8 @@ class RunFolder(WorkFolder):
                 if self._try("lock", shared=True):
                     return
             elif lock := self._try("lock"):
-                try:
-                    self._describe()
-                finally:
-                    lock.release()
+                self._describe()
+                lock.release()
                 continue
             if time.monotonic() > give_up:
                 raise self._busy()
@@ -178,23 +153,14 @@ class RunFolder(WorkFolder):
         return record.exists() and read_file(record, LARGEST_TEXT) == description_bytes(self._description)
 
     def _describe(self) -> None:
-        """Write ``dataset.json`` if it is not there, or if the dataset grows or goes back to fewer views."""
-        self._check_description()
+        """Write ``dataset.json`` if it is not there, or if the dataset grows."""
+        had = self._check_description()
         if self._is_described():
             return
-        record, wanted = self.path / RECORD, self._description[COUNT]
-        had = json.loads(read_file(record, LARGEST_TEXT)).get(COUNT) if record.exists() else None
-        if had != wanted:
-            # the tables are, or may be, those of another number of views
-            both = min(had, wanted) if isinstance(had, int) else wanted
-            whole = [scene_folder(number) for number in range(both // layout.VIEWS_PER_SCENE)]
-            keep_checksums(self.path, identity_of(self._description), VIDEO_FILES, whole)
-        if not self._shared:
-            # of scenes that never came, which readers of BOP's folders would open
-            for _, folder in reversed([*own_folders(self.path)][1:]):
-                with suppress(OSError):
-                    folder.rmdir()
-        write_bytes_atomically(record, description_bytes(self._description))
+        if had != self._description[COUNT]:
+            # the tables are those of fewer views
+            (self.path / CHECKSUMS).unlink(missing_ok=True)
+        write_bytes_atomically(self.path / RECORD, description_bytes(self._description))
 
     def _discard(self) -> None:
         """Remove this run's files if it was refused before its first view was finished."""
@@ -213,3 +179,52 @@ class RunFolder(WorkFolder):
 
     def _remove_leftovers(self) -> None:
         self._remove_partial(own_folders(self.path), is_own_file)
+
+
+def check_description(
+    root: Path,
+    description: Mapping[str, Any],
+    poses: np.ndarray | None = None,
+    *,
+    advice: str = "undo the change to resume it, or choose another folder (--out)",
+) -> int:
+    """Check that a dataset on disk, if there is one, belongs to a run and has no more views than that; how many it has.
+
+    Parameters
+    ----------
+    root
+        The dataset's folder.
+    description
+        Everything that the run's content depends on; JSON types only.
+    poses
+        ``(N, 4, 4)`` listed ``cam_from_model``, mm, or ``None`` if the poses are drawn. Those of the views that the
+        dataset was started for must be the same.
+    advice
+        What to do if the two differ.
+    """
+    record = root / RECORD
+    try:
+        existing = json.loads(read_file(record, LARGEST_TEXT))
+        had = existing[COUNT] + 0
+    except (FileNotFoundError, NotADirectoryError):
+        return 0
+    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+        raise RunError(
+            f"{record}: expected the description of a dataset, cannot read one; copy it again, or choose another "
+            "folder (--out)"
+        ) from None
+    changes = differences(existing, description)
+    if not changes and poses is not None and had <= len(poses) and existing.get(POSES_HASH) != poses_hash(poses[:had]):
+        changes = [Difference(LISTED, None, None)]
+    if changes:
+        clauses = described(changes)
+        more = f" and {len(clauses) - 4} more" * (len(clauses) > 4)
+        raise RunError(
+            f"{root}: the folder holds the dataset of another run ({'; '.join(clauses[:4])}{more}); {advice}"
+        )
+    if description[COUNT] < had:
+        raise RunError(
+            f"{root}: the folder holds a dataset of {had} views, and {description[COUNT]} are wanted: a dataset may "
+            f"grow, but no view is removed; set the number of views to {had} or more, or choose another folder (--out)"
+        )
+    return int(had)

@@ -141,7 +141,7 @@ class _Expected:
     def judged(self, paths: ViewPaths, sizes: dict[str, int]) -> tuple[ViewRecord | None, str, str]:
         """The record of a view, what is wrong with it as a clause, and whose it is if it is of another run."""
         try:
-            record = read_record(paths, with_mask=False)
+            record = read_record(paths)
         except RunError:
             return None, f"{paths.relative('frame')} is damaged", ""
         if record.identity != self.identity:

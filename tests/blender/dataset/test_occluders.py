@@ -157,8 +157,8 @@ def test_instruments_of_ones_own_are_inputs_of_the_dataset(case, tmp_path, write
     folder = own.parent / "tools"
     with pytest.raises(InputError, match="expected a folder with meshes of instruments"):
         render(own, tmp_path / "none", dataclasses.replace(OPTIONS, occluder_meshes=str(folder)))
-    with pytest.raises(InputError, match="expected --occluders above 0"):
-        render(own, tmp_path / "none", dataclasses.replace(OPTIONS, occluders=0.0, occluder_meshes=str(case.parent)))
+    with pytest.raises(InputError, match="expected occluders above 0"):
+        merged_options({"occluder_meshes": str(case.parent)}, {}, own)
     folder.mkdir()
     mesh = burr(np.random.default_rng(0)).tubes[0].reaching(0).mesh
     long = TriangleMesh(mesh.vertices * [1, 1, 30], mesh.faces)

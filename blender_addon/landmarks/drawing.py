@@ -35,13 +35,7 @@ scale 1."""
 
 
 def add_landmarks(strokes: Strokes, context: bpy.types.Context) -> None:
-    """Add everything that is drawn of them in the context's 3D view.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or no valid pose.
-    """
+    """Add everything that is drawn of them in the context's 3D view."""
     scene, view = context.scene, LandmarkView.of(context)
     solved = solve.solution(scene)
     marks = marks_of(scene, view)

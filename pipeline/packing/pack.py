@@ -67,13 +67,6 @@ def pack_dataset(
         Number of threads, 0 for one a core: what takes time releases Python's lock.
     stream
         Of the progress.
-
-    Raises
-    ------
-    InputError
-        No complete dataset, folders within each other, or views that the dataset does not have.
-    RunError
-        A view is damaged, the folder holds something else, or it cannot be written; finished shards are kept.
     """
     root, out, options = Path(root), Path(out), options or PackOptions()
     quality = options.jpeg_quality

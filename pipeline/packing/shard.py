@@ -32,11 +32,6 @@ def write_shard(
     """Write some views of a dataset into a tar file, whole or not at all.
 
     The bytes depend on the views alone; with a quality of JPEG, on the version of OpenCV, too.
-
-    Raises
-    ------
-    RunError
-        A view is missing, damaged or of another dataset, or the shard cannot be written.
     """
     with (
         writing(path, SAFE),

@@ -75,13 +75,7 @@ _batch: tuple[PlannedPoses, gpu.types.GPUBatch] | None = None
 
 
 def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
-    """The options of the dataset, as the script reads them from the saved case.
-
-    Raises
-    ------
-    InputError
-        The options are not compatible with each other.
-    """
+    """The options of the dataset, as the script reads them from the saved case."""
     case_path = Path(bpy.path.abspath(scene.oneframe.case_path) or "the scene")
     return merged_options(from_scene.dataset_table(scene), {}, case_path)
 
@@ -89,13 +83,7 @@ def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
 def content_key(
     scene: bpy.types.Scene, options: DatasetOptions, *, stamp: Callable[[Path], Stamp] = from_scene.stamp
 ) -> str:
-    """A key that changes with everything that the views of the dataset depend on.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or a file does not exist.
-    """
+    """A key that changes with everything that the views of the dataset depend on."""
     settings = scene.oneframe
     files = [
         # not resolved: that would look at the disk
@@ -129,13 +117,7 @@ def listed_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | No
 
 
 def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
-    """Plan the first ``number`` poses of the dataset, and show them.
-
-    Raises
-    ------
-    InputError
-        The scene is not a complete case, or no pose meets the constraints.
-    """
+    """Plan the first ``number`` poses of the dataset, and show them."""
     global _planned
     options = dataset_options(scene)
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)

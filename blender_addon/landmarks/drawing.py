@@ -36,13 +36,7 @@ scale 1."""
 
 
 def landmark_strokes(context: bpy.types.Context) -> Strokes:
-    """Everything to draw into the context's 3D view.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or no valid pose.
-    """
+    """Everything to draw into the context's 3D view."""
     scene, strokes = context.scene, Strokes()
     view = LandmarkView.of(context)
     solved = solve.solution(scene)

@@ -22,24 +22,12 @@ _SUFFIX = "_masked"
 
 
 def frame_of(scene: bpy.types.Scene) -> Frame:
-    """The scene's frame with its mask.
-
-    Raises
-    ------
-    InputError
-        Its file cannot be read.
-    """
+    """The scene's frame with its mask."""
     return read_frame(from_scene.absolute_path(scene.oneframe.frame_path))
 
 
 def set_mask(scene: bpy.types.Scene, frame: Frame) -> Messages:
-    """Use the frame with another mask, as a file of this session.
-
-    Raises
-    ------
-    InputError
-        The mask hides everything.
-    """
+    """Use the frame with another mask, as a file of this session."""
     settings = scene.oneframe
     is_from_film = settings.frame_path == scene.oneframe_video.taken_path
     path = session_folder() / f"{frame.path.stem.removesuffix(_SUFFIX)}{_SUFFIX}.png"

@@ -61,13 +61,7 @@ KINDS = {
 
 
 def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
-    """The line, and what is in doubt.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or no valid pose.
-    """
+    """The line, and what is in doubt."""
     settings = scene.oneframe
     name = bpy.path.basename(settings.case_path or settings.frame_path) or "New case"
     if entries := queue_of(scene):

@@ -151,13 +151,7 @@ def of(scene: bpy.types.Scene) -> FilmSession | None:
 
 
 def scored(scene: bpy.types.Scene) -> FilmSession:
-    """The scene's video.
-
-    Raises
-    ------
-    InputError
-        There is none, or it is not scored in this session of Blender.
-    """
+    """The scene's video."""
     found = of(scene)
     if found is None:
         raise InputError(

@@ -42,13 +42,7 @@ class ONEFRAME_OT_queue_frames(NeedsAlignment, Reporting, ChosenFiles, ImportHel
 
 
 def first_case(scene: bpy.types.Scene) -> Case:
-    """The scene's case where it will be in the queue.
-
-    Raises
-    ------
-    InputError
-        It is not complete, or its surface was edited.
-    """
+    """The scene's case where it will be in the queue."""
     from_scene.check_mesh_unedited(scene)
     folder, path = queued.new_folder(scene), queued.present(scene)
     if path is None or path.parent.parent != folder:

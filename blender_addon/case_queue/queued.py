@@ -57,13 +57,7 @@ def new_folder(scene: bpy.types.Scene) -> Path:
 
 
 def position(scene: bpy.types.Scene) -> int:
-    """That of the scene's case in its queue.
-
-    Raises
-    ------
-    InputError
-        It is in no queue.
-    """
+    """That of the scene's case in its queue."""
     paths = [entry.path for entry in queue_of(scene)]
     path = present(scene)
     if path not in paths:

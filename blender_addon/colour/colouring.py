@@ -30,13 +30,7 @@ class Colouring:
 
 
 def coloured(loaded: LoadedCase, mode: Mode, report: Callable[[float], None]) -> Colouring:
-    """Compute the colours; in any thread. ``report`` gets a fraction 0..1, and may raise to end the work.
-
-    Raises
-    ------
-    InputError
-        No pixel of the frame shows the surface.
-    """
+    """Compute the colours; in any thread. ``report`` gets a fraction 0..1, and may raise to end the work."""
     report(0.0)
     view = reference_view(loaded)
     colour, messages = baked_colour_of(view, mode, lambda fraction: report(SEEN + (BAKED - SEEN) * fraction))

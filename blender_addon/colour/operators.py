@@ -71,13 +71,7 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting):
 
 
 def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
-    """Whether the colours on the surface come from other frames or another pose than the current ones.
-
-    Raises
-    ------
-    InputError
-        There is no valid pose.
-    """
+    """Whether the colours on the surface come from other frames or another pose than the current ones."""
     frame = from_scene.absolute_path(scene.oneframe.frame_path)
     further = [str(each.image) for each in further_frames(scene)]
     if record["frame"] != str(frame) or record.get("further", []) != further:

@@ -61,13 +61,7 @@ class BackgroundJob:
 
     @classmethod
     def start(cls, script: str, arguments: Sequence[str], out: Path) -> "BackgroundJob":
-        """Start a script of the project, named such as ``render_dataset.py``, with arguments.
-
-        Raises
-        ------
-        RunError
-            The script does not exist, or the system cannot start it.
-        """
+        """Start a script of the project, named such as ``render_dataset.py``, with arguments."""
         command = [*script_command(str(script_path(script))), *arguments]
         kind: dict[str, Any] = {"start_new_session": True}
         if sys.platform == "win32":
@@ -151,13 +145,7 @@ class BackgroundJob:
 
 
 def script_path(name: str) -> Path:
-    """Path of a script of the project: inside the package in the installed extension, next to it in a checkout.
-
-    Raises
-    ------
-    RunError
-        The script does not exist.
-    """
+    """Path of a script of the project: inside the package in the installed extension, next to it in a checkout."""
     for folder in Path(__file__).resolve().parents[1:3]:
         path = folder / "scripts" / name
         if path.is_file():
@@ -181,15 +169,7 @@ def is_running() -> bool:
 
 
 def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
-    """Start a job, and follow it with a timer.
-
-    Raises
-    ------
-    InputError
-        Another job is running.
-    RunError
-        The job cannot be started.
-    """
+    """Start a job, and follow it with a timer."""
     global _current
     if _current is not None and _current.check():
         raise InputError(

@@ -21,15 +21,7 @@ COMMENT = (
 
 
 def save_settings(scene: bpy.types.Scene) -> None:
-    """Save the options of the dataset with the scene's case, so that the next session continues its run.
-
-    Raises
-    ------
-    InputError
-        The case's file is no case any more.
-    RunError
-        It cannot be written.
-    """
+    """Save the options of the dataset with the scene's case, so that the next session continues its run."""
     if not scene.oneframe.case_path:
         return
     path, table = from_scene.absolute_path(scene.oneframe.case_path), from_scene.dataset_table(scene)
@@ -51,16 +43,7 @@ def snapshot_path(out: Path) -> Path:
 
 
 def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
-    """Write the scene's case beside the dataset's folder and return its path; the same case gives the same bytes.
-
-    Raises
-    ------
-    InputError
-        The scene is no complete case, or holds what was made in this session and was not saved; or the file exists and
-        is not a snapshot, or it is the opened case.
-    RunError
-        The file cannot be written.
-    """
+    """Write the scene's case beside the dataset's folder and return its path; the same case gives the same bytes."""
     path = snapshot_path(out)
     # the record of the pose holds the date, and no view depends on it
     case = replace(from_scene.case(scene, path), alignment=UNKNOWN)

@@ -77,15 +77,7 @@ class FoundFrames:
     check: SurfaceCheck | None = None
 
     def register(self, registrar: Registrar, film: FilmSession, progress: Callable[[float], None]) -> None:
-        """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept.
-
-        Raises
-        ------
-        InputError
-            The film has frames of another shape, or the case's frame shows too little texture.
-        RunError
-            The file cannot be written.
-        """
+        """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept."""
         numbers = {score.index for score in film.scores.frames}
         left = numbers - self.frames.keys() or numbers
         run, written_s = RegistrationRun(registrar, is_film=True), time.monotonic()
@@ -109,13 +101,7 @@ class FoundFrames:
         self.check = run.check_surface(self.frames)
 
     def write(self) -> None:
-        """Keep them in their file.
-
-        Raises
-        ------
-        RunError
-            It cannot be written.
-        """
+        """Keep them in their file."""
         if self.file is None or not self.frames:
             return
         source, frames = self.source, sorted(self.frames.items())
@@ -169,13 +155,7 @@ def film_of_case(scene: bpy.types.Scene) -> Path | None:
 
 
 def begun(scene: bpy.types.Scene, film: FilmSession) -> FoundFrames:
-    """What is found from the present pose of the case's frame, to be continued.
-
-    Raises
-    ------
-    InputError
-        There is no camera, surface or pose.
-    """
+    """What is found from the present pose of the case's frame, to be continued."""
     place, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
     found = _found(place, mesh_from_model, lambda: _own_source(scene, mesh_from_model))
     if found is None:
@@ -192,13 +172,7 @@ def frame_at(scene: bpy.types.Scene, at: int) -> RegisteredFrame | None:
 
 
 def record_of(scene: bpy.types.Scene, number: int) -> PoseRecord:
-    """The record of the pose that is found in a frame of the scene's film; an empty one without one.
-
-    Raises
-    ------
-    InputError
-        The film has other proportions than K.
-    """
+    """The record of the pose that is found in a frame of the scene's film; an empty one without one."""
     film, registered = session.of(scene), of(scene)
     frame = None if registered is None else registered.frames.get(number)
     if film is None or registered is None or frame is None:

@@ -10,13 +10,7 @@ from ..state.landmarks import landmarks_model, point_of_file
 
 
 def checked_index(scene: bpy.types.Scene, index: int) -> int:
-    """Return the index of an existing landmark; -1 means the active one.
-
-    Raises
-    ------
-    InputError
-        There is no such landmark.
-    """
+    """Return the index of an existing landmark; -1 means the active one."""
     settings = scene.oneframe
     found = settings.landmark_index if index == -1 else index
     count = len(settings.landmarks)

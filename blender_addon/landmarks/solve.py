@@ -91,13 +91,7 @@ class Departure:
 
 
 def solution(scene: bpy.types.Scene) -> Solution:
-    """Solve for the pose from the scene's landmarks, or return the cached solution if nothing has changed.
-
-    Raises
-    ------
-    InputError
-        There is no camera.
-    """
+    """Solve for the pose from the scene's landmarks, or return the cached solution if nothing has changed."""
     found = solved(*pairs_of(scene))
     if not isinstance(found, UndeterminedPose):
         return Solution(found, "")
@@ -111,13 +105,7 @@ Pairs = tuple[tuple[Landmark, ...], PinholeCamera, float]
 
 
 def pairs_of(scene: bpy.types.Scene) -> Pairs:
-    """What the pose is solved from.
-
-    Raises
-    ------
-    InputError
-        There is no camera.
-    """
+    """What the pose is solved from."""
     # six digits: a property holds 0.2 as 0.20000000298
     return landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
 
@@ -165,24 +153,12 @@ def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
 
 
 def is_current(scene: bpy.types.Scene, solved: Solution) -> bool:
-    """Whether the current pose is the solution: only then do its figures, outliers and uncertainty hold.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or no valid pose.
-    """
+    """Whether the current pose is the solution: only then do its figures, outliers and uncertainty hold."""
     return solved.alignment is not None and departure(scene, solved) is None
 
 
 def apply(scene: bpy.types.Scene, solved: Solution) -> None:
-    """Move the surface to the pose of a solution: of several that fit, to the one near the current pose.
-
-    Raises
-    ------
-    InputError
-        The landmarks do not even give a rough pose.
-    """
+    """Move the surface to the pose of a solution: of several that fit, to the one near the current pose."""
     if solved.estimate is not None:
         set_cam_from_model(scene, solved.estimate.cam_from_model)
         return
@@ -200,11 +176,8 @@ def shown_pose(scene: bpy.types.Scene, solved: Solution) -> int | None:
     return next((number for number, pose in enumerate(solved.doubtful) if np.array_equal(pose, current)), None)
 
 
-def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explained: float | None = None) -> None:
-    """Move the surface to one of the doubtful poses of a solution, and record the doubt.
-
-    ``explained`` is the fraction of the image's variation that it explains, if that is known.
-    """
+def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int) -> None:
+    """Move the surface to one of the doubtful poses of a solution, and record the doubt."""
     pose = solved.doubtful[number]
     complete = complete_landmarks(landmarks_model(scene))
     if len(solved.doubtful) > 1:
@@ -214,7 +187,7 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
         )
     else:
         doubt = "no pose fits the landmarks; this one comes nearest"
-    record = PoseRecord("landmarks", doubt=doubt, pairs=len(complete), rms_px=rms_px(scene, pose), explained=explained)
+    record = PoseRecord("landmarks", doubt=doubt, pairs=len(complete), rms_px=rms_px(scene, pose))
     set_cam_from_model(scene, pose)
     pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
 
@@ -230,11 +203,6 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
     """Pull the surface, like pins, from a pose ``(4, 4)`` to the enabled correspondences; see :func:`pull_pins`.
 
     ``held`` is the index in the list of the pin in the hand, which counts more than the others.
-
-    Raises
-    ------
-    InputError
-        No pose fits the pins, for instance because a point would lie behind the camera.
     """
     surface, camera = from_scene.surface_of(scene), from_scene.camera(scene)
     complete = complete_landmarks(landmarks_model(scene))

@@ -15,31 +15,19 @@ from ..state import from_scene, to_scene
 from ..state.scene_files import session_folder
 from ..ui.keymap import MASK_TOOL
 from ..ui.operator import Messages, OpensFile, Reporting
-from ..ui.step_panel import PartPanel
+from ..ui.panel import SidebarPanel
 
 FILES = "*.png;*.tif;*.tiff;*.bmp"
 _SUFFIX = "_masked"
 
 
 def frame_of(scene: bpy.types.Scene) -> Frame:
-    """The scene's frame with its mask.
-
-    Raises
-    ------
-    InputError
-        Its file cannot be read.
-    """
+    """The scene's frame with its mask."""
     return read_frame(from_scene.absolute_path(scene.oneframe.frame_path))
 
 
 def set_mask(scene: bpy.types.Scene, frame: Frame) -> Messages:
-    """Use the frame with another mask, as a file of this session.
-
-    Raises
-    ------
-    InputError
-        The mask hides everything.
-    """
+    """Use the frame with another mask, as a file of this session."""
     settings = scene.oneframe
     is_from_film = settings.frame_path == scene.oneframe_video.taken_path
     path = session_folder() / f"{frame.path.stem.removesuffix(_SUFFIX)}{_SUFFIX}.png"
@@ -93,7 +81,7 @@ class ONEFRAME_OT_clear_mask(_OfTheFrame):
         return set_mask(context.scene, replace(frame, shown=np.ones_like(frame.shown)))
 
 
-class ONEFRAME_PT_mask(PartPanel):
+class ONEFRAME_PT_mask(SidebarPanel):
     """What of the frame shows no surface"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -103,7 +91,7 @@ class ONEFRAME_PT_mask(PartPanel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and bool(context.scene.oneframe.frame_path)
+        return bool(context.scene.oneframe.frame_path)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

@@ -23,7 +23,6 @@ from ..state import from_scene, pose_evidence
 from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
-from ..ui.step_panel import show
 from .preview import BackgroundPreview, RefinementPreview, preview_text, take
 
 
@@ -62,7 +61,6 @@ class ONEFRAME_OT_refine(NeedsAlignment, BackgroundPreview, RefinementPreview):
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         check_inputs(context.scene, self._inputs)
         _remember(result, context.scene.oneframe.frame_path)
-        show(context.scene, "refine")
         if not result.accepted and not result.can_be_taken:
             raise InputError(result.message)
         if not result.accepted:
@@ -123,29 +121,21 @@ def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
     return np.where(np.isnan(codes), np.nanmean(codes, axis=0), codes)
 
 
-_last: Refinement | None = None
-"""The latest refinement; valid for its two poses, in its frame, only."""
-_frame_path = ""
-"""Its frame."""
+_latest: dict[str, Refinement] = {}
+"""The frame of the latest refinement -> that refinement, which is valid for its two poses only."""
 
 
-def _remember(result: Refinement | None, frame_path: str = "") -> None:
-    global _last, _frame_path
-    _last, _frame_path = result, frame_path
+def _remember(result: Refinement, frame_path: str) -> None:
+    _latest.clear()
+    _latest[frame_path] = result
 
 
 def outcome(scene: bpy.types.Scene) -> Refinement | None:
-    """The latest refinement, in this frame, if the current pose is its result, or if it was refused at this pose.
-
-    Raises
-    ------
-    InputError
-        There is no pose.
-    """
-    if _last is None or _frame_path != scene.oneframe.frame_path:
+    """The latest refinement, in this frame, if the current pose is its result, or if it was refused at this pose."""
+    pose, latest = from_scene.cam_from_model(scene), _latest.get(scene.oneframe.frame_path)
+    if latest is None:
         return None
-    pose = from_scene.cam_from_model(scene)
-    return _last if any(np.array_equal(pose, each) for each in (_last.cam_from_model, _last.found)) else None
+    return latest if any(np.array_equal(pose, each) for each in (latest.cam_from_model, latest.found)) else None
 
 
 def is_previewed(scene: bpy.types.Scene) -> bool:
@@ -169,4 +159,4 @@ def is_taken(scene: bpy.types.Scene) -> bool:
     return bool(record.refused)
 
 
-PARTS = (keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))
+PARTS = (keys(Key("oneframe.refine", "F")), at_end(_latest.clear))

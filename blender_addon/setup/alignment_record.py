@@ -41,13 +41,7 @@ def is_start(scene: bpy.types.Scene) -> bool:
 
 
 def doubts(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """What is in doubt about the case while it lasts, in sentences: the surface's size, a pose nobody is sure of.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or no pose.
-    """
+    """What is in doubt about the case while it lasts, in sentences: the surface's size, a pose nobody is sure of."""
     size, record = doubt_of_size(scene, from_scene.surface_extents(scene)), pose_record(scene)
     found = [] if size is None else [f"In doubt: {size.message}."]
     if record.method == INITIAL_GUESS:

@@ -59,13 +59,7 @@ def unsaved_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def load_into_scene(context: bpy.types.Context, case: Case) -> LoadedCase:
-    """Load a case into the workbench; the views stay as they are.
-
-    Raises
-    ------
-    InputError
-        A file of the case cannot be read; nothing has changed then.
-    """
+    """Load a case into the workbench; the views stay as they are."""
     loaded = load_case(case, aligned=False)
     scene = workbench.enter(context)
     to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))

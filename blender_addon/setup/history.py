@@ -103,13 +103,7 @@ def is_kept(scene: bpy.types.Scene) -> bool:
 
 
 def load(context: bpy.types.Context, path: Path) -> LoadedCase:
-    """Load a case file into the workbench; what the present case has stays in its history.
-
-    Raises
-    ------
-    InputError
-        The file, or one that it names, cannot be read; nothing has changed then.
-    """
+    """Load a case file into the workbench; what the present case has stays in its history."""
     flush()
     loaded = load_into_scene(context, read_case(path, posed=False))
     forget_stamps()
@@ -137,13 +131,7 @@ def is_changed_elsewhere(scene: bpy.types.Scene) -> bool:
 
 
 def listed(scene: bpy.types.Scene) -> Sequence[EarlierCase]:
-    """The latest entries of the history of the scene's case, for drawing; the latest first.
-
-    Raises
-    ------
-    InputError
-        The history is damaged.
-    """
+    """The latest entries of the history of the scene's case, for drawing; the latest first."""
     path = place_of(scene)
     return () if path is None else _listed(path, known_stamp(history_path(path)))
 

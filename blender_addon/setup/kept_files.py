@@ -28,13 +28,6 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     replace
         The folder is that of the case that is saved: files with other content than those of the same names get one of
         their content, since these may be the user's own.
-
-    Raises
-    ------
-    InputError
-        There are files of these names of another case; nothing is copied then.
-    RunError
-        A file cannot be written.
     """
 
     frame = from_scene.absolute_path(scene.oneframe.frame_path)

@@ -65,13 +65,7 @@ class ONEFRAME_OT_open_sample(Reporting):
 
 
 def copied_sample(folder: Path) -> Path:
-    """Copy the sample into a folder, unless it is there; files that exist stay as the user left them.
-
-    Raises
-    ------
-    InputError
-        This copy of the add-on comes without the sample.
-    """
+    """Copy the sample into a folder, unless it is there; files that exist stay as the user left them."""
     if not SHIPPED.is_dir():
         raise InputError(
             f"{SHIPPED}: expected the sample case of the built extension, found none; "
@@ -88,13 +82,7 @@ def copied_sample(folder: Path) -> Path:
 
 
 def task_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """The task in four lines; nothing in a user's own case.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or no valid pose.
-    """
+    """The task in four lines; nothing in a user's own case."""
     path = Path(bpy.path.abspath(scene.oneframe.case_path))
     true = path.parent / TRUE
     if path.name != UNALIGNED or known_stamp(true) == (0, 0):

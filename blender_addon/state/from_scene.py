@@ -45,13 +45,7 @@ def _present(scene: bpy.types.Scene, found: bpy.types.Object | None, kind: str) 
 
 
 def camera_object_of(scene: bpy.types.Scene) -> bpy.types.Object:
-    """The frame's camera object.
-
-    Raises
-    ------
-    InputError
-        There is none, or it was deleted.
-    """
+    """The frame's camera object."""
     found = present_camera(scene)
     if found is None:
         raise InputError("expected a camera, none is set up; load K from a file, or type it and press Set Camera")
@@ -59,13 +53,7 @@ def camera_object_of(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def surface_of(scene: bpy.types.Scene) -> bpy.types.Object:
-    """The surface object.
-
-    Raises
-    ------
-    InputError
-        There is none, or it was deleted.
-    """
+    """The surface object."""
     found = present_surface(scene)
     if found is None:
         raise InputError("expected a surface, none is in the scene; load a mesh, or undo if it was deleted")
@@ -78,24 +66,12 @@ def is_set_up(scene: bpy.types.Scene) -> bool:
 
 
 def camera(scene: bpy.types.Scene) -> PinholeCamera:
-    """The frame's intrinsics.
-
-    Raises
-    ------
-    InputError
-        There is no camera.
-    """
+    """The frame's intrinsics."""
     return camera_of(camera_object_of(scene))
 
 
 def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
-    """``(4, 4)`` the current pose, mm.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or the surface is scaled, sheared or mirrored.
-    """
+    """``(4, 4)`` the current pose, mm."""
     return pose_of(camera_object_of(scene), surface_of(scene))
 
 
@@ -123,13 +99,7 @@ def shortest(value: float) -> float:
 
 
 def case(scene: bpy.types.Scene, path: Path) -> Case:
-    """The scene as a case; its path is that of the opened file, or ``path`` if none was opened.
-
-    Raises
-    ------
-    InputError
-        Something that a case needs is missing, or the frame's size does not match K.
-    """
+    """The scene as a case; its path is that of the opened file, or ``path`` if none was opened."""
     settings = scene.oneframe
     surface = surface_of(scene)
     if not settings.frame_path:
@@ -203,11 +173,6 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
         The scene.
     aligned
         Whether to check that the pose shows the surface to the camera; a rough pose need not.
-
-    Raises
-    ------
-    InputError
-        Something is missing, a file cannot be used, the surface was edited in Blender, or the pose is implausible.
     """
     settings = scene.oneframe
     wanted = case(scene, Path(bpy.path.abspath(settings.case_path) or "the scene"))
@@ -236,38 +201,20 @@ def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray
 
 
 def surface_extents(scene: bpy.types.Scene) -> np.ndarray:
-    """``(3,)`` sides of the surface object's bounding box in its own axes, mm; reads no vertices, so panels may.
-
-    Raises
-    ------
-    InputError
-        There is no surface.
-    """
+    """``(3,)`` sides of the surface object's bounding box in its own axes, mm; reads no vertices, so panels may."""
     corners = np.array(surface_of(scene).bound_box)
     return corners.max(axis=0) - corners.min(axis=0)
 
 
 def surface_bounds(scene: bpy.types.Scene) -> np.ndarray:
-    """``(2, 3)`` smallest and largest coordinates of the surface object, mm, in the frame of its file.
-
-    Raises
-    ------
-    InputError
-        There is no surface.
-    """
+    """``(2, 3)`` smallest and largest coordinates of the surface object, mm, in the frame of its file."""
     surface = surface_of(scene)
     corners = np.array(surface.bound_box) + mesh_from_model_of(surface)[:3, 3]
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def surface_in_file(scene: bpy.types.Scene) -> TriangleMesh:
-    """The surface in the model frame, mm, as its file holds it.
-
-    Raises
-    ------
-    InputError
-        There is no surface, or its file cannot be read.
-    """
+    """The surface in the model frame, mm, as its file holds it."""
     path = absolute_path(surface_of(scene).oneframe.mesh_path)
     return _surface(path, stamp(path), MM_PER_UNIT[scene.oneframe.units])[0]
 
@@ -278,13 +225,7 @@ def check_mesh_unedited(scene: bpy.types.Scene) -> None:
 
 
 def stamp(path: Path) -> tuple[int, int]:
-    """``(modification time in ns, size)`` of a file, which change when its content does.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
+    """``(modification time in ns, size)`` of a file, which change when its content does."""
     try:
         status = path.stat()
     except OSError as error:

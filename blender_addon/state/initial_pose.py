@@ -20,13 +20,7 @@ units of the mesh file."""
 
 
 def has_initial_pose(scene: bpy.types.Scene) -> bool:
-    """Whether the surface still has the pose that was computed without the frame.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or the surface is scaled, sheared or mirrored.
-    """
+    """Whether the surface still has the pose that was computed without the frame."""
     return is_initial(scene, from_scene.cam_from_model(scene))
 
 

@@ -22,13 +22,7 @@ frame's size. With a new pivot at each step, steps back and forth would not canc
 
 
 def pivot_of(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
-    """``(3,)`` pivot (model frame, mm), and the radius of the visible surface about it, mm.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or the surface is in Edit mode.
-    """
+    """``(3,)`` pivot (model frame, mm), and the radius of the visible surface about it, mm."""
     surface, camera, pose = from_scene.surface_of(scene), from_scene.camera(scene), from_scene.cam_from_model(scene)
     if surface.mode == "EDIT":
         raise InputError("expected Object mode; press Tab to leave Edit mode, then move the surface")
@@ -55,13 +49,7 @@ def keep_pivot(scene: bpy.types.Scene, pivot_model: np.ndarray, radius_mm: float
 
 
 def set_cam_from_model(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
-    """Move the surface to a pose ``(4, 4)``, mm.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface.
-    """
+    """Move the surface to a pose ``(4, 4)``, mm."""
     surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), cam_from_model)
 
 

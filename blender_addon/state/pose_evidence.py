@@ -50,36 +50,18 @@ def record_of(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> PoseRecord 
 
 
 def remembered(scene: bpy.types.Scene) -> PoseRecord | None:
-    """The record of the present pose, ``None`` if there is none.
-
-    Raises
-    ------
-    InputError
-        There is no pose.
-    """
+    """The record of the present pose, ``None`` if there is none."""
     return record_of(scene, from_scene.cam_from_model(scene))
 
 
 def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
-    """The uncertainty that was stored with the present pose, ``None`` if there is none.
-
-    Raises
-    ------
-    InputError
-        There is no pose.
-    """
+    """The uncertainty that was stored with the present pose, ``None`` if there is none."""
     stored = _stored(scene, from_scene.cam_from_model(scene))
     return None if stored is None else stored[1]
 
 
 def is_refined(scene: bpy.types.Scene) -> bool:
-    """Whether the image or other frames found the pose: landmarks do not replace it unasked.
-
-    Raises
-    ------
-    InputError
-        There is no pose.
-    """
+    """Whether the image or other frames found the pose: landmarks do not replace it unasked."""
     record = remembered(scene)
     return record is not None and record.is_from_image
 

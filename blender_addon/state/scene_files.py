@@ -55,13 +55,7 @@ def is_temporary(path: Path) -> bool:
 
 
 def check_lasting(files: Mapping[str, Path]) -> None:
-    """Check that files, by what they are, do not end with a session.
-
-    Raises
-    ------
-    InputError
-        One does.
-    """
+    """Check that files, by what they are, do not end with a session."""
     for name, path in files.items():
         if is_temporary(path):
             raise InputError(

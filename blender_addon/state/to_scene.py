@@ -115,13 +115,7 @@ def frame_warnings(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | None]:
-    """Intrinsics, for the size of the loaded frame, and distortion from the panel's fields.
-
-    Raises
-    ------
-    InputError
-        A value is not possible for a camera.
-    """
+    """Intrinsics, for the size of the loaded frame, and distortion from the panel's fields."""
     typed = scene.oneframe.camera
     fx, fy, cx, cy = (_number(getattr(typed, name), name) for name in ("fx", "fy", "cx", "cy"))
     k = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
@@ -149,13 +143,7 @@ def _number(text: str, name: str) -> float:
 
 
 def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Distortion | None) -> None:
-    """Set the frame's intrinsics and distortion; the pose stays.
-
-    Raises
-    ------
-    InputError
-        The frame's file no longer exists.
-    """
+    """Set the frame's intrinsics and distortion; the pose stays."""
     if context.scene.oneframe.frame_path:
         from_scene.stamp(absolute_path(context.scene.oneframe.frame_path))
     scene = workbench.enter(context)
@@ -206,11 +194,6 @@ def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Co
     """Add structures in mm to the surface, by their names; those of the same names are replaced.
 
     It gives messages about the files.
-
-    Raises
-    ------
-    InputError
-        A file holds no usable mesh; nothing is changed then.
     """
     like = absolute_path(surface.oneframe.mesh_path)
     read = {name: read_mesh(path, like=like) for name, (path, _) in files.items()}

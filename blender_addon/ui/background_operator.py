@@ -35,13 +35,7 @@ class _Stopped(Exception):
 
 
 def inputs_of(scene: bpy.types.Scene) -> tuple[object, ...]:
-    """What work in the background relies on; another window may change it meanwhile.
-
-    Raises
-    ------
-    InputError
-        There is no camera, surface or pose.
-    """
+    """What work in the background relies on; another window may change it meanwhile."""
     surface, settings = from_scene.surface_of(scene), scene.oneframe
     return (
         (surface.oneframe.mesh_path, len(surface.data.vertices), settings.units, settings.frame_path),

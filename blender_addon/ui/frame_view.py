@@ -81,13 +81,7 @@ def window_region(area: bpy.types.Area) -> bpy.types.Region:
 
 
 def surface_point(scene: bpy.types.Scene, origin_world: Vector, direction_world: Vector) -> np.ndarray | None:
-    """``(3,)`` first hit of a ray with the surface, in the model frame, mm; ``None`` if it misses.
-
-    Raises
-    ------
-    InputError
-        There is no surface, it is in Edit mode, or its collection is excluded.
-    """
+    """``(3,)`` first hit of a ray with the surface, in the model frame, mm; ``None`` if it misses."""
     surface = from_scene.surface_of(scene)
     model_from_world: Matrix = surface.matrix_world.inverted()
     if surface.mode == "EDIT":

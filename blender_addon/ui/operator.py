@@ -93,13 +93,7 @@ class ReportingFile(Reporting):
     """Mixin for operators with a file dialog."""
 
     def chosen_file(self) -> Path:
-        """The file chosen in the dialog.
-
-        Raises
-        ------
-        InputError
-            No file was chosen, or a folder.
-        """
+        """The file chosen in the dialog."""
         filepath: str = self.filepath  # type: ignore[attr-defined]  # from ImportHelper or ExportHelper
         path = Path(bpy.path.abspath(filepath))
         if not path.name or path.is_dir():
@@ -167,11 +161,6 @@ def call(name: str, context: str = "EXEC_DEFAULT", *, undo: bool = False, **sett
         As in ``bpy.ops``: without the operator's dialog, or ``"INVOKE_DEFAULT"``.
     undo
         Whether it is an undo step of its own, if it is one by itself.
-
-    Raises
-    ------
-    InputError
-        It has reported an error.
     """
     operators: Any = getattr(bpy.ops, "oneframe")  # noqa: B009  # Blender's type stubs do not know the add-on's
     try:

@@ -67,13 +67,7 @@ def ct_of(scene: bpy.types.Scene) -> LoadedCT | None:
 
 
 def loaded_ct(scene: bpy.types.Scene) -> LoadedCT:
-    """The scene's CT.
-
-    Raises
-    ------
-    InputError
-        There is none, or it is not in memory.
-    """
+    """The scene's CT."""
     ct = ct_of(scene)
     if ct is None:
         raise InputError(

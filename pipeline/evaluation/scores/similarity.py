@@ -71,8 +71,6 @@ def whole_and_parts(
     SSIM and PSNR (dB) of the whole image, both black outside the first mask, as in Zhang & Noble (2024): the black
     counts as equal, so the less of the image the surface fills, the higher are both. And for each mask what
     :func:`similarity` gives.
-
-    Errors are those of :func:`similarity`.
     """
     if real.shape != synthetic.shape or any(mask.shape != real.shape[:2] or not mask.any() for mask in masks):
         raise ValueError(f"expected images and masks of one size, found {real.shape}, {synthetic.shape}, {masks}")

@@ -8,13 +8,12 @@ keeps its vertices, bit by bit, and the drilled one is as exact as the drill's d
 """
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
-from ..volume import Sampler, VoxelGrid, box_around, box_slices
+from ..volume import VoxelGrid, box_around, box_slices
 
 NEAREST_TO_VOXEL = 1 / 1024
 """Least distance of a vertex from the voxels of its edge, in edges: no triangle shrinks to a point, not even when it
@@ -43,16 +42,19 @@ class RemovedField:
         """The box in an array of the volume."""
         return box_slices(self.first, self.first + self.distance_mm.shape[::-1])
 
-    def sampled(
-        self, grid: VoxelGrid, points: np.ndarray, *, outside: float, farthest_mm: float = np.inf
-    ) -> np.ndarray:
-        """``(N,)`` float32 distances at points ``(N, 3)``, LPS mm, and another number ``outside`` the box.
+    def sampled(self, grid: VoxelGrid, points: np.ndarray, *, outside: float) -> np.ndarray:
+        """``(N,)`` distances at points ``(N, 3)``, LPS mm, trilinearly, and another number ``outside`` the box.
 
-        ``grid`` is that of the volume; distances beyond ``farthest_mm`` count as that.
+        ``grid`` is that of the volume.
         """
-        depth, height, width = self.distance_mm.shape
-        box = Sampler(grid.shifted(self.first, (width, height, depth)), points)
-        return box.values(self.distance_mm, outside=outside, of=partial(np.clip, a_min=-farthest_mm, a_max=farthest_mm))
+        # slow to import, and of use where something was removed only
+        from scipy.ndimage import map_coordinates
+
+        place = (transform_points(grid.index_from_mesh, points) - self.first)[:, ::-1]
+        # up to half a voxel outside the outermost centres the nearest counts
+        within = ((place >= -0.5) & (place <= np.array(self.distance_mm.shape) - 0.5)).all(axis=1)
+        found = map_coordinates(self.distance_mm, place.T, order=1, mode="nearest", output=np.float64)
+        return np.where(within, found, outside)
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ def _crease(
 
 def _rest(points: np.ndarray, removed: RemovedField, grid: VoxelGrid) -> np.ndarray:
     """``(N,)`` mm from what was drilled, as far as the field tells; 0 outside its box."""
-    return removed.sampled(grid, points, outside=0.0).astype(np.float64)
+    return removed.sampled(grid, points, outside=0.0)
 
 
 def _one_sided_normals(surface: Isosurface) -> np.ndarray:

@@ -17,7 +17,6 @@ from ..pipeline.case.pose_record import UNKNOWN, PoseRecord
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import made_folder
 from ..pipeline.poses.view_spread import spread_views
-from ..pipeline.registration.further_frames import evenly
 from ..pipeline.registration.verdict import ACCEPTED
 from ..pipeline.transforms import inverse_rigid
 from ..pipeline.video.frame_folder import write_frames_only
@@ -29,7 +28,7 @@ from ..video.operators import NeedsFilm
 from . import found
 from .operators import NeedsFound
 
-EVERY, EVENLY, SPREAD = "EVERY", "EVENLY", "SPREAD"
+EVERY, SPREAD = "EVERY", "SPREAD"
 
 
 class _ToQueue(NeedsAlignment, NeedsFilm, InBackground):
@@ -83,7 +82,7 @@ class ONEFRAME_OT_queue_video_frames(_ToQueue):
 
 
 class ONEFRAME_OT_queue_found(AsksInBackground, _ToQueue, NeedsFound):
-    """Put the found frames of the video into the queue, at their poses: all, some evenly, or those from far apart"""
+    """Put the found frames of the video into the queue, at their poses: every n-th, or those from far apart"""
 
     bl_label = "Add All Found"
 
@@ -92,7 +91,6 @@ class ONEFRAME_OT_queue_found(AsksInBackground, _ToQueue, NeedsFound):
         "Choice",
         items=(
             (EVERY, "Every n-th", "Of the found frames every n-th: all by 1"),
-            (EVENLY, "Evenly", "So many, evenly from the first one to the last"),
             (SPREAD, "Best Spread", "So many, that see the surface from far apart"),
         ),
     )
@@ -116,8 +114,6 @@ class ONEFRAME_OT_queue_found(AsksInBackground, _ToQueue, NeedsFound):
         numbers = list(poses)
         if self.choice == EVERY:
             return numbers[:: self.every]
-        if self.choice == EVENLY:
-            return evenly(numbers, self.count)
         left = [number for number in numbers if number not in there]
         taken = [from_scene.cam_from_model(scene), *(poses[number] for number in there & poses.keys())]
         return [left[index] for index in spread_views([poses[number] for number in left], self.count, taken)]

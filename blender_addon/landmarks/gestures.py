@@ -89,9 +89,10 @@ class _Snapshot:
         set_cam_from_model(scene, self.pose)
 
 
-_running: Gesture | None = None
-_missed: tuple[str, np.ndarray] | None = None
-"""What the latest press should have hit, and where it was (window px)."""
+_running: list[Gesture] = []
+"""The current one, if any."""
+_missed: list[tuple[str, np.ndarray]] = []
+"""What the latest press should have hit, and where it was (window px); if it has missed."""
 
 MISS_PX = 60.0
 """How far from such a press the pointer goes, at interface scale 1, before it is forgotten."""
@@ -99,19 +100,18 @@ MISS_PX = 60.0
 
 def missed_at(xy: tuple[int, int]) -> str:
     """What a press should have hit that has missed, while the pointer (window px) stays near; else empty."""
-    global _missed
-    if _missed is None:
+    if not _missed:
         return ""
-    words, at = _missed
+    words, at = _missed[0]
     if np.linalg.norm(at - xy) > MISS_PX * bpy.context.preferences.system.ui_scale:
-        _missed = None
+        _missed.clear()
         return ""
     return words
 
 
 def running() -> Gesture | None:
     """The current gesture; ``None`` between gestures."""
-    return _running
+    return _running[0] if _running else None
 
 
 def pointer_of(event: bpy.types.Event) -> np.ndarray:
@@ -141,15 +141,15 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         return is_alignment_view(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        global _running, _missed
-        scene, _missed = context.scene, None
+        scene = context.scene
+        _missed.clear()
         try:
             another_frame.check_own(scene)
             self._before = _Snapshot.of(scene)
             view = LandmarkView.of(context)
             gesture = self._begin(scene, view, pointer_of(event))
             gesture.fine_ready = not event.shift
-            _running = gesture
+            _running[:] = [gesture]
             scene.oneframe.landmark_index = gesture.index
             show(scene, "landmarks")
         except InputError as error:
@@ -160,7 +160,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        gesture = _running
+        gesture = running()
         if gesture is None or context.area is None or event.type == "WINDOW_DEACTIVATE":
             return self._end(context, restore=True)
         if event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS":
@@ -183,16 +183,14 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when something else ends the gesture: a file was opened, or the window closed."""
-        global _running
-        _running = None
+        _running.clear()
         context.workspace.status_text_set(None)
 
     def _say_missed(self, error: InputError, event: bpy.types.Event) -> OperatorResult:
         """Say what is wrong, and at the pointer what to do: an ERROR would open a popup, which takes the next keys."""
-        global _missed
         self.report({"WARNING"}, str(error))
         advice = str(error).rpartition("; ")[2]
-        _missed = advice[:1].upper() + advice[1:], np.array([event.mouse_x, event.mouse_y])
+        _missed[:] = [(advice[:1].upper() + advice[1:], np.array([event.mouse_x, event.mouse_y]))]
         redraw()
         return {"CANCELLED"}
 
@@ -217,8 +215,8 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         return gesture
 
     def _end(self, context: bpy.types.Context, *, restore: bool) -> OperatorResult:
-        global _running
-        ended, _running = _running, None
+        ended = running()
+        _running.clear()
         context.workspace.status_text_set(None)
         scene = context.scene
         if restore:

@@ -7,14 +7,11 @@ import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from ..class_registration import prop
-from ..pipeline.alignment.refinement.refine import explained
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks
-from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..pipeline.surface.mesh import TriangleMesh
 from ..state import another_frame, events, from_scene, pose_evidence
 from ..state.landmarks import landmarks_mesh, replace_landmarks
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
@@ -233,7 +230,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
 
 
 class ONEFRAME_OT_other_pose(_HasLandmarks, Reporting):
-    """Move the surface to the next of the poses that fit the landmarks equally well, and say how the image fits each"""
+    """Move the surface to the next of the poses that fit the landmarks equally well"""
 
     bl_label = "Other Pose"
 
@@ -243,31 +240,10 @@ class ONEFRAME_OT_other_pose(_HasLandmarks, Reporting):
         count = len(solved.doubtful)
         if count < 2:
             raise InputError("expected landmarks that fit several poses, found none or one pose; there is no other")
-        fits = _fits(from_scene.loaded_case(scene, aligned=False), solved)
         shown = solve.shown_pose(scene, solved)
         number = 0 if shown is None else (shown + 1) % count
-        solve.take_doubtful(scene, solved, number, fits[number])
-        return (
-            f"pose {number + 1} of {count}; by clicks and by image: "
-            + ", ".join(
-                f"{each + 1}: {probability:.0%}, {fit:.0%} explained"
-                for each, (probability, fit) in enumerate(zip(solved.probabilities, fits, strict=True))
-            ),
-        )
-
-
-_fitted: tuple[tuple[np.ndarray | TriangleMesh, ...], tuple[float, ...]] | None = None
-"""Of the latest press: frame, surface and poses, which are the same objects while nothing changes, and their fits."""
-
-
-def _fits(loaded: LoadedCase, solved: solve.Solution) -> tuple[float, ...]:
-    """How the image fits each of the doubtful poses: found once for all presses."""
-    global _fitted
-    frame, mesh, poses = loaded.frame, loaded.surface.mesh, solved.doubtful
-    inputs: tuple[np.ndarray | TriangleMesh, ...] = (frame.image, mesh, *poses)
-    if _fitted is None or list(map(id, _fitted[0])) != list(map(id, inputs)):
-        _fitted = inputs, explained(frame.image, frame.valid, loaded.case.camera, mesh, poses)
-    return _fitted[1]
+        solve.take_doubtful(scene, solved, number)
+        return (f"pose {number + 1} of {count}, right with a probability of {solved.probabilities[number]:.0%}",)
 
 
 class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):

@@ -176,11 +176,8 @@ def shown_pose(scene: bpy.types.Scene, solved: Solution) -> int | None:
     return next((number for number, pose in enumerate(solved.doubtful) if np.array_equal(pose, current)), None)
 
 
-def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explained: float | None = None) -> None:
-    """Move the surface to one of the doubtful poses of a solution, and record the doubt.
-
-    ``explained`` is the fraction of the image's variation that it explains, if that is known.
-    """
+def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int) -> None:
+    """Move the surface to one of the doubtful poses of a solution, and record the doubt."""
     pose = solved.doubtful[number]
     complete = complete_landmarks(landmarks_model(scene))
     if len(solved.doubtful) > 1:
@@ -190,7 +187,7 @@ def take_doubtful(scene: bpy.types.Scene, solved: Solution, number: int, explain
         )
     else:
         doubt = "no pose fits the landmarks; this one comes nearest"
-    record = PoseRecord("landmarks", doubt=doubt, pairs=len(complete), rms_px=rms_px(scene, pose), explained=explained)
+    record = PoseRecord("landmarks", doubt=doubt, pairs=len(complete), rms_px=rms_px(scene, pose))
     set_cam_from_model(scene, pose)
     pose_evidence.remember(scene, record, from_scene.cam_from_model(scene))
 

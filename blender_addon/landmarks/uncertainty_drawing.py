@@ -1,13 +1,11 @@
-"""Draws the uncertainty of the pose: confidence ellipses of surface points, and the least certain direction."""
+"""Draws the uncertainty of the pose: confidence ellipses of surface points; its least certain direction in words."""
 
 import bpy
 import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, ellipse_outlines
-from ..pipeline.alignment.reprojection import apply_twist
 from ..pipeline.blender.alignment.surface_object import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
-from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene, pose_evidence
 from ..ui.frame_view import FrameView
 from ..ui.strokes import Colour, Strokes
@@ -23,26 +21,19 @@ SAMPLES = 7
 EDGE_MARGIN = 0.08
 """Least distance of these from the edges of the frame, as a fraction of its size."""
 
-MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-LONGEST_PX, SHORTEST_PX = 45.0, 6.0
-"""Lengths of the arrows on the screen: the magnification keeps the longest below the first; arrows shorter than the
-second are not drawn."""
-
 LEGEND, LINE = (70.0, 34.0), 20.0
 """Lower left corner of the legend, and height of a line, in pixels at interface scale 1."""
 
 
 def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, solved: Solution) -> None:
-    """Add the arrows, a legend and, in the camera view, the ellipses, if the current pose's uncertainty is known."""
+    """Add a legend and, in the camera view, the ellipses, if the current pose's uncertainty is known."""
     found = current_uncertainty(scene, solved)
     if found is None:
         return
     uncertainty, points = found
-    samples = _samples(scene, view.cam_from_model)
-    factor = _add_weakest(strokes, scene, view, uncertainty, np.vstack([samples, uncertainty.pivot_model]))
-    times = f", arrows {factor} x" if factor > 1 else ", arrows" if factor == 1 else ""
-    legend = [f"Least certain: {uncertainty.weakest}{times}"]
+    legend = [f"Least certain: {uncertainty.weakest}"]
     if view.frame is not None:
+        samples = _samples(scene, view.cam_from_model)
         _add_ellipses(strokes, scene, view, view.frame, uncertainty, samples, width=1.0)
         _add_ellipses(strokes, scene, view, view.frame, uncertainty, points, width=1.5)
         legend.append("Ellipses: 95 % confidence regions of surface points")
@@ -81,38 +72,6 @@ def _add_ellipses(
     outlines = ellipse_outlines(covariances, uncertainty.ellipse_scale())
     for centre, outline in zip(view.region_from_model(scene, points_model), outlines, strict=True):
         strokes.line(centre + outline * frame.scale, COLOUR, width=width, closed=True)
-
-
-def _add_weakest(
-    strokes: Strokes,
-    scene: bpy.types.Scene,
-    view: LandmarkView,
-    uncertainty: PoseUncertainty,
-    points_model: np.ndarray,
-) -> int:
-    """Add double arrows that show how one standard deviation either way moves the points.
-
-    Returns the magnification of the arrows; 0 if all are too short to draw.
-    """
-    pose, twist = view.cam_from_model, uncertainty.weakest_twist
-    ways = []
-    for sign in (1, -1):
-        # a motion of the surface in the camera's frame, as a motion of the points in the model frame
-        moved = inverse_rigid(pose) @ apply_twist(sign * twist, pose, uncertainty.pivot_model)
-        ways.append(transform_points(moved, points_model) - points_model)
-    here = view.region_from_model(scene, points_model)
-    longest = np.linalg.norm(view.region_from_model(scene, points_model + ways[0]) - here, axis=1)
-    limit = LONGEST_PX * strokes.unit / max(float(np.nanmax(longest, initial=0.0)), 1e-9)
-    factor = max([magnification for magnification in MAGNIFICATIONS if magnification <= limit], default=1)
-    plus, minus = (view.region_from_model(scene, points_model + factor * way) for way in ways)
-    drawn = 0
-    for middle, *ends in zip(here, plus, minus, strict=True):
-        if not np.linalg.norm(ends[0] - ends[1]) >= SHORTEST_PX * strokes.unit:
-            continue
-        for end in ends:
-            strokes.arrow(middle, end, COLOUR, width=1.5, head=7)
-        drawn = factor
-    return drawn
 
 
 def _samples(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> np.ndarray:

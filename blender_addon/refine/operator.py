@@ -123,23 +123,21 @@ def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
     return np.where(np.isnan(codes), np.nanmean(codes, axis=0), codes)
 
 
-_last: Refinement | None = None
-"""The latest refinement; valid for its two poses, in its frame, only."""
-_frame_path = ""
-"""Its frame."""
+_latest: dict[str, Refinement] = {}
+"""The frame of the latest refinement -> that refinement, which is valid for its two poses only."""
 
 
-def _remember(result: Refinement | None, frame_path: str = "") -> None:
-    global _last, _frame_path
-    _last, _frame_path = result, frame_path
+def _remember(result: Refinement, frame_path: str) -> None:
+    _latest.clear()
+    _latest[frame_path] = result
 
 
 def outcome(scene: bpy.types.Scene) -> Refinement | None:
     """The latest refinement, in this frame, if the current pose is its result, or if it was refused at this pose."""
-    if _last is None or _frame_path != scene.oneframe.frame_path:
+    pose, latest = from_scene.cam_from_model(scene), _latest.get(scene.oneframe.frame_path)
+    if latest is None:
         return None
-    pose = from_scene.cam_from_model(scene)
-    return _last if any(np.array_equal(pose, each) for each in (_last.cam_from_model, _last.found)) else None
+    return latest if any(np.array_equal(pose, each) for each in (latest.cam_from_model, latest.found)) else None
 
 
 def is_previewed(scene: bpy.types.Scene) -> bool:
@@ -163,4 +161,4 @@ def is_taken(scene: bpy.types.Scene) -> bool:
     return bool(record.refused)
 
 
-PARTS = (keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))
+PARTS = (keys(Key("oneframe.refine", "F")), at_end(_latest.clear))

@@ -1,5 +1,6 @@
 """Files dropped onto a 3D view: each is opened as what its kind and content say."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -42,24 +43,25 @@ def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
     if len(bones) > 1 or (meshes and not bones and from_scene.present_surface(scene) is None):
         names = ", ".join(path.name for path in bones or meshes)
         raise InputError(f"expected one surface, found {names}; drop the surface first, then the structures")
-    found: list[tuple[int, str, Path]] = []
+    kinds: tuple[tuple[str, Callable[[Path], bool]], ...] = (
+        ("open_case", _is_case),
+        ("load_frame", _of_kind(IMAGES)),
+        ("load_camera", lambda path: path not in meshes and _of_kind(CAMERAS)(path)),
+        ("load_surface", lambda path: path in bones),
+        ("add_structure", lambda path: path in meshes),
+        ("import_landmarks", _of_kind(LANDMARKS)),
+    )
+    steps: dict[str, list[Path]] = {operator: [] for operator, _ in kinds}
     for path in paths:
-        suffix = path.suffix.lower()
-        if _is_case(path):
-            found.append((0, "open_case", path))
-        elif suffix in extensions(IMAGES):
-            found.append((1, "load_frame", path))
-        elif suffix in extensions(CAMERAS) and path not in bones:
-            found.append((2, "load_camera", path))
-        elif path in bones:
-            found.append((3, "load_surface", path))
-        elif path in meshes:
-            found.append((4, "add_structure", path))
-        elif suffix in extensions(LANDMARKS):
-            found.append((5, "import_landmarks", path))
-        else:
+        operator = next((operator for operator, is_of_kind in kinds if is_of_kind(path)), None)
+        if operator is None:
             raise InputError(f"{path.name}: expected a case, an image, K, a mesh or landmarks; drop another file")
-    return [(operator, path) for _, operator, path in sorted(found)]
+        steps[operator].append(path)
+    return [(operator, path) for operator, found in steps.items() for path in sorted(found)]
+
+
+def _of_kind(glob: str) -> Callable[[Path], bool]:
+    return lambda path: path.suffix.lower() in extensions(glob)
 
 
 def _is_case(path: Path) -> bool:

@@ -233,7 +233,7 @@ def test_found_frames_go_into_the_queue_at_their_poses(opened, tmp_path):
     bpy.ops.oneframe.queue_found(choice="SPREAD", count=1)
     bpy.ops.oneframe.queue_found(choice="EVERY", every=1)
     with pytest.raises(RuntimeError, match="no case yet"):
-        bpy.ops.oneframe.queue_found(choice="EVENLY", count=30)
+        bpy.ops.oneframe.queue_found(choice="SPREAD", count=30)
     paths = case_queue.queued_cases(tmp_path / "queue")
     cases = {case.video[1]: case for path in paths if (case := read_case(path, posed=False)).video}
     assert len(paths) == 1 + MIRRORED + 1

@@ -144,7 +144,6 @@ def test_flat_points_show_both_poses_and_a_key_goes_from_one_to_the_other(scene)
         record = pose_record(scene)
         assert record.method == "landmarks"
         assert "2 poses fit" in record.doubt
-        assert 0 <= record.explained <= 1
         # a doubtful pose has no uncertainty of its own
         assert record.standard_deviation_deg is None
 

@@ -5,7 +5,7 @@ tilts, rolls, distances and shifts on a coarse image (:mod:`.pose_search`) gives
 refined from coarse to fine. :mod:`.verdict` accepts or refuses the result. Needs ``cv2``.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -125,17 +125,6 @@ def refine_pose(
     result = assess(pose)
     report(1.0)
     return result
-
-
-def explained(
-    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, mesh: TriangleMesh, poses: Sequence[np.ndarray]
-) -> tuple[float, ...]:
-    """Fraction, 0..1, of the image's variation that the surface explains at each of some poses ``(4, 4)``.
-
-    The other arguments, and the errors raised, are those of :func:`refine_pose`.
-    """
-    levels, _, _ = _levels(image, valid, camera, Surface(mesh, None), poses[0])
-    return tuple(score(levels[-1], pose) if levels else 0.0 for pose in poses)
 
 
 def _levels(

@@ -51,11 +51,6 @@ class Conditions:
         }
         return [f"{name}: {' '.join(text.split())}" for name, text in parts.items() if text]
 
-    def short(self) -> str:
-        """Machine and the versions of OneFrame and Blender, for the small print of a chart."""
-        main = [f"{name} {self.versions[name]}" for name in ("OneFrame", "Blender") if name in self.versions]
-        return "; ".join([self.machine, ", ".join(main)])
-
 
 def current_conditions(configuration: Mapping[str, object], *, blender: str | None = None) -> Conditions:
     """The conditions here and now.

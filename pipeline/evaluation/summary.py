@@ -29,8 +29,6 @@ RANKED = {
     "ssim_surface": "SSIM inside the surface",
     "ssim_observed": "SSIM inside the observed surface",
 }
-FILLED, MOST_OBSERVED = ", fill, ", 0.98
-"""In the name of a method, and the share of the surface that is as good as all."""
 FRAME_COLUMNS = ("case", "image", "method", *SCORES)
 
 
@@ -191,27 +189,7 @@ def summary_notes(summary: Summary) -> Iterator[str]:
     """What a reader must know of the figures."""
     if any(each.n < FID_IMAGES for each in summary.distances.values()):
         yield f"FID is biased: it needs {FID_IMAGES} images or more. Compare KID."
-    yield from _which_unseen(summary)
     yield from _where_peers_lead(summary)
-
-
-def _which_unseen(summary: Summary) -> Iterator[str]:
-    """Which ``--unseen`` serves which aim, where the frame did not see all of the surface in view."""
-    case, methods = summary.blocks[-1], summary.peer_by_method
-    neutral = next((name for name, peer in methods.items() if not (peer or FILLED in name)), None)
-    if neutral is None:
-        return
-    surface, observed = (summary.mean(case, neutral, name).mean for name in ("surface_px", "observed_px"))
-    if not observed < MOST_OBSERVED * surface:
-        return
-    head, _, engine = neutral.rpartition(", ")
-    filled, grey = (summary.mean(case, name, "ssim_surface") for name in (f"{head}{FILLED}{engine}", neutral))
-    figures = f" (SSIM {filled.mean:.3f} against {grey.mean:.3f})" if filled.n and grey.n else ""
-    yield (
-        f"The frame saw {observed / surface:.0%} of the surface in view. Where all of it is to look like photographs, "
-        f"render with --unseen fill{figures}. --unseen neutral paints nothing that the frame did not show: its grey "
-        "counts as wrong on the whole surface, so judge it by the observed one."
-    )
 
 
 def _where_peers_lead(summary: Summary) -> Iterator[str]:

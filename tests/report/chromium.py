@@ -111,7 +111,10 @@ class Chromium:
         """Open a page from disk and wait until its scripts have run."""
         self.errors.clear()
         self.requests.clear()
-        self.size(width, height)
+        # a narrow viewport is a phone's
+        self.send(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
         self.send("Emulation.setEmulatedMedia", features=[
             {"name": "prefers-color-scheme", "value": "dark" if dark else "light"},
             {"name": "prefers-reduced-motion", "value": "reduce"},
@@ -121,11 +124,6 @@ class Chromium:
         self._page = path.resolve().as_uri()
         self.send("Page.navigate", url=self._page)
         self.wait("document.documentElement?.dataset.ready === 'true' && document.readyState === 'complete'")
-
-    def size(self, width: int, height: int) -> None:
-        """Set the size of the viewport, px; a narrow one is a phone's."""
-        phone = width < 600
-        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=phone)
 
     def evaluate(self, expression: str) -> Any:
         """The value of a JavaScript expression; a promise is waited for."""
@@ -140,45 +138,10 @@ class Chromium:
             assert time.monotonic() < limit, (condition, self.errors)
             time.sleep(0.05)
 
-    def place_of(self, selector: str) -> tuple[float, float]:
-        """The middle of an element, scrolled into view, px."""
-        x, y = self.evaluate(
-            "(() => { const box = (it => { it.scrollIntoView({block: 'center'}); return it.getBoundingClientRect(); })"
-            f"(document.querySelector({json.dumps(selector)}));"
-            " return [box.x + box.width / 2, box.y + box.height / 2]; })()"
-        )
-        return x, y
-
-    def click(self, selector: str) -> None:
-        """Click in the middle of an element."""
-        self.click_at(*self.place_of(selector))
-
-    def click_at(self, x: float, y: float) -> None:
-        """Click at a point of the viewport, px."""
-        self._mouse("mouseMoved", x, y, buttons=0)
-        self._mouse("mousePressed", x, y, buttons=1)
-        self._mouse("mouseReleased", x, y, buttons=0)
-
-    def drag(self, selector: str, across: float, down: float) -> None:
-        """Drag from the middle of an element."""
-        x, y = self.place_of(selector)
-        self._mouse("mousePressed", x, y, buttons=1)
-        for share in (0.5, 1.0):
-            self._mouse("mouseMoved", x + share * across, y + share * down, buttons=1)
-        self._mouse("mouseReleased", x + across, y + down, buttons=0)
-
-    def wheel(self, selector: str, down: float) -> None:
-        """Turn the wheel over the middle of an element."""
-        x, y = self.place_of(selector)
-        self.send("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)
-
-    def _mouse(self, kind: str, x: float, y: float, buttons: int) -> None:
-        self.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=buttons, clickCount=1)
-
     def key(self, key: str) -> None:
         """Press a key, by the name that KeyboardEvent.key has."""
         text = {"text": key} if len(key) == 1 else {}
-        codes = {"ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40, "Tab": 9, "Enter": 13}
+        codes = {"ArrowLeft": 37, "ArrowRight": 39}
         for kind in ("keyDown", "keyUp"):
             self.send(
                 "Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=codes.get(key, 0),

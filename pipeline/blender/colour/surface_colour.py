@@ -147,7 +147,7 @@ def _textured(surface: bpy.types.Object, atlas: TextureAtlas, flipped: bool) -> 
     set_corner_uv(surface, UV_MAP, atlas.uv[:, ::-1] if flipped else atlas.uv)
     layer = surface.data.uv_layers[UV_MAP]
     layer.active = layer.active_render = True
-    codes = np.where(atlas.observed[..., None], atlas.image, np.float32(UNSEEN))
+    codes = np.where(atlas.observed[..., None], atlas.image, np.array(UNSEEN, np.float32))
     image = new_packed_image(TEXTURE, encode_png(to_uint8(codes)), width=codes.shape[1], height=codes.shape[0])
     material, nodes = _new_material()
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)

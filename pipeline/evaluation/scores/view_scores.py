@@ -74,8 +74,6 @@ SCORES = {
     "psnr_observed": "PSNR inside the observed surface, dB",
     "error_surface": "mean absolute error inside the surface, /255",
     "error_observed": "mean absolute error inside the observed surface, /255",
-    "correlation_surface": "correlation of grey values inside the surface",
-    "correlation_observed": "correlation of grey values inside the observed surface",
     "ssim_whole_corrected": "SSIM of the whole image after correction of exposure and colour",
     "ssim_surface_corrected": "SSIM inside the surface after the correction",
     "ssim_observed_corrected": "SSIM inside the observed surface after the correction",
@@ -87,7 +85,7 @@ SCORES = {
 }
 """The scores of a view, in the order of the table -> what they mean."""
 
-HIGHER_IS_BETTER = ("ssim", "psnr", "correlation")
+HIGHER_IS_BETTER = ("ssim", "psnr")
 LOWER_IS_BETTER = ("error",)
 """Beginnings of names of scores of which more, or less, is better; the others describe views and poses."""
 FEWEST_PIXELS = 64
@@ -126,8 +124,6 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
         for part, each in zip(parts, found, strict=True):
             values[f"ssim_{part}{suffix}"], values[f"psnr_{part}{suffix}"] = each.ssim, each.psnr
             values[f"error_{part}{suffix}"] = each.mean_error
-            if not suffix:
-                values[f"correlation_{part}"] = each.correlation
     return values
 
 

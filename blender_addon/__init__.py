@@ -60,82 +60,17 @@ def _find_pipeline() -> None:
 
 _find_pipeline()
 
-_REGISTRATIONS = tuple(
-    registration(import_module(f".{name}", __name__))
-    for name in (
-        "state.properties",
-        # its handlers come before those that read a pose
-        "state.workbench",
-        "ui.question",
-        "ui.step_panel",
-        "setup.panel",
-        "landmarks.tool",
-        "move.operators",
-        "volume.ct",
-        "volume.operators",
-        "volume.surface",
-        "volume.panel",
-        "video.session",
-        "video.shown_frame",
-        "video.operators",
-        "state.recent",
-        "setup.case_in_scene",
-        "setup.history",
-        "setup.quit_question",
-        "setup.open_case",
-        "setup.operators",
-        "setup.save_case",
-        "setup.drop",
-        "mask.operators",
-        "mask.brush",
-        "video.panel",
-        "case_queue.queued",
-        "case_queue.adding",
-        "case_queue.operators",
-        "view.zoom",
-        "view.operators",
-        "view.overlay_mesh",
-        "view.overlay",
-        "view.workspace",
-        "view.panel",
-        "video.strip_gizmo",
-        "video.strip_drawing",
-        "refine.operator",
-        "refine.status_line",
-        "refine.panel",
-        "frames.found",
-        "frames.operators",
-        "frames.take",
-        "frames.to_queue",
-        "frames.band",
-        "frames.panel",
-        "dataset.background_job",
-        "colour.operators",
-        "colour.lamp",
-        "colour.panel",
-        "dataset.pose_preview",
-        "dataset.operators",
-        "dataset.panel",
-        "landmarks.solve",
-        "landmarks.gestures",
-        "landmarks.operators",
-        "landmarks.drawing",
-        "landmarks.panel",
-        "video.browse",
-    )
-)
+_REGISTRATION = registration(__name__)
 
 
 def register() -> None:
     """Called by Blender when the add-on is enabled."""
     _find_pipeline()
-    for each in _REGISTRATIONS:
-        each.register()
+    _REGISTRATION.register()
 
 
 def unregister() -> None:
     """Called by Blender when the add-on is disabled; leaves nothing behind."""
-    for each in reversed(_REGISTRATIONS):
-        each.unregister()
+    _REGISTRATION.unregister()
     if _CHECKOUT_PIPELINE in sys.meta_path:
         sys.meta_path.remove(_CHECKOUT_PIPELINE)

@@ -1,16 +1,24 @@
-"""What a module of the add-on places in Blender while it is enabled: classes, properties, handlers, drawing, timers.
+"""What the add-on places in Blender while it is enabled: classes, properties, handlers, tools, timers.
 
 Blender takes a property from an annotation, ``width: IntProperty(min=1)``, which is no type. The add-on's classes write
 ``width: int = prop(IntProperty, min=1)`` instead; registration makes the annotations that Blender expects of it.
-What else a module places is in its ``PARTS``.
+What else a module places is in its ``PARTS``; what it draws is in classes of :mod:`.ui.pane`.
 """
 
 import inspect
 from collections.abc import Callable
-from types import ModuleType
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any, NamedTuple
 
 import bpy
+
+TOPICS = (
+    *("state", "ui", "landmarks", "move", "mask", "volume", "view", "setup", "case_queue", "refine", "frames"),
+    *("colour", "dataset", "video"),
+)
+"""Folders of the add-on, in the order of their parts: handlers of the state come first, and of the bindings of a key
+Blender tries the one that was added last first."""
 
 _Definition = type(bpy.props.BoolProperty())
 
@@ -26,6 +34,8 @@ class Part(NamedTuple):
 
     register: Callable[[], object]
     unregister: Callable[[], object]
+    is_first: bool = False
+    """A tool: Blender makes and removes the keymap in which its keys lie."""
 
 
 def attached(owner: type, name: str, group: type[bpy.types.PropertyGroup]) -> Part:
@@ -43,24 +53,7 @@ def tool(kind: type[bpy.types.WorkSpaceTool], after: str, *, separator: bool = F
     return Part(
         lambda: bpy.utils.register_tool(kind, after={after}, separator=separator),
         lambda: bpy.utils.unregister_tool(kind),
-    )
-
-
-def drawing(space: type[bpy.types.Space], draw: Callable[[], None], place: str) -> Part:
-    """A function that draws in all editors of a kind, ``POST_VIEW`` or ``POST_PIXEL``."""
-    handles: list[Any] = []
-    return Part(
-        lambda: handles.append(space.draw_handler_add(draw, (), "WINDOW", place)),  # type: ignore[attr-defined]
-        lambda: space.draw_handler_remove(handles.pop(), "WINDOW"),  # type: ignore[attr-defined]
-    )
-
-
-def cursor(draw: Callable[[tuple[int, int]], None]) -> Part:
-    """A function that draws at the pointer (window px) over 3D views; Blender calls it whenever that moves."""
-    handles: list[Any] = []
-    return Part(
-        lambda: handles.append(bpy.types.WindowManager.draw_cursor_add(draw, (), "VIEW_3D", "WINDOW")),
-        lambda: bpy.types.WindowManager.draw_cursor_remove(handles.pop()),
+        is_first=True,
     )
 
 
@@ -85,16 +78,24 @@ def at_end(*functions: Callable[[], object]) -> Part:
     return Part(lambda: None, lambda: [function() for function in functions])
 
 
-def registration(module: ModuleType) -> Part:
-    """What registers a module: its classes, and the parts in its ``PARTS``, in order; and back in the opposite order.
+def registration(package: str) -> Part:
+    """What registers the add-on: all classes of its topics, then the parts in each module's ``PARTS``.
 
-    Its classes ``ONEFRAME_...`` are operators, panels, property groups and so on, each after those that it refers to.
-    Their properties, and those of the mixins that they inherit from, are written as above. The name of a class says how
-    Blender calls it: ``ONEFRAME_OT_open_case`` is the operator ``oneframe.open_case``.
+    Classes ``ONEFRAME_...`` are operators, panels, property groups and so on, found in the modules of the folders
+    :data:`TOPICS`. Their properties, and those of the mixins that they inherit from, are written as above. The name of
+    a class says how Blender calls it: ``ONEFRAME_OT_open_case`` is the operator ``oneframe.open_case``.
     """
-    found = [kind for kind in vars(module).values() if isinstance(kind, type)]
-    classes = [kind for kind in found if kind.__module__ == module.__name__ and kind.__name__.startswith("ONEFRAME_")]
-    for kind in classes:
+    folders = [import_module(f"{package}.{topic}") for topic in TOPICS]
+    modules = [
+        import_module(f"{each.__name__}.{info.name}") for each in folders for info in iter_modules(each.__path__)
+    ]
+    classes = {
+        name: kind
+        for module in modules
+        for name, kind in vars(module).items()
+        if name.startswith("ONEFRAME_") and isinstance(kind, type) and kind.__module__ == module.__name__
+    }
+    for kind in classes.values():
         if issubclass(kind, bpy.types.Operator):
             kind.bl_idname = kind.__name__.replace("ONEFRAME_OT_", "oneframe.")
         for base in kind.__mro__:
@@ -103,5 +104,28 @@ def registration(module: ModuleType) -> Part:
                 delattr(base, name)
             if definitions:
                 base.__annotations__ = {**inspect.get_annotations(base), **definitions}
-    parts: tuple[Part, ...] = (Part(*bpy.utils.register_classes_factory(classes)), *getattr(module, "PARTS", ()))
+    parts = [Part(*bpy.utils.register_classes_factory(_in_order(classes)))]
+    own = [part for module in modules for part in getattr(module, "PARTS", ())]
+    parts += sorted(own, key=lambda part: not part.is_first)
     return Part(lambda: [part.register() for part in parts], lambda: [part.unregister() for part in reversed(parts)])
+
+
+def _in_order(classes: dict[str, type]) -> list[type]:
+    """Each class after those that it refers to: the groups that its properties hold, the panel that it is part of."""
+    ordered: list[type] = []
+
+    def add(kind: type) -> None:
+        held = [value.keywords.get("type") for value in inspect.get_annotations(kind).values() if _is_property(value)]
+        for needed in (*held, classes.get(getattr(kind, "bl_parent_id", ""))):
+            if needed in classes.values() and needed not in ordered:
+                add(needed)
+        if kind not in ordered:
+            ordered.append(kind)
+
+    for kind in classes.values():
+        add(kind)
+    return ordered
+
+
+def _is_property(value: object) -> bool:
+    return isinstance(value, _Definition)

@@ -4,19 +4,18 @@ import bpy
 
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
-from ..ui.panel import AlignmentPanel, draw_text
-from ..ui.step_panel import StepPanel
+from ..ui.panel import AdvancedPanel, AlignmentPanel, draw_text
 from . import operators
 
 
-class ONEFRAME_PT_colour(AlignmentPanel, StepPanel):
+class ONEFRAME_PT_colour(AlignmentPanel, AdvancedPanel):
     """Project the frame's colours on the surface"""
 
-    bl_label = "6  Colour"
-    bl_order = 8
-    step = "colour"
+    bl_label = "Colour"
+    bl_order = 4
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         scene = context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         surface = scene.oneframe.surface

@@ -7,27 +7,24 @@ from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.known_case import lamp_of
 from ..state.scene_files import known_stamp
-from ..ui.panel import draw_text
-from ..ui.step_panel import PartPanel, StepPanel
+from ..ui.panel import AdvancedPanel, SidebarPanel, draw_text
 from . import background_job, operators, pose_preview
 from .wording import in_window_words
 
-CONTACT_SHEET = "contact_sheet.png"
 
-
-class ONEFRAME_PT_dataset(StepPanel):
+class ONEFRAME_PT_dataset(AdvancedPanel):
     """Render a dataset of posed views"""
 
-    bl_label = "7  Dataset"
-    bl_order = 9
-    step = "dataset"
+    bl_label = "Dataset"
+    bl_order = 5
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         # a run goes on, and can be cancelled, whatever becomes of the scene
         return from_scene.is_set_up(context.scene) or background_job.current() is not None
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         settings = context.scene.oneframe
         layout.use_property_split, layout.use_property_decorate = True, False
         options = settings.dataset
@@ -40,7 +37,7 @@ class ONEFRAME_PT_dataset(StepPanel):
             draw_text(layout, in_window_words(str(error)), icon="ERROR")
 
 
-class ONEFRAME_PT_dataset_preview(PartPanel):
+class ONEFRAME_PT_dataset_preview(SidebarPanel):
     """Preview poses as cameras around the surface, and one view"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
@@ -79,7 +76,7 @@ class ONEFRAME_PT_dataset_preview(PartPanel):
                 draw_text(layout, summary)
 
 
-class ONEFRAME_PT_dataset_options(PartPanel):
+class ONEFRAME_PT_dataset_options(SidebarPanel):
     """How the views are rendered"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
@@ -101,7 +98,7 @@ class ONEFRAME_PT_dataset_options(PartPanel):
             column.prop(options, "video_frames")
 
 
-class ONEFRAME_PT_dataset_run(PartPanel):
+class ONEFRAME_PT_dataset_run(SidebarPanel):
     """Render the dataset in the background"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
@@ -120,8 +117,8 @@ class ONEFRAME_PT_dataset_run(PartPanel):
         if folder is not None:
             row = layout.row(align=True)
             row.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = str(folder)
-            if (sheet := folder / CONTACT_SHEET).is_file():
-                row.operator("wm.path_open", text="Contact Sheet", icon="IMAGE_REFERENCE").filepath = str(sheet)
+            if (folder / operators.CONTACT_SHEET).is_file():
+                row.operator("oneframe.contact_sheet", icon="IMAGE_REFERENCE")
 
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:

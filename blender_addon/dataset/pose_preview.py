@@ -15,7 +15,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..class_registration import at_end, drawing
+from ..class_registration import at_end
 from ..pipeline.blender.dataset.view_planner import ViewPlanner
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -31,6 +31,8 @@ from ..state import from_scene
 from ..state.known_case import further_frames, lamp_of
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
+from ..ui.pane import Pane
+from ..ui.strokes import Strokes
 
 LENGTH = 0.10
 """Length of a frustum, relative to the camera's distance from the pivot."""
@@ -70,8 +72,8 @@ class PlannedPoses:
     attempts: float
 
 
-_planned: PlannedPoses | None = None
-_batch: tuple[PlannedPoses, gpu.types.GPUBatch] | None = None
+_shown: list[PlannedPoses] = []
+"""The poses planned last, unless they are hidden."""
 
 
 def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
@@ -118,7 +120,6 @@ def listed_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | No
 
 def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     """Plan the first ``number`` poses of the dataset, and show them."""
-    global _planned
     options = dataset_options(scene)
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)
     listed = listed_poses(loaded, options)
@@ -128,14 +129,9 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     planned = [planner.plan(index) for index in range(min(number, count))]
     lines = frusta(planned, planner.camera, reference)
     statistics = [view.statistics for view in planned]
-    _planned = PlannedPoses(
-        key,
-        count,
-        lines,
-        np.array([each.observed_fraction for each in statistics]),
-        float(np.mean([view.attempts for view in planned])),
-    )
-    return _planned
+    observed, attempts = np.array([each.observed_fraction for each in statistics]), [view.attempts for view in planned]
+    _shown[:] = [PlannedPoses(key, count, lines, observed, float(np.mean(attempts)))]
+    return _shown[0]
 
 
 def frusta(planned: list[PlannedPose], camera: PinholeCamera, reference: ReferenceView) -> np.ndarray:
@@ -153,46 +149,48 @@ def frusta(planned: list[PlannedPose], camera: PinholeCamera, reference: Referen
 
 def hide() -> None:
     """Hide and discard the poses."""
-    global _planned, _batch
-    _planned = _batch = None
+    _shown.clear()
 
 
 def shown() -> PlannedPoses | None:
     """The poses planned last, even if outdated; ``None`` if hidden."""
-    return _planned
+    return _shown[0] if _shown else None
 
 
 def is_current(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> bool:
     """Whether the planned poses match the scene; for drawing, with ``stamp`` = :func:`.known_stamp`."""
     try:
-        return _planned is not None and _planned.key == pose_key(scene, stamp=stamp)
+        return bool(_shown) and _shown[0].key == pose_key(scene, stamp=stamp)
     except InputError:
         return False
 
 
-def _draw() -> None:
-    global _batch
-    context = bpy.context
-    scene = context.scene
-    # in the camera view the frusta would surround the eye
-    if _planned is None or shows_frame(context) or not is_current(scene, stamp=known_stamp):
-        return
-    shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
-    if _batch is None or _batch[0] is not _planned:
-        low, high = _planned.observed.min(), _planned.observed.max()
-        blend = (_planned.observed[:, None] - low) / max(high - low, MIN_RANGE)
+class PlannedFrusta(Pane):
+    """The poses around the surface; in the camera view the frusta would surround the eye."""
+
+    place = "POST_VIEW"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(_shown) and not shows_frame(context) and is_current(context.scene, stamp=known_stamp)
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        planned, shader = _shown[0], gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
+        low, high = planned.observed.min(), planned.observed.max()
+        blend = (planned.observed[:, None] - low) / max(high - low, MIN_RANGE)
         colours = np.concatenate([LEAST_COLOUR * (1 - blend) + MOST_COLOUR * blend, np.ones_like(blend)], axis=1)
-        vertices = _planned.lines.reshape(-1, 3).astype(np.float32)
+        vertices = planned.lines.reshape(-1, 3).astype(np.float32)
         per_vertex = np.repeat(colours, 2 * len(_EDGES), axis=0).astype(np.float32)
-        _batch = _planned, batch_for_shader(shader, "LINES", {"pos": vertices, "color": per_vertex})
-    gpu.state.depth_test_set("LESS_EQUAL")
-    with gpu.matrix.push_pop():
-        gpu.matrix.multiply_matrix(from_scene.surface_of(scene).matrix_world)
-        shader.bind()
-        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-        shader.uniform_float("lineWidth", LINE_WIDTH * context.preferences.system.ui_scale)
-        _batch[1].draw(shader)
-    gpu.state.depth_test_set("NONE")
+        batch = batch_for_shader(shader, "LINES", {"pos": vertices, "color": per_vertex})
+        gpu.state.depth_test_set("LESS_EQUAL")
+        with gpu.matrix.push_pop():
+            gpu.matrix.multiply_matrix(from_scene.surface_of(context.scene).matrix_world)
+            shader.bind()
+            shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+            shader.uniform_float("lineWidth", LINE_WIDTH * context.preferences.system.ui_scale)
+            batch.draw(shader)
+        gpu.state.depth_test_set("NONE")
 
 
-PARTS = (at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))
+PARTS = (at_end(hide),)

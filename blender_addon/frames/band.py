@@ -1,39 +1,43 @@
-"""Draws a band along the strip of the film: which frames are found, doubtful and lost."""
+"""Draws a band along the Timeline of the film: which frames are found, doubtful and lost."""
 
 import bpy
+import gpu
 import numpy as np
+from gpu_extras.batch import batch_for_shader
 
-from ..class_registration import drawing
 from ..pipeline.registration.verdict import COLOURS
-from ..video import session
-from ..video.strip_drawing import draw_triangles
-from ..video.strip_layout import StripLayout
+from ..ui.pane import Pane
+from ..ui.strokes import Strokes
 from . import found
 
-HEIGHT = 6
-"""At interface scale 1, in the gap above the curve."""
+HEIGHT = 5
+"""At interface scale 1."""
 
 
-def _draw_band() -> None:
-    context = bpy.context
-    layout, film, registered = StripLayout.of(context), session.of(context.scene), found.of(context.scene)
-    if layout is None or film is None or registered is None:
-        return
-    times_s = film.times_s
-    half_s = 0.5 * float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.5
-    high = layout.thumbnails[0] - layout.unit
-    low = high - HEIGHT * layout.unit
-    frames = [registered.frames.get(score.index) for score in film.scores.frames]
-    # in this order: in a long film, several of which share a pixel, lost frames are seen
-    for state in found.WORDS:
-        middle_s = times_s[[frame is not None and frame.verdict.state == state for frame in frames]]
-        left, right = np.clip(layout.x_of(middle_s + half_s * np.array([[-1], [1]])), layout.low[0], layout.high[0])
-        left, right = left[right > left], np.maximum(right, left + 1)[right > left]
-        if len(left):
+class FoundBand(Pane):
+    """At the bottom of the Timeline, a frame wide for each; lost ones lie over the others, where a pixel holds many."""
+
+    space = bpy.types.SpaceDopeSheetEditor
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return found.of(context.scene) is not None
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        registered, view = found.of(context.scene), context.region.view2d
+        first, last = (np.array(view.view_to_region(x, 0.0, clip=False), float)[0] for x in (0.0, 1000.0))
+        per_frame = (last - first) / 1000
+        shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+        for state in found.WORDS:
+            frames = () if registered is None else registered.frames.items()
+            numbers = np.array([number for number, frame in frames if frame.verdict.state == state], float)
+            left = first + per_frame * (numbers - 0.5)
+            right, low = np.maximum(left + per_frame, left + 1), np.zeros(len(left))
+            high = low + HEIGHT * strokes.unit
             corners = [(left, low), (right, low), (right, high), (left, low), (right, high), (left, high)]
-            points = [np.stack([x, np.full(len(x), y)], axis=-1) for x, y in corners]
-            red, green, blue = (value / 255 for value in COLOURS[state])
-            draw_triangles(np.stack(points, axis=1).reshape(-1, 2), (red, green, blue, 1.0))
-
-
-PARTS = (drawing(bpy.types.SpaceView3D, _draw_band, "POST_PIXEL"),)
+            points = np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1).reshape(-1, 2)
+            if len(points):
+                shader.bind()
+                shader.uniform_float("color", (*(value / 255 for value in COLOURS[state]), 1.0))
+                batch_for_shader(shader, "TRIS", {"pos": np.float32(points)}).draw(shader)

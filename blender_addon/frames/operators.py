@@ -16,7 +16,7 @@ from ..state.scene_files import forget_stamps
 from ..ui.background_operator import NAVIGATION, InBackground, Work, show_status
 from ..ui.keymap import TOOLS, Key, keys
 from ..ui.operator import Available, Messages, Needs, OperatorResult
-from ..video import session, shown_frame, strip_layout
+from ..video import session, shown_frame
 from ..video.frame_fetcher import AHEAD
 from ..video.operators import NeedsFilm
 from . import found
@@ -122,7 +122,7 @@ class ONEFRAME_OT_play_frames(NeedsFound):
             film.fetcher.want(at)
             return True
         shown_frame.show(scene, at)
-        film.span_s, self._next = strip_layout.following(film), at + 1
+        self._next = at + 1
         film.fetcher.want(min(at + AHEAD, len(film.times_s) - 1))
         return self._next < len(film.times_s)
 

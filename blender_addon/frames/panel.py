@@ -10,7 +10,7 @@ from ..class_registration import at_end
 from ..pipeline.case.case_queue import ALIGNED, CHECKED, DOUBTFUL, NEW, REFUSED, ROUGH
 from ..state import another_frame
 from ..ui.keymap import draw_key
-from ..ui.panel import AlignmentPanel, draw_text
+from ..ui.panel import AdvancedPanel, AlignmentPanel, draw_text
 from ..video import session
 from ..video.session import FilmSession
 from . import found
@@ -34,12 +34,11 @@ _pictures: dict[str, Any] = {}
 """One collection of previews, once a queue is drawn."""
 
 
-class ONEFRAME_PT_frames(AlignmentPanel):
+class ONEFRAME_PT_frames(AlignmentPanel, AdvancedPanel):
     """The other frames of this surface, one after the other: of the queue, and of the film"""
 
-    bl_parent_id = "ONEFRAME_PT_case"
     bl_label = "Frames"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 3
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -116,7 +115,7 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         row.operator("oneframe.play_frames", icon="PLAY")
         row.operator("oneframe.queue_found", text="To Queue", icon="ADD")
     if another_frame.seen(scene) is None:
-        text = "Click the strip below the view to see a frame with the surface at its pose."
+        text = "Go along the Timeline below the view to see a frame with the surface at its pose."
         if registered is None:
             text = "No frame is registered from the present pose."
     elif frame is None:

@@ -3,14 +3,13 @@
 import bpy
 import numpy as np
 
-from ..class_registration import cursor, drawing
 from ..pipeline.alignment.manual.picking import is_unfinished
-from ..pipeline.errors import InputError
 from ..state import another_frame, from_scene, workbench
 from ..state.landmarks import landmarks_model, points_model
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.keymap import LANDMARK_TOOL, active_tool
+from ..ui.pane import Pane, PointerPane
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, free_rectangle
 from . import gestures, solve, tool, uncertainty_drawing
@@ -35,10 +34,9 @@ RING, CROSS = 6.0, (3.0, 10.0)
 scale 1."""
 
 
-def landmark_strokes(context: bpy.types.Context) -> Strokes:
-    """Everything to draw into the context's 3D view."""
-    scene, strokes = context.scene, Strokes()
-    view = LandmarkView.of(context)
+def add_landmarks(strokes: Strokes, context: bpy.types.Context) -> None:
+    """Add everything that is drawn of them in the context's 3D view."""
+    scene, view = context.scene, LandmarkView.of(context)
     solved = solve.solution(scene)
     marks = marks_of(scene, view)
     uncertainty_drawing.add_uncertainty(strokes, scene, view, solved)
@@ -49,7 +47,6 @@ def landmark_strokes(context: bpy.types.Context) -> Strokes:
     residuals = solve.residuals_px(scene)
     for mark in marks:
         _add_mark(strokes, scene, mark, solved, residuals.get(mark.index), hidden[mark.index])
-    return strokes
 
 
 def _hidden(scene: bpy.types.Scene, view: LandmarkView, marks: list[Mark]) -> list[bool]:
@@ -109,59 +106,57 @@ def _colour(
     return GOOD if size <= FAIR_FROM else FAIR
 
 
-def _draw_view() -> None:
-    context = bpy.context
-    scene = context.scene
-    if workbench.is_workbench(scene) and not from_scene.is_set_up(scene):
-        _draw_next_step(context)
-        return
-    is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
-    if not scene.oneframe.show_landmarks or not is_used or not from_scene.is_set_up(scene):
-        return
-    if another_frame.seen(scene) is not None:
-        # they are of the case's own frame
-        return
-    try:
-        landmark_strokes(context).draw()
-    except InputError:
-        # the panel reports it
-        return
+class NextStep(Pane):
+    """What comes next, in the middle of a view that shows nothing yet."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return workbench.is_workbench(context.scene) and not from_scene.is_set_up(context.scene)
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        low, high = free_rectangle(context.area)
+        at = (low + high) / 2
+        for line in strokes.wrapped(workbench.next_step(context.scene), 0.9 * float(high[0] - low[0])):
+            strokes.text(at - [strokes.width_of(line) / 2, 0.0], line, INCOMPLETE)
+            at = at - [0.0, STATUS_PX * strokes.unit]
 
 
-def _draw_next_step(context: bpy.types.Context) -> None:
-    """Say in the middle of an empty view what comes next."""
-    strokes, text = Strokes(), workbench.next_step(context.scene)
-    low, high = free_rectangle(context.area)
-    at = (low + high) / 2
-    for line in strokes.wrapped(text, 0.9 * float(high[0] - low[0])):
-        strokes.text(at - [strokes.width_of(line) / 2, 0.0], line, INCOMPLETE)
-        at = at - [0.0, STATUS_PX * strokes.unit]
-    strokes.draw()
+class Landmarks(Pane):
+    """Landmarks, residuals and uncertainty, unless they are of another frame."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        scene = context.scene
+        is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
+        is_own = another_frame.seen(scene) is None
+        return scene.oneframe.show_landmarks and is_used and from_scene.is_set_up(scene) and is_own
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        add_landmarks(strokes, context)
 
 
-def _draw_pointer(xy: tuple[int, int]) -> None:
-    """Draw next to the pointer what a press has missed, or the instruction while picking is unfinished."""
-    context = bpy.context
-    if context.space_data is None or not tool.is_waiting(context) or not from_scene.is_set_up(context.scene):
-        return
-    text, region = gestures.missed_at(xy), frame_view.window_region(context.area)
-    if not text:
-        if gestures.running() is not None or not is_unfinished(landmarks_model(context.scene)):
-            return
-        text = tool.instruction(context)
-    strokes = Strokes()
-    low, high = free_rectangle(context.area)
-    if xy[1] - region.y < low[1]:
-        # the strip of a video has the pointer
-        return
-    at, margin, row = np.array(xy) + np.array([18, -26]) * strokes.unit, 6 * strokes.unit, STATUS_PX * strokes.unit
-    lines = strokes.wrapped(text, float(high[0] - low[0]) - 2 * margin)
-    # not under the sidebar, nor below the view
-    right = region.x + high[0] - max(map(strokes.width_of, lines)) - margin
-    at = np.array([min(at[0], right), max(at[1], region.y + low[1] + margin + row * (len(lines) - 1))])
-    for number, line in enumerate(lines):
-        strokes.text(at - [0.0, number * row], line, INCOMPLETE)
-    strokes.draw()
+class Instruction(PointerPane):
+    """Next to the pointer, what a press has missed, or the instruction while picking is unfinished."""
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return tool.is_waiting(context) and from_scene.is_set_up(context.scene)
 
-PARTS = (drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer))
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes, pointer: tuple[int, int]) -> None:
+        text, region = gestures.missed_at(pointer), frame_view.window_region(context.area)
+        if not text:
+            if gestures.running() is not None or not is_unfinished(landmarks_model(context.scene)):
+                return
+            text = tool.instruction(context)
+        low, high = free_rectangle(context.area)
+        at, margin = np.array(pointer) + np.array([18, -26]) * strokes.unit, 6 * strokes.unit
+        row = STATUS_PX * strokes.unit
+        lines = strokes.wrapped(text, float(high[0] - low[0]) - 2 * margin)
+        # not under the sidebar, nor below the view
+        right = region.x + high[0] - max(map(strokes.width_of, lines)) - margin
+        at = np.array([min(at[0], right), max(at[1], region.y + low[1] + margin + row * (len(lines) - 1))])
+        for number, line in enumerate(lines):
+            strokes.text(at - [0.0, number * row], line, INCOMPLETE)

@@ -18,7 +18,6 @@ from ..state.events import redraw
 from ..state.pose import set_cam_from_model
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import OperatorResult
-from ..ui.step_panel import show
 from . import edit, solve
 from .marks import LandmarkView, landmark_at, marks_of, nearest
 
@@ -151,7 +150,6 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
             gesture.fine_ready = not event.shift
             _running[:] = [gesture]
             scene.oneframe.landmark_index = gesture.index
-            show(scene, "landmarks")
         except InputError as error:
             return self._say_missed(error, event)
         context.workspace.status_text_set("Shift: 10 Times Finer      Esc or Right Click: Cancel")

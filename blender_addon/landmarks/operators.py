@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProp
 
 from ..class_registration import prop
 from ..pipeline.case.case_file import MM_PER_UNIT
-from ..pipeline.case.landmark_file import read_landmarks
+from ..pipeline.case.landmarks import read_landmarks
 from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
@@ -24,7 +24,6 @@ from ..ui.operator import (
     report_error,
 )
 from ..ui.question import Asking
-from ..ui.step_panel import show
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -167,7 +166,6 @@ class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         edit.remove(context.scene, edit.checked_index(context.scene, self.index))
-        show(context.scene, "landmarks")
 
 
 class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting):
@@ -191,7 +189,6 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         replace_landmarks(context.scene, ())
-        show(context.scene, "landmarks")
 
 
 class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):

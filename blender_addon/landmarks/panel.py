@@ -9,8 +9,7 @@ from ..pipeline.files.numbers import format_two_digits
 from ..state import pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool, draw_key
-from ..ui.panel import AlignmentPanel, draw_text
-from ..ui.step_panel import PartPanel, StepPanel
+from ..ui.panel import AlignmentPanel, SidebarPanel, StepPanel, draw_text
 from . import solve, tool
 from .solve import Solution
 
@@ -46,17 +45,16 @@ class ONEFRAME_UL_landmarks(bpy.types.UIList):
 class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
     """Correspondences that determine the pose"""
 
-    bl_label = "4  Landmarks"
-    bl_order = 5
-    step = "landmarks"
+    bl_label = "2  Pin"
+    bl_order = 2
 
-    def draw_line(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         settings = context.scene.oneframe
         icon = "HIDE_OFF" if settings.show_landmarks else "HIDE_ON"
-        layout.prop(settings, "show_landmarks", text="", icon=icon, emboss=False)
+        self.layout.prop(settings, "show_landmarks", text="", icon=icon, emboss=False)
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-        settings = context.scene.oneframe
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row(align=True)
         row.enabled = context.mode == "OBJECT"
@@ -64,6 +62,18 @@ class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
         for name, icon in ((PIN_TOOL, "PINNED"), (LANDMARK_TOOL, "EYEDROPPER")):
             row.operator("wm.tool_set_by_id", text=TOOLS[name], icon=icon, depress=active == name).name = name
         draw_text(layout, tool.instruction(context) if tool.is_active(context) else "", icon="INFO", lines=2)
+
+
+class ONEFRAME_PT_landmark_list(AlignmentPanel):
+    """All landmarks, and how sure the pose of them is"""
+
+    bl_parent_id = "ONEFRAME_PT_landmarks"
+    bl_label = "Landmarks"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.oneframe
+        layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row()
         row.template_list(ONEFRAME_UL_landmarks.__name__, "", settings, "landmarks", settings, "landmark_index", rows=5)
         column = row.column(align=True)
@@ -81,7 +91,7 @@ class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
             draw_text(layout, str(error), icon="ERROR")
 
 
-class ONEFRAME_PT_landmark_keys(PartPanel):
+class ONEFRAME_PT_landmark_keys(SidebarPanel):
     """Mouse and keys of the landmark tool"""
 
     bl_parent_id = "ONEFRAME_PT_landmarks"

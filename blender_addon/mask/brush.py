@@ -4,18 +4,19 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty
+from bpy.props import BoolProperty, FloatProperty
 
-from ..class_registration import cursor, drawing, prop, tool
+from ..class_registration import prop, tool
 from ..pipeline.camera.distortion import distorted_pixels
 from ..pipeline.images.masked_frame import UNSEEN, painted
 from ..state import another_frame, from_scene
 from ..state.events import redraw
-from ..ui.drag import BrushSize, BrushStroke, size_keys
+from ..ui.drag import Drag
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.keymap import MASK_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import Messages, OperatorResult, Reporting
-from ..ui.strokes import Colour, Strokes, in_window_pixels
+from ..ui.pane import Pane, PointerPane
+from ..ui.strokes import Colour, Strokes
 from .operators import frame_of, set_mask
 
 HIDES: Colour = (*UNSEEN, 0.6)
@@ -26,10 +27,11 @@ _strokes: list["ONEFRAME_OT_mask_stroke"] = []
 """The stroke under the hand, if there is one."""
 
 
-class ONEFRAME_OT_mask_stroke(BrushStroke, Reporting):
+class ONEFRAME_OT_mask_stroke(Drag, Reporting):
     """Drag: hide what shows no surface"""
 
     bl_label = "Paint the Mask"
+    hint = "Esc or Right Click: Take Back the Stroke"
 
     shows: bool = prop(BoolProperty, "Show", "Show again what is hidden")
 
@@ -62,10 +64,13 @@ class ONEFRAME_OT_mask_stroke(BrushStroke, Reporting):
         return set_mask(scene, replace(frame, shown=shown))
 
 
-class ONEFRAME_OT_mask_brush_size(BrushSize):
+class ONEFRAME_OT_mask_brush_size(bpy.types.Operator):
     """Change the radius of the brush"""
 
     bl_label = "Size of the Brush"
+    bl_options = {"INTERNAL"}
+
+    factor: float = prop(FloatProperty, "Factor", default=1.25)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -82,30 +87,35 @@ def is_ready(context: bpy.types.Context) -> bool:
     return in_frame and bool(scene.oneframe.frame_path) and another_frame.seen(scene) is None
 
 
-def draw_brush(pointer: tuple[int, int]) -> None:
-    """Draw the brush at the pointer (window px); called by Blender for the region under it, whenever it moves."""
-    context = bpy.context
-    if context.region_data is None or not is_ready(context):
-        return
-    view, strokes = FrameView.of(context.scene, context.region, context.region_data), Strokes()
-    radius = context.scene.oneframe.mask_brush_px * view.magnification / strokes.unit
-    with in_window_pixels() as corner:
-        strokes.circle(np.array(pointer) + 0.5 - corner, radius, WHITE, width=1.0)
-        strokes.draw()
+class Brush(PointerPane):
+    """The brush at the pointer."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return is_ready(context)
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes, pointer: tuple[int, int]) -> None:
+        view = FrameView.of(context.scene, context.region, context.region_data)
+        radius = context.scene.oneframe.mask_brush_px * view.magnification / strokes.unit
+        strokes.circle(np.array(pointer) + 0.5, radius, WHITE, width=1.0)
 
 
-def draw_stroke() -> None:
-    """Draw the stroke under the hand; called by Blender for each 3D view."""
-    context = bpy.context
-    if not _strokes or not shows_frame(context):
-        return
-    view, strokes = FrameView.of(context.scene, context.region, context.region_data), Strokes()
-    way = view.region_from_px(np.array(_strokes[-1].way))
-    # a click alone is a line too
-    way = np.concatenate([way, way[-1:] + 0.1])
-    width = 2 * context.scene.oneframe.mask_brush_px * view.magnification / strokes.unit
-    strokes.line(way, SHOWS if _strokes[-1].shows else HIDES, width=width)
-    strokes.draw()
+class StrokeUnderHand(Pane):
+    """The stroke that is being drawn."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(_strokes) and shows_frame(context)
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        view = FrameView.of(context.scene, context.region, context.region_data)
+        way = view.region_from_px(np.array(_strokes[-1].way))
+        # a click alone is a line too
+        way = np.concatenate([way, way[-1:] + 0.1])
+        width = 2 * context.scene.oneframe.mask_brush_px * view.magnification / strokes.unit
+        strokes.line(way, SHOWS if _strokes[-1].shows else HIDES, width=width)
 
 
 class MaskTool(ViewTool):
@@ -129,14 +139,13 @@ class MaskTool(ViewTool):
 
 
 _TOOLS = (MASK_TOOL,)
+_LARGER, _SMALLER = (("factor", 1.25),), (("factor", 0.8),)
 _KEYS = keys(
     Key("oneframe.mask_stroke", "LEFTMOUSE", tools=_TOOLS),
     Key("oneframe.mask_stroke", "LEFTMOUSE", ctrl=True, properties=(("shows", True),), tools=_TOOLS),
-    *size_keys("oneframe.mask_brush_size", MASK_TOOL),
+    Key("oneframe.mask_brush_size", "WHEELUPMOUSE", ctrl=True, properties=_LARGER, tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "WHEELDOWNMOUSE", ctrl=True, properties=_SMALLER, tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "RIGHT_BRACKET", properties=_LARGER, tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "LEFT_BRACKET", properties=_SMALLER, tools=_TOOLS),
 )
-PARTS = (
-    tool(MaskTool, "oneframe.move_tool"),
-    cursor(draw_brush),
-    drawing(bpy.types.SpaceView3D, draw_stroke, "POST_PIXEL"),
-    _KEYS,
-)
+PARTS = (tool(MaskTool, "oneframe.move_tool"), _KEYS)

@@ -15,7 +15,7 @@ from ..state import from_scene, to_scene
 from ..state.scene_files import session_folder
 from ..ui.keymap import MASK_TOOL
 from ..ui.operator import Messages, OpensFile, Reporting
-from ..ui.step_panel import PartPanel
+from ..ui.panel import SidebarPanel
 
 FILES = "*.png;*.tif;*.tiff;*.bmp"
 _SUFFIX = "_masked"
@@ -81,7 +81,7 @@ class ONEFRAME_OT_clear_mask(_OfTheFrame):
         return set_mask(context.scene, replace(frame, shown=np.ones_like(frame.shown)))
 
 
-class ONEFRAME_PT_mask(PartPanel):
+class ONEFRAME_PT_mask(SidebarPanel):
     """What of the frame shows no surface"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -91,7 +91,7 @@ class ONEFRAME_PT_mask(PartPanel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and bool(context.scene.oneframe.frame_path)
+        return bool(context.scene.oneframe.frame_path)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout

@@ -75,7 +75,8 @@ class ONEFRAME_OT_nudge(_Mover, Reporting):
         self._set_pose(context, self._moved(context, self._start_pose, self.axis, self.step_px))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if event.type in _KEYBOARD and not shows_frame(context):
+        # arrows go through the film while another frame is in view
+        if event.type in _KEYBOARD and (not shows_frame(context) or another_frame.seen(context.scene) is not None):
             return {"PASS_THROUGH"}
         result = self.execute(context)
         if result != {"FINISHED"} or event.value != "PRESS" or event.type in ("LEFTMOUSE", "RET"):

@@ -23,7 +23,6 @@ from ..state import from_scene, pose_evidence
 from ..ui.background_operator import Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
-from ..ui.step_panel import show
 from .preview import BackgroundPreview, RefinementPreview, preview_text, take
 
 
@@ -62,7 +61,6 @@ class ONEFRAME_OT_refine(NeedsAlignment, BackgroundPreview, RefinementPreview):
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         check_inputs(context.scene, self._inputs)
         _remember(result, context.scene.oneframe.frame_path)
-        show(context.scene, "refine")
         if not result.accepted and not result.can_be_taken:
             raise InputError(result.message)
         if not result.accepted:

@@ -4,23 +4,22 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..ui.keymap import draw_key
-from ..ui.panel import AlignmentPanel, draw_text
-from ..ui.step_panel import StepPanel
+from ..ui.panel import AlignmentPanel, StepPanel, draw_text
 from . import operator
 from .preview import error_text, preview_text
 
-FIGURE_LINES, MESSAGE_LINES = 4, 6
+MESSAGE_LINES = 6
 """Of the slots that stay as high as they are when a result appears: no button moves under the pointer."""
 
 
 class ONEFRAME_PT_refine(AlignmentPanel, StepPanel):
     """Refine the rough pose against the image"""
 
-    bl_label = "5  Refine"
-    bl_order = 6
-    step = "refine"
+    bl_label = "3  Refine"
+    bl_order = 3
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         scene = context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.split(factor=0.85, align=True)

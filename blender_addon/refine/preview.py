@@ -16,7 +16,6 @@ from ..state.events import redraw
 from ..state.pose import set_cam_from_model
 from ..ui.background_operator import NAVIGATION, InBackground, show_status
 from ..ui.operator import OperatorResult, report_error
-from ..ui.step_panel import show
 from ..video import shown_frame
 
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
@@ -33,8 +32,6 @@ def take(scene: bpy.types.Scene, result: Refinement, start: PoseRecord) -> None:
 class Preview(bpy.types.Operator):
     """Mixin: a modal operator that shows a pose that was found, and lets the user keep or discard it."""
 
-    step = ""
-    """The step of the work, which stays open in the sidebar."""
     is_shown = is_refused = False
 
     def show_poses(self, context: bpy.types.Context, found: np.ndarray, start: np.ndarray) -> None:
@@ -111,7 +108,6 @@ class Preview(bpy.types.Operator):
     def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
         set_cam_from_model(context.scene, self._found if is_result else self._start)
         self._shows_result = is_result
-        show(context.scene, self.step)
         redraw()
 
 
@@ -131,8 +127,6 @@ class BackgroundPreview(InBackground, Preview):
 
 class RefinementPreview(Preview):
     """Mixin: the preview of a refinement."""
-
-    step = "refine"
 
     def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
         """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..case_queue.operators import SETTLED
 from ..case_queue.queued import position, queue_of
-from ..class_registration import drawing
 from ..dataset import background_job
 from ..dataset.snapshot import usual_output
 from ..landmarks import solve
@@ -22,7 +21,6 @@ from ..pipeline.case.pose_record import (
     REGISTERED,
     PoseRecord,
 )
-from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
 from ..setup.case_in_scene import unsaved_parts
@@ -31,6 +29,7 @@ from ..state import another_frame, from_scene, pose, workbench
 from ..state.events import areas
 from ..state.landmarks import landmarks_model
 from ..ui.keymap import binding
+from ..ui.pane import Pane
 from ..ui.strokes import Colour, Strokes
 from ..view.zoom import STATUS_PX, uncovered_rectangle
 from . import operator
@@ -139,41 +138,40 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 
-def _draw() -> None:
-    context = bpy.context
-    scene, window = context.scene, context.window
-    if not from_scene.is_set_up(scene) or context.area is None:
-        return
-    views = [area for shown, area in areas("VIEW_3D") if shown == window]
-    if context.area != max(views, key=lambda area: area.width, default=None):
-        return
-    try:
-        (line, in_doubt), task = status(scene), task_lines(scene)
-        is_refused = bool(pose_record(scene).refused)
-    except InputError:
-        return  # the sidebar says what is wrong with the pose
-    strokes = Strokes()
-    low, high = uncovered_rectangle(context.area)
-    margin, row = 10 * strokes.unit, STATUS_PX * strokes.unit
-    at = np.array([low[0] + margin, high[1] - 16 * strokes.unit])
-    room = high[0] - at[0] - margin - (NAVIGATION_PX * strokes.unit if _has_navigation(context) else 0.0)
-    most = max(2, int(LARGEST_SHARE * (high[1] - low[1]) / row))
-    texts = (
-        (line, DOUBT if is_refused else PLAIN),
-        *((text, DOUBT) for text in in_doubt),
-        *((text, PLAIN) for text in task),
-    )
-    for number, (text, colour) in enumerate(texts):
-        lines = strokes.wrapped(text, room)
-        if len(lines) > most:
-            if number:
-                break  # what is in doubt stands in the sidebar too
-            lines = [*lines[: most - 1], f"{lines[most - 1]} ..."]
-        most -= len(lines)
-        for each in lines:
-            strokes.text(at, each, colour)
-            at = at - [0.0, row]
-    strokes.draw()
+class StatusLine(Pane):
+    """On top of the largest 3D view of a window."""
+
+    order = 2
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        views = [area for window, area in areas("VIEW_3D") if window == context.window]
+        return from_scene.is_set_up(context.scene) and context.area == max(views, key=lambda area: area.width)
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        (line, in_doubt), task = status(context.scene), task_lines(context.scene)
+        is_refused = bool(pose_record(context.scene).refused)
+        low, high = uncovered_rectangle(context.area)
+        margin, row = 10 * strokes.unit, STATUS_PX * strokes.unit
+        at = np.array([low[0] + margin, high[1] - 16 * strokes.unit])
+        room = high[0] - at[0] - margin - (NAVIGATION_PX * strokes.unit if _has_navigation(context) else 0.0)
+        most = max(2, int(LARGEST_SHARE * (high[1] - low[1]) / row))
+        texts = (
+            (line, DOUBT if is_refused else PLAIN),
+            *((text, DOUBT) for text in in_doubt),
+            *((text, PLAIN) for text in task),
+        )
+        for number, (text, colour) in enumerate(texts):
+            lines = strokes.wrapped(text, room)
+            if len(lines) > most:
+                if number:
+                    break  # what is in doubt stands in the sidebar too
+                lines = [*lines[: most - 1], f"{lines[most - 1]} ..."]
+            most -= len(lines)
+            for each in lines:
+                strokes.text(at, each, colour)
+                at = at - [0.0, row]
 
 
 def _has_navigation(context: bpy.types.Context) -> bool:
@@ -181,6 +179,3 @@ def _has_navigation(context: bpy.types.Context) -> bool:
     space = context.space_data
     is_shown = isinstance(space, bpy.types.SpaceView3D) and space.show_gizmo and space.show_gizmo_navigate
     return is_shown and context.preferences.view.mini_axis_type == "GIZMO"
-
-
-PARTS = (drawing(bpy.types.SpaceView3D, _draw, "POST_PIXEL"),)

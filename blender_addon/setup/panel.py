@@ -11,8 +11,7 @@ from ..state import from_scene, to_scene, workbench
 from ..state.recent import recent
 from ..state.to_scene import frame_warnings
 from ..state.workbench import OPEN, next_step
-from ..ui.panel import SidebarPanel, draw_text
-from ..ui.step_panel import PartPanel, StepPanel
+from ..ui.panel import AdvancedPanel, AlignmentPanel, SidebarPanel, StepPanel, draw_text
 from . import history
 from .alignment_record import doubts
 
@@ -25,10 +24,6 @@ class ONEFRAME_PT_case(SidebarPanel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
-        row = layout.row(align=True)
-        row.operator("oneframe.open_case", icon="FILE_FOLDER")
-        row.operator("oneframe.save_case", icon="FILE_TICK")
-        row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
         if settings.case_path:
             layout.label(text=bpy.path.basename(settings.case_path), icon="FILE_TEXT")
         _draw_missing(layout, context.scene)
@@ -66,12 +61,11 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
             layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")
 
 
-class ONEFRAME_PT_history(SidebarPanel):
+class ONEFRAME_PT_history(AdvancedPanel):
     """The poses that the case had"""
 
-    bl_parent_id = "ONEFRAME_PT_case"
     bl_label = "History"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 6
 
     def draw(self, context: bpy.types.Context) -> None:
         try:
@@ -89,13 +83,14 @@ class ONEFRAME_PT_history(SidebarPanel):
 class ONEFRAME_PT_setup(StepPanel):
     """Frame, camera and surface"""
 
-    bl_label = "1  Set up"
-    bl_order = 2
-    step = "setup"
+    bl_label = "1  Open"
+    bl_order = 1
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         settings = context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("oneframe.open_case", icon="FILE_FOLDER")
         column = layout.column(align=True)
         row = column.row(align=True)
         row.operator("oneframe.load_frame", icon="IMAGE_DATA")
@@ -114,7 +109,20 @@ class ONEFRAME_PT_setup(StepPanel):
         column.operator("oneframe.load_pose", icon="EMPTY_ARROWS")
 
 
-class ONEFRAME_PT_camera(PartPanel):
+class ONEFRAME_PT_save(AlignmentPanel, StepPanel):
+    """Save the case"""
+
+    bl_label = "4  Save"
+    bl_order = 4
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.operator_context = "INVOKE_DEFAULT"
+        row = self.layout.row(align=True)
+        row.operator("oneframe.save_case", icon="FILE_TICK")
+        row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
+
+
+class ONEFRAME_PT_camera(SidebarPanel):
     """K as loaded or typed"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -139,7 +147,7 @@ class ONEFRAME_PT_camera(PartPanel):
         layout.operator("oneframe.set_camera", icon="CHECKMARK")
 
 
-class ONEFRAME_PT_structures(PartPanel):
+class ONEFRAME_PT_structures(SidebarPanel):
     """Structures in the bone, and their colours"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -150,7 +158,7 @@ class ONEFRAME_PT_structures(PartPanel):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         surface = context.scene.oneframe.surface
-        return super().poll(context) and surface is not None and len(surface.children) > 0
+        return surface is not None and len(surface.children) > 0
 
     def draw(self, context: bpy.types.Context) -> None:
         surface = context.scene.oneframe.surface

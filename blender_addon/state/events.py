@@ -45,6 +45,6 @@ def areas(*kinds: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
 
 
 def redraw(_owner: object = None, _context: bpy.types.Context | None = None) -> None:
-    """Draw 3D views and slices again; usable as the ``update`` of a property."""
-    for _window, area in areas("VIEW_3D", "IMAGE_EDITOR"):
+    """Draw 3D views and the Timeline again; usable as the ``update`` of a property."""
+    for _window, area in areas("VIEW_3D", "DOPESHEET_EDITOR"):
         area.tag_redraw()

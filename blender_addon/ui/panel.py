@@ -18,6 +18,30 @@ class SidebarPanel(bpy.types.Panel):
     bl_category = "OneFrame"
 
 
+class StepPanel(SidebarPanel):
+    """Mixin: a step of the work, in sight."""
+
+    bl_parent_id = "ONEFRAME_PT_case"
+
+
+class AdvancedPanel(SidebarPanel):
+    """Mixin: what not every case needs."""
+
+    bl_parent_id = "ONEFRAME_PT_advanced"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class ONEFRAME_PT_advanced(SidebarPanel):
+    """CT, view, other frames, colour, dataset"""
+
+    bl_label = "Advanced"
+    bl_order = 1
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Called by Blender; its parts draw themselves."""
+
+
 class AlignmentPanel(SidebarPanel):
     """Mixin: there once camera and surface are set up."""
 

@@ -49,14 +49,3 @@ def rectangle(shader: gpu.types.GPUShader, corners: np.ndarray, corners_at: np.n
     """A rectangle for :func:`rectangle_shader`: its corners ``(4, 2)`` in order, -1..1, and ``at`` there."""
     fields = {"position": np.float32(corners), "corner_at": np.float32(corners_at)}
     return batch_for_shader(shader, "TRIS", fields, indices=((0, 1, 2), (0, 2, 3)))
-
-
-def bound_rectangle(shader: gpu.types.GPUShader, corners_px: np.ndarray, corners_at: np.ndarray) -> gpu.types.GPUBatch:
-    """Bind the shader for a rectangle whose corners are px of the region that Blender is drawing.
-
-    The caller sets samplers and constants, and draws the batch.
-    """
-    clip_from_px = np.array(gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix())
-    shader.bind()
-    gpu.state.blend_set("NONE")
-    return rectangle(shader, corners_px @ clip_from_px[:2, :2].T + clip_from_px[:2, 3], corners_at)

@@ -91,6 +91,8 @@ class Strokes:
 
     def draw(self) -> None:
         """Draw everything: all dark lines first, so that none covers a coloured one."""
+        if not self._lines and not self._texts:
+            return
         gpu.state.blend_set("ALPHA")
         for width, lines in self._lines.items():
             # a faint line needs a faint halo
@@ -137,11 +139,11 @@ class Strokes:
 
 
 @contextmanager
-def in_window_pixels() -> Iterator[tuple[int, int]]:
-    """Draw a cursor in pixels of the window, as Blender does; yields the corner of the part that it draws now."""
+def in_window_pixels() -> Iterator[None]:
+    """Draw a cursor in pixels of the window, of which Blender draws a part."""
     left, below, width, height = gpu.state.viewport_get()
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-        gpu.matrix.load_identity()
         clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
         gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
-        yield left, below
+        gpu.matrix.load_matrix(Matrix.Translation((-left, -below, 0.0)))
+        yield

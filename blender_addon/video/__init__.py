@@ -1,1 +1,1 @@
-"""In *Set up*: a video with its scores as a strip below the view, to choose the frame from."""
+"""In *Set up*: a video with its scores, to choose the frame from in Blender's Timeline."""

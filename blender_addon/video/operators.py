@@ -1,4 +1,4 @@
-"""Operators that open a video, score it again, and show its strip."""
+"""Operators that open a video, score it again, and show it or the case's own frame."""
 
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,11 @@ from ..class_registration import prop
 from ..pipeline.errors import InputError
 from ..pipeline.video import SUFFIXES
 from ..pipeline.video.frame_folder import film_notes
-from ..state import camera_view, from_scene, workbench
+from ..state import from_scene, workbench
 from ..state.recent import remember
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Available, Messages, Needs, Reporting
-from ..view.zoom import fit_soon
-from . import session, shown_frame
+from . import session, shown_frame, timeline
 from .session import FilmSession
 
 VIDEOS = ";".join(f"*{suffix}" for suffix in SUFFIXES)
@@ -28,10 +27,10 @@ class NeedsFilm(Available):
 
 
 class ONEFRAME_OT_open_video(OpensInBackground):
-    """Open a video of the microscope: its frames are scored, and shown as a strip to choose one from"""
+    """Open a video of the microscope: its frames are scored, and one is chosen in the Timeline"""
 
     bl_label = "Open Video"
-    # without REGISTER: Adjust Last Operation would score again, and cover the strip
+    # without REGISTER: Adjust Last Operation would score again
     bl_options = {"UNDO"}
     doing = "Scoring the video"
 
@@ -87,19 +86,19 @@ class ONEFRAME_OT_score_video(InBackground):
 
 def _begin(context: bpy.types.Context, scene: bpy.types.Scene, film: FilmSession) -> Messages:
     session.keep(scene, film)
+    timeline.lay_out(scene, film)
     shown_frame.show(scene, film.shown)
-    for area in camera_view.views(context):
-        fit_soon(area)
+    timeline.settle_soon()
     frames, info = film.scores.frames, film.scores.info
     found = f"{len(film.best)} best frames" if film.best else "no frame shows anything sharply"
     title = f"{film.path.name}: {len(frames)} frames, {info.size_wh[0]} x {info.size_wh[1]} px; {found}"
     return [title, *film_notes(film.scores)]
 
 
-class ONEFRAME_OT_video_strip(NeedsFilm, Reporting):
-    """Show the strip of the video, or hide it and show the case's own frame"""
+class ONEFRAME_OT_show_video(NeedsFilm, Reporting):
+    """Show the video with its Timeline, or hide it and show the case's own frame"""
 
-    bl_label = "Strip"
+    bl_label = "Show Video"
     bl_options = {"REGISTER"}
 
     def run(self, context: bpy.types.Context) -> None:
@@ -109,5 +108,4 @@ class ONEFRAME_OT_video_strip(NeedsFilm, Reporting):
             shown_frame.show(scene, film.shown)
         else:
             shown_frame.restore(scene)
-        for area in camera_view.views(context):
-            fit_soon(area)
+        timeline.settle_soon()

@@ -3,14 +3,12 @@
 import bpy
 
 from ..state import another_frame, from_scene
-from ..ui.panel import draw_text
-from ..ui.step_panel import PartPanel
+from ..ui.panel import SidebarPanel, draw_text
 from . import session, shown_frame
 from .session import FilmSession
-from .strip_drawing import figures
 
 
-class ONEFRAME_PT_video(PartPanel):
+class ONEFRAME_PT_video(SidebarPanel):
     """Choose the frame from a video"""
 
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -19,7 +17,7 @@ class ONEFRAME_PT_video(PartPanel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return super().poll(context) and session.key_of(context.scene) is not None
+        return session.key_of(context.scene) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -31,7 +29,7 @@ class ONEFRAME_PT_video(PartPanel):
             layout.operator("oneframe.score_video", icon="FILE_REFRESH")
             return
         visible = scene.oneframe_video.visible
-        layout.operator("oneframe.video_strip", icon="SEQ_STRIP_DUPLICATE", depress=visible)
+        layout.operator("oneframe.show_video", icon="TIME", depress=visible)
         if visible:
             _draw_film(layout, scene, film)
 
@@ -39,13 +37,10 @@ class ONEFRAME_PT_video(PartPanel):
 def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
     column = layout.column(align=True)
     row = column.row(align=True)
-    for operator, step, text, icon in (
-        ("oneframe.video_best", -1, "Best", "PREV_KEYFRAME"),
-        ("oneframe.video_step", -1, "", "TRIA_LEFT"),
-        ("oneframe.video_step", 1, "", "TRIA_RIGHT"),
-        ("oneframe.video_best", 1, "Best", "NEXT_KEYFRAME"),
-    ):
-        row.operator(operator, text=text, icon=icon).step = step
+    row.operator("screen.marker_jump", text="Best", icon="PREV_KEYFRAME").next = False
+    row.operator("screen.frame_offset", text="", icon="TRIA_LEFT").delta = -1
+    row.operator("screen.frame_offset", text="", icon="TRIA_RIGHT").delta = 1
+    row.operator("screen.marker_jump", text="Best", icon="NEXT_KEYFRAME").next = True
     texts = figures(film, film.shown)
     for part in ("   ".join(texts[:2]), "   ".join(texts[2:4]), "   ".join(texts[4:])):
         column.label(text=part)
@@ -58,6 +53,21 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
     if shown_frame.is_shown(scene):
         other = another_frame.seen(scene)
         alone = "" if other is None or other.cam_from_model is not None else f" without the surface: {other.text}"
-        draw_text(layout, f"The view shows the video{alone}. Strip brings back the frame of the case.", icon="INFO")
+        draw_text(layout, f"The view shows the video{alone}. Show Video brings back the case's frame.", icon="INFO")
     elif from_scene.present_camera(scene) is None and from_scene.present_surface(scene) is not None:
-        draw_text(layout, "The video covers the view until K is loaded. Strip hides it.", icon="INFO")
+        draw_text(layout, "The video covers the view until K is loaded. Show Video hides it.", icon="INFO")
+
+
+def figures(film: FilmSession, at: int) -> list[str]:
+    """A frame's number, time and scores, the most important first."""
+    score = film.scores.frames[at]
+    rank = film.rank(at)
+    minutes, seconds = divmod(score.time_s, 60)
+    return [
+        f"Frame {score.index}",
+        f"{int(minutes)}:{seconds:05.2f}",
+        f"score {score.total:.2f}" + (f" (best {rank})" if rank else ""),
+        f"sharp {score.sharpness:.2f}",
+        f"glare {score.glare:.1%}",
+        f"covered {score.obstructed:.1%}",
+    ]

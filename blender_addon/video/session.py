@@ -21,7 +21,7 @@ from ..state.events import redraw
 from .frame_fetcher import FrameFetcher
 
 BEST = 5
-"""Frames that the strip marks."""
+"""Frames that the Timeline marks."""
 
 Key = tuple[str, int, float, float]
 """Path of the video, every so many frames, from ... to in s; 0 for the end."""
@@ -34,7 +34,7 @@ class ONEFRAME_PG_video(bpy.types.PropertyGroup):
     every: int = prop(IntProperty, "Every", "Only every so many frames were scored", default=1, min=1)
     from_s: float = prop(FloatProperty, "From (s)", "Where the scored part begins", min=0)
     to_s: float = prop(FloatProperty, "To (s)", "Where it ends; 0 for the end of the film", min=0)
-    visible: bool = prop(BoolProperty, "Strip", "The strip is shown", default=True, update=redraw, options={"HIDDEN"})
+    visible: bool = prop(BoolProperty, "Film", "The film is shown", default=True, update=redraw, options={"HIDDEN"})
     taken_path: str = prop(
         StringProperty, description="The frame that was taken from the video", subtype="FILE_PATH", options={"HIDDEN"}
     )
@@ -50,7 +50,7 @@ class FilmSession:
         The film, and what was found in its one pass.
     best
         Positions of the best frames in the list of scores, the best first.
-    times_s, totals
+    times_s
         ``(N,)`` of all frames.
     shown
         Position of the frame in view.
@@ -60,8 +60,6 @@ class FilmSession:
         ``(H, W, 3)`` uint8 RGB that stands for it: full, or a thumbnail until that is decoded.
     is_full
         Whether that is the full frame.
-    span_s
-        The part of the film that the strip shows.
     """
 
     path: Path
@@ -69,24 +67,20 @@ class FilmSession:
     thumbnails: Thumbnails
     best: tuple[int, ...] = ()
     times_s: np.ndarray = field(default_factory=lambda: np.empty(0))
-    totals: np.ndarray = field(default_factory=lambda: np.empty(0))
     shown: int = 0
     shown_since: float = 0.0
     picture: np.ndarray = field(default_factory=lambda: np.zeros((1, 1, 3), np.uint8))
     is_full: bool = False
-    span_s: tuple[float, float] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
         frames = self.scores.frames
         positions = {score.index: at for at, score in enumerate(frames)}
         self.best = tuple(positions[score.index] for score in best_frames(frames, BEST))
         self.times_s = np.array([score.time_s for score in frames])
-        self.totals = np.array([score.total for score in frames])
-        self.span_s = self.whole_span_s
         # while it is there
         _ = self.digest
         self.fetcher = FrameFetcher(self.path, frames)
-        self.show(self.best[0] if self.best else int(np.argmax(self.totals)))
+        self.show(self.best[0] if self.best else int(np.argmax([score.total for score in frames])))
 
     @cached_property
     def digest(self) -> str:
@@ -104,18 +98,6 @@ class FilmSession:
     def score(self) -> FrameScore:
         """That of the frame in view."""
         return self.scores.frames[self.shown]
-
-    @property
-    def whole_span_s(self) -> tuple[float, float]:
-        """From the first frame to half a frame after the last one."""
-        step = float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 1.0
-        return float(self.times_s[0]) - step / 2, float(self.times_s[-1]) + step / 2
-
-    def at_time(self, time_s: float) -> int:
-        """Position of the frame that is nearest to a time."""
-        after = int(np.searchsorted(self.times_s, time_s))
-        near = [at for at in (after - 1, after) if 0 <= at < len(self.times_s)]
-        return min(near, key=lambda at: abs(self.times_s[at] - time_s))
 
     def show(self, at: int) -> None:
         """Bring a frame into view: at once as a thumbnail, unless it is decoded already."""

@@ -15,7 +15,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.images.pixel_values import to_uint8
 from ..state import from_scene, to_scene, workbench
 from ..state.events import redraw
-from . import session
+from . import session, timeline
 from .session import FilmSession
 
 IMAGE = "OneFrame film"
@@ -32,6 +32,8 @@ def show(scene: bpy.types.Scene, at: int) -> None:
     """Bring a frame of the scene's film into view: a thumbnail at once, its full picture once it is decoded."""
     film = session.scored(scene)
     film.show(at)
+    if scene.frame_current != film.score.index:
+        scene.frame_current = film.score.index
     if bpy.app.background and not film.is_full:
         film.fetcher.wait(film.shown)
         film.show(film.shown)
@@ -41,7 +43,7 @@ def show(scene: bpy.types.Scene, at: int) -> None:
 
 
 def put(scene: bpy.types.Scene, film: FilmSession) -> None:
-    """Put the film's picture behind the frame's camera; without a camera, the strip draws it."""
+    """Put the film's picture behind the frame's camera; without a camera, the view draws it."""
     redraw()
     camera_object = from_scene.present_camera(scene)
     if camera_object is not None and scene.oneframe_video.visible:
@@ -108,7 +110,7 @@ def _poll() -> float | None:
             # the case's frame is in view again
             continue
         if film.fetcher.failure(film.shown):
-            # the strip and the panel report it
+            # the panel reports it
             redraw()
             continue
         if film.fetcher.frame(film.shown) is not None:
@@ -119,6 +121,16 @@ def _poll() -> float | None:
         if time.monotonic() - film.shown_since > REST_S:
             film.fetcher.want(film.shown)
     return POLL_S if waiting else None
+
+
+@persistent
+def _after_frame_change(scene: bpy.types.Scene, *_: object) -> None:
+    """The user has gone to another frame, in the Timeline or by keys."""
+    film = session.of(scene)
+    if film is not None and scene.oneframe_video.visible:
+        at = timeline.position(film, scene.frame_current)
+        if at != film.shown or not is_shown(scene):
+            show(scene, at)
 
 
 @persistent
@@ -143,6 +155,8 @@ def _after_undo(*_: object) -> None:
     scene = workbench.existing()
     film = None if scene is None else session.return_to(scene)
     if scene is not None and film is not None:
+        timeline.lay_out(scene, film)
+        timeline.settle_soon()
         put(scene, film)
 
 
@@ -157,6 +171,7 @@ def _remove() -> None:
 PARTS = (
     at_end(_remove),
     timers(_poll),
+    listening(bpy.app.handlers.frame_change_post, _after_frame_change),
     listening(bpy.app.handlers.undo_post, _after_undo),
     listening(bpy.app.handlers.redo_post, _after_undo),
     listening(bpy.app.handlers.save_pre, _before_saving),

@@ -10,12 +10,13 @@ import gpu
 import numpy as np
 from mathutils import Matrix
 
-from ..class_registration import at_end, drawing
+from ..class_registration import at_end
 from ..pipeline.blender.bridge.camera import cam_from_model_of
-from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
 from ..state import another_frame, from_scene
 from ..ui.frame_view import FrameView, shows_frame
+from ..ui.pane import Pane
+from ..ui.strokes import Strokes
 from .operators import ONEFRAME_PG_view
 from .overlay_passes import Projection, SurfacePicture, placed_rectangle, shown_structures
 from .overlay_shaders import composite_shader
@@ -88,23 +89,25 @@ def frame_image_of(scene: bpy.types.Scene) -> bpy.types.Image | None:
     return image if image is not None and image.size[0] else None
 
 
-def draw_view() -> None:
-    """Draw over the view that Blender is drawing now (a POST_VIEW draw handler)."""
-    context = bpy.context
-    scene, space = context.scene, context.space_data
-    if not from_scene.is_set_up(scene) or space is None or space.type != "VIEW_3D":
-        return
-    if shows_frame(context):
-        try:
+class Overlay(Pane):
+    """Frame, contour and structures over the surface; of views from elsewhere, structures alone."""
+
+    place = "POST_VIEW"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return from_scene.is_set_up(context.scene)
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        scene, region = context.scene, context.region
+        surface = from_scene.surface_of(scene)
+        if shows_frame(context):
             _draw_over_frame(context, scene)
-        except InputError:
-            # the panel reports it
-            return
-    elif shown_structures(from_scene.surface_of(scene)):
-        region = context.region
-        picture = picture_of(region)
-        picture.draw(_projection_of(context, 0.0), from_scene.surface_of(scene), None)
-        Composite(picture).draw(scene.oneframe_view, (0, 0), (region.width, region.height))
+        elif shown_structures(surface):
+            picture = picture_of(region)
+            picture.draw(_projection_of(context, 0.0), surface, None)
+            Composite(picture).draw(scene.oneframe_view, (0, 0), (region.width, region.height))
 
 
 def _projection_of(context: bpy.types.Context, frame_mm_per_px: float) -> Projection:
@@ -152,4 +155,4 @@ def picture_of(region: bpy.types.Region) -> SurfacePicture:
     return picture
 
 
-PARTS = (at_end(_pictures.clear), drawing(bpy.types.SpaceView3D, draw_view, "POST_VIEW"))
+PARTS = (at_end(_pictures.clear),)

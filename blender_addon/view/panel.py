@@ -5,20 +5,19 @@ import bpy
 from ..pipeline.errors import InputError
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
-from ..ui.panel import AlignmentPanel, draw_text
-from ..ui.step_panel import StepPanel
+from ..ui.panel import AdvancedPanel, AlignmentPanel, draw_text
 from .operators import CONTOUR, WIREFRAME, ONEFRAME_PG_view
 from .overlay import frame_image_of
 
 
-class ONEFRAME_PT_view(AlignmentPanel, StepPanel):
+class ONEFRAME_PT_view(AlignmentPanel, AdvancedPanel):
     """See surface and frame"""
 
-    bl_label = "2  View"
-    bl_order = 3
-    step = "view"
+    bl_label = "View"
+    bl_order = 2
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         scene = context.scene
         if not shows_frame(context):
             layout.operator("oneframe.show_frame", icon="OUTLINER_OB_CAMERA")

@@ -6,6 +6,8 @@ was there before, also in a Blender without this add-on. The user's workspaces, 
 Blender switches workspaces between two events, so this happens in steps of a timer. In background there is none.
 """
 
+from collections.abc import Callable
+
 import bpy
 from bpy.app.handlers import persistent
 
@@ -28,6 +30,9 @@ DRAWN_S = 0.05
 _entering: dict[int, str] = {}
 """Window -> name of the workbench's scene, while the window changes to the workspace."""
 
+
+listeners: list[Callable[[], object]] = []
+"""Called when a window has arrived in the workspace."""
 
 _opened: list[str] = []
 """The file that was opened, until the timer has seen to it."""
@@ -97,6 +102,8 @@ def _arrive(window: bpy.types.Window, name: str) -> None:
         camera_view.show_shape(bpy.context)
         camera_view.look_through_camera(bpy.context)
     show_tab(area)
+    for listener in listeners:
+        listener()
 
 
 def _leave(window: bpy.types.Window) -> None:

@@ -3,8 +3,6 @@
 Zoom and pan belong to the view: nothing here moves an object.
 """
 
-from collections.abc import Callable
-
 import bpy
 import numpy as np
 from bpy.props import FloatProperty
@@ -29,8 +27,6 @@ DRAWN_S = 0.05
 """Time after which a view has been drawn once; before that its regions have no sizes."""
 
 _waiting: set[int] = set()
-reserved: list[Callable[[bpy.types.Area], float]] = []
-"""Functions of a 3D view: the height, px, at its bottom that is left to what draws there."""
 
 
 class FrameTool(NeedsAlignment):
@@ -109,8 +105,7 @@ def _zoom_factor(view_camera_zoom: float) -> float:
 def free_rectangle(area: bpy.types.Area) -> tuple[np.ndarray, np.ndarray]:
     """Lower left and upper right corner (px of the view's region) of what is left of a 3D view for the frame."""
     low, high = uncovered_rectangle(area)
-    below = max((height_of(area) for height_of in reserved), default=0.0)
-    low, high = np.maximum(low, [0.0, below]), high - [0.0, STATUS_PX * bpy.context.preferences.system.ui_scale]
+    high = high - [0.0, STATUS_PX * bpy.context.preferences.system.ui_scale]
     return (low, high) if (high > low).all() else uncovered_rectangle(area)
 
 

@@ -16,7 +16,6 @@ from ..pipeline.volume.reading.volume_reader import is_dicom, list_series, read_
 from ..state import workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Available, Messages, Reporting
-from ..ui.step_panel import show
 from . import ct
 from .ct import LoadedCT, ct_of, key_of, loaded_ct
 
@@ -68,7 +67,6 @@ class ONEFRAME_OT_open_ct(OpensInBackground):
         if not lowest < settings.threshold_hu < highest:
             settings.threshold_hu = min(max(DEFAULT_HU, lowest), highest)
         ct.keep(context.scene, result)
-        show(context.scene, "ct")
         return (ct_text(result),)
 
 

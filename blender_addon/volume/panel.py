@@ -2,19 +2,18 @@
 
 import bpy
 
-from ..ui.panel import draw_text
-from ..ui.step_panel import StepPanel
+from ..ui.panel import AdvancedPanel, draw_text
 from .ct import LoadedCT, ct_of, key_of
 
 
-class ONEFRAME_PT_ct(StepPanel):
+class ONEFRAME_PT_ct(AdvancedPanel):
     """From a CT to the surface"""
 
-    bl_label = "0  CT"
+    bl_label = "CT"
     bl_order = 1
-    step = "ct"
 
-    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
         scene = context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("oneframe.open_ct", icon="FILE_FOLDER")

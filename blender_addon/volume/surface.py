@@ -27,7 +27,6 @@ from ..state.to_scene import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Messages, OperatorResult
 from ..ui.question import ask_first
-from ..ui.step_panel import show
 from .ct import LoadedCT, key_of, loaded_ct
 from .operators import NeedsCT
 
@@ -131,7 +130,6 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT):
         surface[MADE_BY] = json.dumps(self._record)
         put_structures(surface, {name: (paths[name], structure_colour(name)) for name in structures})
         named = f", structures {', '.join(structures)}" if structures else ""
-        show(context.scene, "ct")
         return (f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}{named}",)
 
 

@@ -198,8 +198,7 @@ def _render_on_cluster(job: "Job", arguments: argparse.Namespace, output: TextIO
     from ..cluster.scheduler import open_scheduler
     from ..cluster.shards import render_shards
     from ..dataset.option_arguments import absolute_options, option_arguments
-    from ..dataset.run.run_folder import check_description
-    from ..dataset.run.work_folder import run_token
+    from ..dataset.run.run_folder import check_description, run_token
 
     opened = open_job(job)
     check_description(job.out, opened.description, opened.given_poses)

@@ -1,28 +1,37 @@
 """A whole pack: what is missing of it is packed, then its tables are written; and whether one is whole."""
 
+import io
 import json
 import shutil
+import tarfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
 import cv2
+import numpy as np
 
-from ..dataset.checksums import damaged_file, sum_of_file
-from ..dataset.layout import MANIFEST, MODEL_FOLDERS, MOST_VIEWS, ViewPaths
-from ..dataset.tables.bop import write_test_targets
+from ..dataset.checksums import damaged_file, sum_of, sum_of_file
+from ..dataset.dataset_file import Description
+from ..dataset.decoding import decoded
+from ..dataset.layout import MANIFEST, MODEL_FOLDERS, MOST_VIEWS, ViewPaths, largest_view_file
+from ..dataset.run.resume_record import ViewRecord, read_record
+from ..dataset.tables.bop import scene_entries, write_test_targets
+from ..dataset.truths import COLOUR, MASK, TRUTHS
 from ..errors import InputError, RunError
-from ..files.content import create_folder, names_in, remove_abandoned, write_bytes_atomically, written_file
+from ..files.content import create_folder, names_in, read_file, remove_abandoned, write_bytes_atomically, written_file
 from ..files.machine import available_cores
 from ..files.outputs import writing
 from ..progress import Progress
-from .layout import COPIED, KEY_TO_SHARD, TABLES, shard_name, view_key
+from .layout import COPIED, FILES, KEY_TO_SHARD, MASKS, TABLES, mask_json, shard_name, view_key
 from .manifest import Manifest, Plan, complete_manifest, read_manifest
-from .shard import SAFE, write_shard
 from .whole_dataset import WholeDataset, open_whole_dataset
+
+SAFE = "the shards packed so far are safe: correct this and run the same command again"
+"""What a file that cannot be written leaves."""
 
 
 @dataclass(frozen=True)
@@ -199,3 +208,77 @@ def _finished(dataset: WholeDataset, out: Path, plan: Plan) -> Manifest:
         manifest = Manifest(plan, {name: sum_of_file(out / name) for name in names})
         manifest.write(out)
     return manifest
+
+
+def write_shard(
+    dataset: WholeDataset, views: Sequence[int], jpeg_quality: int | None, path: Path, on_view: Callable[[], None]
+) -> None:
+    """Write some views of a dataset into a tar file, whole or not at all.
+
+    The bytes depend on the views alone; with a quality of JPEG, on the version of OpenCV, too.
+    """
+    with (
+        writing(path, SAFE),
+        written_file(path) as stream,
+        tarfile.TarFile(fileobj=stream, mode="w", format=tarfile.USTAR_FORMAT) as archive,
+    ):
+        for index in views:
+            paths = ViewPaths(dataset.root, index)
+            try:
+                members = list(_members(dataset.description, paths, jpeg_quality))
+            except InputError as error:
+                raise RunError(str(error)) from None
+            for suffix, data in members:
+                # without owner and time
+                entry = tarfile.TarInfo(f"{view_key(paths)}.{suffix}")
+                entry.size = len(data)
+                archive.addfile(entry, io.BytesIO(data))
+            on_view()
+
+
+def _members(description: Description, paths: ViewPaths, jpeg_quality: int | None) -> Iterator[tuple[str, bytes]]:
+    """The members of one view: name after its key, and content."""
+    record, camera = read_record(paths), description.camera
+    if record.identity != description.identity:
+        raise RunError(
+            f"{paths.file('frame')}: expected a view of this dataset, found one of another run; put the right view in "
+            "its place, or remove the file and render it again"
+        )
+    names, most = ("camera", "gt", "gt_info"), largest_view_file(*camera.size_wh)
+    for name, entry in zip(names, scene_entries(record, camera.k.ravel().tolist()), strict=True):
+        yield f"{name}.json", json.dumps(entry).encode()
+    masks: dict[bytes, bytes] = {}
+    for kind in MASKS:
+        if not TRUTHS[kind].option or paths.relative(kind) in record.files:
+            data = _checked_file(paths, record, kind, most)
+            if data not in masks:
+                masks[data] = mask_json(decoded(data, MASK, camera.shape_hw, str(paths.file(kind))) != 0)
+            yield f"{kind}.json", masks[data]
+    for kind, name in FILES.items():
+        if paths.relative(kind) in record.files:
+            yield name, _checked_file(paths, record, kind, most)
+    rgb = _checked_file(paths, record, "rgb", most)
+    if jpeg_quality is None:
+        yield "rgb.png", rgb
+        return
+    bgr = np.ascontiguousarray(decoded(rgb, COLOUR, camera.shape_hw, str(paths.file("rgb")))[..., ::-1])
+    yield "rgb.jpg", cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
+
+
+def _checked_file(paths: ViewPaths, record: ViewRecord, kind: str, most: int) -> bytes:
+    """The content of a view's file, of at most so many bytes, which is what its record says."""
+    path, known = paths.file(kind), record.files.get(paths.relative(kind))
+    again = f"remove {paths.file('frame')} and render the view again (oneframe render)"
+    if known is None:
+        raise RunError(f"{path}: expected it in the record of view {paths.index}, which lists no such file; {again}")
+    try:
+        data = read_file(path, most)
+    except OSError as error:
+        raise RunError(
+            f"{path}: expected a file of view {paths.index}, cannot read it ({error.strerror}); {again}"
+        ) from None
+    if sum_of(data) != known:
+        raise RunError(
+            f"{path}: expected the file that the record of view {paths.index} describes, found a changed one; {again}"
+        )
+    return data

@@ -274,12 +274,10 @@ class SourceCorrection:
         origins = np.tile(origin.astype(np.float32), (len(rays), 1))
         face = self._rays.first_hits(origins, rays.astype(np.float32)).face
         # in double precision: Embree's depth would not move with the source by small steps
-        corners = self._mesh.vertices[self._mesh.faces[np.maximum(face, 0)]]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals, corners = self._mesh.face_normals[face], self._mesh.vertices[self._mesh.faces[face, 0]]
         facing = (normals * rays).sum(axis=1)
         met = (face >= 0) & (np.abs(facing) > STEEPEST * np.linalg.norm(rays, axis=1))
-        depths_mm = ((corners[:, 0] - origin) * normals).sum(axis=1) / np.where(met, facing, 1.0)
+        depths_mm = ((corners - origin) * normals).sum(axis=1) / np.where(met, facing, 1.0)
         return np.where(met, depths_mm, 1.0), normals @ source[:3, :3].T, met
 
 

@@ -23,7 +23,7 @@ from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..transforms import inverse_rigid
 from ..video.film_reader import Film
 from .colour_sources import ColourChoice, chosen_sources
-from .further_frames import FurtherFrame, image_paths
+from .further_frames import image_paths
 from .pose_list import DISTORTION, POSES, encoded_list, pose_entry
 from .register import RegisteredFrame, Registrar, RegistrationRun, accepted_poses, marked
 from .surface_check import SurfaceCheck
@@ -166,11 +166,15 @@ def register_case(
     """
     loaded, is_film = registrar.loaded, not frames.is_dir()
     run, names, usable = RegistrationRun(registrar, is_film=is_film), dict[int, str](), False
+    drawing, pictures, state, spare = _Drawing(registrar), dict[int, bytes](), "", PICTURES
     with registrar.reader.opened(frames, every) as opened:
-        pictures = _Pictures(registrar, opened.count)
+        step = -(-opened.count // PICTURES)
         for frame in opened.frames:
             registered, usable = run.register(frame), usable or not frame.problem
-            pictures.add(len(names), frame, registered)
+            changed = spare > 0 and registered.verdict.state != state
+            state, spare = registered.verdict.state, spare - changed
+            if changed or len(names) % step == 0:
+                pictures[frame.number] = drawing.picture(frame.image, registered.cam_from_model)
             names[frame.number] = frame.name
             progress(len(names) / opened.count)
     if not names:
@@ -182,8 +186,8 @@ def register_case(
     change = run.change()
     judged = marked(run.judged(), change)
     evidence = tuple(
-        FrameEvidence(name, number, judged[number], pictures.displaced_px(judged[number]), pictures.webp.get(place))
-        for place, (number, name) in enumerate(names.items())
+        FrameEvidence(name, number, judged[number], drawing.displaced_px(judged[number]), pictures.get(number))
+        for number, name in names.items()
     )
     _write_lists(loaded, frames, out, evidence)
     poses, choice = accepted_poses(judged), None
@@ -252,19 +256,11 @@ def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np
     )  # fmt: skip
 
 
-class _Pictures:
-    """Draws pictures of frames as evidence.
+class _Drawing:
+    """Draws frames with the overlay at their poses, and says how sure the place of what is drawn is."""
 
-    Attributes
-    ----------
-    webp
-        Place of a frame -> the frame with the overlay at its pose, as WebP, if it is kept.
-    """
-
-    def __init__(self, registrar: Registrar, count: int) -> None:
+    def __init__(self, registrar: Registrar) -> None:
         self._scene, self._camera = overlay_scene(registrar.loaded), registrar.camera
-        self._every, self._spare, self._state = -(-count // PICTURES), PICTURES, ""
-        self.webp = dict[int, bytes]()
         meshes = [mesh.vertices for _, mesh in registrar.loaded.surface.structures]
         some = [each[:: max(1, len(each) // STRUCTURE_POINTS)] for each in meshes]
         self._drawn_points = np.concatenate(some) if some else None
@@ -277,18 +273,11 @@ class _Pictures:
         points = uncertainty.points_around if self._drawn_points is None else self._drawn_points
         return uncertainty.root_mean_square_px(points, self._camera, pose)
 
-    def add(self, place: int, frame: FurtherFrame, registered: RegisteredFrame) -> None:
-        """Draw the frame at this place, if it is one of those that are kept."""
-        state = registered.verdict.state
-        changed = self._spare > 0 and state != self._state
-        self._state = state
-        if not changed and place % self._every:
-            return
-        self._spare -= changed
-        tile, pose = frame.image.copy(), registered.cam_from_model
+    def picture(self, image: np.ndarray, pose: np.ndarray | None) -> bytes:
+        """A frame ``(H, W, 3)`` uint8 as WebP."""
         if pose is not None:
             surface = self._scene.surface_layer(self._camera, pose)
-            tile = draw_overlay(tile, surface, self._scene.layers(self._camera, pose))
-        size_wh = PICTURE_PX, round(PICTURE_PX * tile.shape[0] / tile.shape[1])
-        small = cv2.resize(tile, size_wh, interpolation=cv2.INTER_AREA)
-        self.webp[place] = cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()
+            image = draw_overlay(image.copy(), surface, self._scene.layers(self._camera, pose))
+        size_wh = PICTURE_PX, round(PICTURE_PX * image.shape[0] / image.shape[1])
+        small = cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA)
+        return cv2.imencode(".webp", small[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, WEBP])[1].tobytes()

@@ -19,8 +19,8 @@ def deviation(points: np.ndarray, mesh: TriangleMesh) -> np.ndarray:
     """``(N,)`` distances of a few points ``(N, 3)`` from the nearest point of the mesh, both in one frame, mm."""
     corners = [mesh.vertices[corner] for corner in mesh.faces.T]
     starts = np.arange(0, len(mesh.faces), _BLOCK)
-    lower = np.minimum.reduceat(np.minimum.reduce(corners), starts)
-    upper = np.maximum.reduceat(np.maximum.reduce(corners), starts)
+    lower = np.minimum.reduceat(np.min(corners, axis=0), starts)
+    upper = np.maximum.reduceat(np.max(corners, axis=0), starts)
     found = np.empty(len(points))
     for number, point in enumerate(np.asarray(points, np.float64)):
         farthest = (np.maximum(np.abs(point - lower), np.abs(point - upper)) ** 2).sum(axis=1)

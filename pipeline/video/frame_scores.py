@@ -168,7 +168,7 @@ class FilmScorer:
             # without the edge of the view, which is sharp in every frame
             inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
             share = np.asarray(cv2.resize(inner, GRID_WH, interpolation=cv2.INTER_AREA))
-            cells = share >= min(0.99, float(share.max()))
+            cells = share >= min(0.99, float(np.max(share)))
         scale = self._info.size_wh[0] / min(VIEW_WIDTH, self._info.small_wh[0])
         shown = 1.0 if inside is None else float(inside.mean())
         return _combined(self._frames, self._measures, cells, shown, scale)

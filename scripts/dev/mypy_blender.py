@@ -80,7 +80,6 @@ ADDED = {
         "oneframe_ct": "blender_addon.volume.ct.ONEFRAME_PG_ct",
         "oneframe_video": "blender_addon.video.session.ONEFRAME_PG_video",
     },
-    "bpy.types.WindowManager": {"oneframe_steps": "blender_addon.ui.step_panel.ONEFRAME_PG_steps"},
 }
 """Blender's types -> the properties that the add-on gives them -> the types of these."""
 

@@ -8,9 +8,6 @@ import bpy
 import pytest
 
 MOUSE = {"LEFTMOUSE", "RIGHTMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE"}
-OVER_STRIP = {"oneframe.video_step", "oneframe.video_best", "oneframe.video_zoom", "oneframe.video_take_key"}
-"""They pass their key on where the pointer is not over the strip of a video."""
-
 WHOLE_PROGRAM = {"Window", "Screen"}
 IN_VIEW = {"3D View", "3D View Generic", "Object Mode", "Object Non-modal", "Frames"}
 OF_OTHER_EDITORS = {"file.execute", "file.cancel", "render.view_cancel"}
@@ -52,8 +49,6 @@ def is_same(key: bpy.types.KeyMapItem, other: dict) -> bool:
 
 def why_allowed(keymap: str, key: bpy.types.KeyMapItem, operator: str, other_keymap: str) -> str:
     """Why our key may take the place of one of Blender's; empty if it may not."""
-    if key.idname in OVER_STRIP and other_keymap not in WHOLE_PROGRAM:
-        return "over the strip alone"
     if other_keymap in WHOLE_PROGRAM:
         return "acts in other editors alone" if operator in OF_OTHER_EDITORS else ""
     if keymap == "3D View" or (key.ctrl and key.type not in MOUSE):
@@ -84,7 +79,6 @@ def test_no_key_means_two_things(addon):
         (keymap, key.to_string(), key.idname, other.idname)
         for (keymap, key), (other_keymap, other) in combinations(keys, 2)
         if keymap == other_keymap and chord(key) == chord(other)
-        if not {key.idname, other.idname} & OVER_STRIP
     ]
     assert not twice
 

@@ -79,25 +79,18 @@ def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, vi
     assert film.is_full
     assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, film.score.index))
     assert scene.oneframe.frame_path.endswith("frame.png"), "the case's frame stays until another one is taken"
-    # from one best frame to the next in time and around, also from a frame between them; a step is a frame
-    for start in (0, film.best[0], 20, 39):
-        shown_frame.show(scene, start)
-        for step in (1, -1):
-            seen = [start]
-            for _ in film.best:
-                bpy.ops.oneframe.video_best(step=step)
-                seen.append(film.shown)
-            assert set(seen[1:]) == set(film.best)
-            turns = np.sign(np.diff(seen)) != step
-            assert turns.sum() <= 1, "only at the end of the film"
-            shown_frame.show(scene, start)
-    bpy.ops.oneframe.video_step(step=1_000)
+    # the Timeline has the film's own numbers, and markers at the best frames
+    assert (scene.frame_start, scene.frame_end, scene.frame_current) == (0, 39, film.score.index)
+    assert [marker.frame for marker in scene.timeline_markers] == [film.scores.frames[at].index for at in film.best]
+    for number in (38, 3, 20):
+        scene.frame_set(number)
+        assert film.score.index == number
+        assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, number))
+    scene.frame_set(1_000)
     assert film.score.index == 39
-    bpy.ops.oneframe.video_step(step=-1)
-    assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, 38))
-    bpy.ops.oneframe.video_strip()
+    bpy.ops.oneframe.show_video()
     assert background(scene).filepath.endswith("frame.png")
-    bpy.ops.oneframe.video_strip()
+    bpy.ops.oneframe.show_video()
     assert shown_frame.is_shown(scene)
 
 
@@ -151,6 +144,11 @@ def test_without_k_a_video_opens_and_its_frame_can_be_taken(addon, video):
     scene = bpy.context.scene
     film = session.of(scene)
     assert [score.index for score in film.scores.frames] == list(range(10, 40, 2))
+    # from frame to scored frame, in either direction
+    for before, wanted, shown in ((20, 21, 22), (22, 21, 20), (20, 0, 10), (10, 99, 38)):
+        scene.frame_set(before)
+        scene.frame_set(wanted)
+        assert (film.score.index, scene.frame_current) == (shown, shown)
     bpy.ops.oneframe.take_frame()
     assert tuple(scene.oneframe.frame_size) == SIZE_WH
     assert np.array_equal(film.picture, cv2.imread(scene.oneframe.frame_path)[..., ::-1])

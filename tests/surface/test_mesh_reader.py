@@ -13,9 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 from oneframe.errors import InputError
 from oneframe.surface.mesh import TriangleMesh, checked_mesh
-from oneframe.surface.mesh_reader import read_mesh
-from oneframe.surface.obj_reader import read_obj
-from oneframe.surface.polygons import triangulated
+from oneframe.surface.mesh_reader import read_mesh, read_obj, triangulated
 from oneframe.surface.winding import consistent_winding
 
 TYPE_NAMES = {

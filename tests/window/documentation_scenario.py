@@ -62,7 +62,6 @@ def landmarks(user: User) -> Action:
             off = WRONG[1] if number == WRONG[0] else rng.normal(0, CLICK_SIGMA_PX, 2)
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
-    yield from user.show_step("landmarks", parts=True)
     with user.context("UI"):
         bpy.ops.view2d.pan(deltax=0, deltay=-260)
     yield from window_picture(user, "landmarks")
@@ -122,7 +121,7 @@ def dataset(user: User) -> Action:
         operators.oneframe.show_frame()
     yield from user.open_sidebar("OneFrame")
     yield from look_at_frame(user, beside_panels=True)
-    yield from user.show_step("dataset", parts=True)
+    yield from user.open_panels("advanced", "dataset", "dataset_options")
     scene.oneframe.dataset_out = str(user.folder / "dataset")
     # its properties are made from the options of a dataset
     options: Any = scene.oneframe.dataset
@@ -143,7 +142,7 @@ def dataset(user: User) -> Action:
 
 
 def video(user: User) -> Action:
-    """The strip of a film of the sample's own frame, with faults put in."""
+    """A film of the sample's own frame, with faults put in, and its Timeline."""
     cv2, films = import_module("cv2"), import_module("video.surgical_film")
     frame = np.ascontiguousarray(cv2.imread(str(user.case.parent / "frame.png"))[..., ::-1])
     events = [films.Event(kind, 12 * number, 12 * (number + 1)) for number, kind in enumerate(FILM)]
@@ -152,10 +151,9 @@ def video(user: User) -> Action:
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     scene.oneframe_view.contour = False
-    yield from user.show_step("setup", parts=True)
     with user.context():
         operators.oneframe.open_video(filepath=str(path))
-        operators.oneframe.video_step(step=18 - session.scored(scene).shown)
+        scene.frame_set(18)
     yield from user.until(lambda: session.scored(scene).is_full, "the full frame")
     yield 0.5
     yield from window_picture(user, "video")

@@ -11,7 +11,6 @@ def scenario(user):
     path = user.folder / "ct.nrrd"
     written_ct(path)
     yield from user.open_sidebar("OneFrame")
-    yield from user.show_step("ct")
     yield from user.press("open_ct")
     yield from user.choose_file(path)
     yield from user.until(lambda: part("volume.ct").ct_of(user.window.scene) is not None, "the CT", 60)

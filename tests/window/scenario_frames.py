@@ -2,7 +2,6 @@
 
 from importlib import import_module
 
-import bpy
 import numpy as np
 import x11
 from user import part
@@ -20,7 +19,6 @@ def pose(user):
 def scenario(user):
     yield from user.open_case()
     yield from user.open_sidebar("OneFrame")
-    yield from user.show_step("frames")
     user.call("open_video", "EXEC_DEFAULT", True, filepath=str(user.case.with_name("film.avi")))
     user.call("case_frame")
     before = pose(user)
@@ -59,18 +57,17 @@ def register(user):
     assert all(poses[number] is each.cam_from_model for number, each in stopped.items()), "none is found twice"
 
 
-def place(user, at):
-    """Where a frame is in the strip, px of the window."""
-    film, region = part("video.session").of(user.window.scene), user.region()
-    with user.context():
-        layout = part("video.strip_layout").StripLayout.of(bpy.context)
-    return region.x + float(layout.x_of(film.times_s[at])), region.y + sum(layout.curve) / 2
+def place(user):
+    """Over the Timeline, px of the window."""
+    (timeline,) = (area for area in user.window.screen.areas if area.type == "DOPESHEET_EDITOR")
+    region = user.region("WINDOW", timeline)
+    return region.x + region.width / 2, region.y + region.height / 2
 
 
 def see(user, at, name, *, alone):
-    """A click on the strip shows a frame: alone if it has no pose."""
+    """The Timeline at a frame shows it: alone if it has no pose."""
     film = part("video.session").of(user.window.scene)
-    yield from user.click(place(user, at))
+    user.window.scene.frame_set(film.scores.frames[at].index)
     yield from user.until(lambda: film.is_full, "the full frame")
     yield from user.picture(name)
     cv2, region = import_module("cv2"), user.region()
@@ -87,7 +84,7 @@ def see(user, at, name, *, alone):
 
 
 def look(user):
-    """A click on the strip shows a frame, arrows go on, Esc goes back."""
+    """The Timeline shows a frame, arrows go on, Esc goes back."""
     scene, film = user.window.scene, part("video.session").of(user.window.scene)
     yield from see(user, LOST, "2_lost", alone=True)
     yield from see(user, 2, "3_found", alone=False)
@@ -98,14 +95,14 @@ def look(user):
 
 
 def take(user):
-    """Enter over the strip takes the frame at its pose, in one undo step."""
+    """Enter over the Timeline takes the frame at its pose, in one undo step."""
 
     def state():
         return user.window.scene.oneframe.frame_path, pose(user).tolist()
 
     before, found = state(), part("frames.found").frame_at(user.window.scene, 2)
-    yield from user.click(place(user, 2))
-    yield from user.key("RET", place(user, 2))
+    user.window.scene.frame_set(2)
+    yield from user.key("RET", place(user))
     yield from user.until(lambda: state()[0] != before[0], "another frame", 30)
     assert np.array_equal(pose(user), found.cam_from_model)
     yield from user.press("rescale_camera")
@@ -115,7 +112,6 @@ def take(user):
     yield from user.until(lambda: state() == before, "all as before")
     assert part("frames.found").frame_at(user.window.scene, 2) is found
     yield from user.key("ESC", user.middle())
-    yield from user.show_step("frames")
 
 
 def play(user):

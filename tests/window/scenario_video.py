@@ -1,8 +1,7 @@
-"""The frame from a video by hand: the strip without a case, then over one; scrub, zoom, step, take, undo."""
+"""The frame from a video by hand: without a case, then over one; scrub in the Timeline, step, take, undo."""
 
 from importlib import import_module
 
-import bpy
 import numpy as np
 import x11
 from user import part
@@ -21,7 +20,6 @@ def scenario(user):
     yield from set_up(user)
     film = part("video.session").of(user.window.scene)
     yield from scrub(user, film)
-    yield from zoom(user, film)
     yield from keys(user, film)
     yield from take(user, film)
 
@@ -37,7 +35,7 @@ def written_film(path, picture):
 
 
 def alone(user, path):
-    """Before there is a case: the best frame fills the view over the strip."""
+    """Before there is a case: the best frame fills the view above the Timeline."""
     session = part("video.session")
     for stopped in (True, False):
         user.call("open_video", "INVOKE_DEFAULT", filepath=str(path))
@@ -78,15 +76,13 @@ def set_up(user):
     yield from user.at_workbench()
 
 
-def layout(user):
-    with user.context():
-        return part("video.strip_layout").StripLayout.of(bpy.context)
-
-
-def place(user, film, at, row="curve"):
-    """Where a frame is in the strip, px of the window."""
-    found, region = layout(user), user.region()
-    return region.x + float(found.x_of(film.times_s[at])), region.y + sum(getattr(found, row)) / 2
+def place(user, film, at):
+    """Where a frame is in the Timeline, px of the window."""
+    (timeline,) = (area for area in user.window.screen.areas if area.type == "DOPESHEET_EDITOR")
+    region = user.region("WINDOW", timeline)
+    x, _ = region.view2d.view_to_region(film.scores.frames[at].index, 0.0, clip=False)
+    # where the frames are written: there a drag scrubs
+    return region.x + x, region.y + region.height - 8
 
 
 def frame_corners(user):
@@ -116,7 +112,7 @@ def scrub(user, film):
     scene.oneframe_view.contour = False
     scene.oneframe_view.opacity = 0
     pose, before = placed(user), film.shown
-    assert not shown_frame.is_shown(scene), "the case's frame is in view until the strip is used"
+    assert not shown_frame.is_shown(scene), "the case's frame is in view until the Timeline is used"
     start, end = place(user, film, 4), place(user, film, 38)
     yield from user.move(start)
     user.event("LEFTMOUSE", "PRESS", start)
@@ -135,64 +131,30 @@ def scrub(user, film):
     check_picture(user, film, *frame_corners(user))
     yield from user.picture("3_scrubbed")
     assert (placed(user) == pose).all(), "the tool did not get the drag"
-    low, _ = frame_corners(user)
-    assert low[1] >= layout(user).high[1], "the whole frame is above the strip"
-
-
-def zoom(user, film):
-    """The wheel zooms the time about the pointer, and beside the strip the view."""
-    whole, view_zoom = film.span_s, user.view.view_camera_zoom
-    at = place(user, film, 20)
-    time_s = layout(user).time_at(at[0] - user.region().x)
-    yield from user.move(at)
-    for _ in range(3):
-        user.event("WHEELUPMOUSE", "PRESS", at)
-        yield 0.1
-    begin, end = film.span_s
-    assert end - begin < 0.5 * (whole[1] - whole[0])
-    assert abs(layout(user).time_at(at[0] - user.region().x) - time_s) < 0.01
-    assert user.view.view_camera_zoom == view_zoom
-    yield from user.key("HOME", at)
-    assert film.span_s == film.whole_span_s
-    yield from user.move(user.middle())
-    user.event("WHEELUPMOUSE", "PRESS", user.middle())
-    yield from user.until(lambda: user.view.view_camera_zoom != view_zoom, "the view zooms")
-    assert film.span_s == film.whole_span_s
-    yield from user.key("HOME", user.middle())
 
 
 def keys(user, film):
-    """Arrows step through the film, over the strip and while its frames are in view; then they move the surface."""
-    at, pose = place(user, film, 20), placed(user)
-    yield from user.key("RIGHT_ARROW", at)
-    assert film.shown == 39
+    """Arrows step through the film, over the Timeline and while its frames are in view; then they move the surface."""
+    pose = placed(user)
+    yield from user.key("RIGHT_ARROW", place(user, film, 20))
+    yield from user.until(lambda: film.shown == 39, "the next frame")
     for _ in range(3):
         yield from user.key("LEFT_ARROW")
-    assert film.shown == 36
-    yield from user.until(lambda: film.is_full, "the full frame")
-    in_time = sorted(film.best)
-    yield from user.key("LEFT_ARROW", ctrl=True)
-    last = film.shown
-    assert last == max(at for at in in_time if at < 36)
-    yield from user.key("LEFT_ARROW", ctrl=True)
-    assert film.shown == in_time[in_time.index(last) - 1]
-    assert (placed(user) == pose).all()
-    # the one before the first is the last, which may be the film's
-    key, shown = ("RIGHT_ARROW", film.shown + 1) if film.shown < 48 else ("LEFT_ARROW", film.shown - 1)
-    yield from user.key(key, user.middle())
-    assert film.shown == shown
+    yield from user.until(lambda: film.shown == 36 and film.is_full, "the full frame")
+    yield from user.key("RIGHT_ARROW", user.middle())
+    yield from user.until(lambda: film.shown == 37, "the next frame, also over the view")
     assert (placed(user) == pose).all()
     yield from user.key("ESC", user.middle())
-    yield from user.key(key, user.middle())
+    yield from user.key("RIGHT_ARROW", user.middle())
     yield from user.until(lambda: (placed(user) != pose).any(), "a nudge of the surface")
-    assert film.shown == shown
+    assert film.shown == 37
     yield from user.undo(lambda: np.allclose(placed(user), pose), "the pose after undo")
 
 
 def take(user, film):
-    """Enter over the strip takes the frame, in one undo step."""
+    """Enter over the Timeline takes the frame, in one undo step."""
     before = user.window.scene.oneframe.frame_path
-    film.show(8)
+    part("video.shown_frame").show(user.window.scene, 8)
     yield from user.key("RET", place(user, film, 20))
     yield from user.until(lambda: user.window.scene.oneframe.frame_path != before, "another frame", 30)
     assert user.window.scene.oneframe.frame_path.endswith("surgery_frame_000008.png")

@@ -59,15 +59,13 @@ class User(Hands):
             return False
         return sidebar.active_panel_category == tab
 
-    def show_step(self, step: str, *, parts: bool = False) -> Action:
-        """Open a step of the work, and its parts that are closed at first if wanted."""
-        steps = part("ui.step_panel")
-        steps.show(bpy.context.scene, step)
-        for panel in steps.PartPanel.__subclasses__() if parts else ():
-            if "DEFAULT_CLOSED" in vars(panel).get("bl_options", ()):
-                bpy.utils.unregister_class(panel)
-                panel.bl_options = panel.bl_options - {"DEFAULT_CLOSED"}
-                bpy.utils.register_class(panel)
+    def open_panels(self, *names: str) -> Action:
+        """Open panels that are closed at first, such as ``dataset``."""
+        for name in names:
+            panel = getattr(bpy.types, f"ONEFRAME_PT_{name}")
+            bpy.utils.unregister_class(panel)
+            panel.bl_options = panel.bl_options - {"DEFAULT_CLOSED"}
+            bpy.utils.register_class(panel)
         yield from self.redraw()
 
     def press(self, name: str, **settings: object) -> Action:

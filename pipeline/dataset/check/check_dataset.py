@@ -13,28 +13,48 @@ import numpy as np
 
 from ...case.case_file import Case
 from ...errors import InputError
+from ...files.content import read_beginning, read_content
 from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
+from ...surface.mesh import TriangleMesh, diameter
+from ...video.film_reader import Film
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
-from ..identity import poses_hash
-from ..layout import CASES, FURTHER, RECORD, SPLIT, WORK, ViewPaths, advice_without_record, check_no_pack
+from ..identity import geometry_hash, poses_hash
+from ..layout import (
+    CASES,
+    FURTHER,
+    MODEL_FILES,
+    OBJECT_ID,
+    RECORD,
+    SPLIT,
+    VIDEO_FILES,
+    WORK,
+    ViewPaths,
+    advice_without_record,
+    check_no_pack,
+)
+from ..model_file import read_model
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
 from ..stereo import eyes_apart, has_further, right_from_left
-from .comparison import require_equal, require_pose, require_rotation
+from ..tables.pose_tables import POSE_COLUMNS
+from .comparison import RELATIVE, read_table, require_equal, require_pose, require_rotation
 from .contents import check_names, check_sums
 from .depth import DepthAgreement
 from .findings import Findings
 from .images import check_images, check_pose
 from .inputs import check_inputs
-from .model import check_model
 from .tables import check_tables
-from .video import check_video
 
 DEFAULT_VIEWS = 200
 FOREIGN = "views of another run"
 AGAIN = "run the same `oneframe render` again"
+
+MODEL, MODELS_INFO, _, REDUCED_INFO = MODEL_FILES
+
+VIDEO, VIDEO_POSES = VIDEO_FILES
+FRAMES_PER_SECOND = 24
 
 
 @dataclass(frozen=True)
@@ -241,3 +261,72 @@ def _evenly_spaced(count: int, views: int) -> set[int] | range:
     if not views or views >= count:
         return range(count)
     return set(np.linspace(0, count - 1, views).round().astype(int).tolist())
+
+
+def check_model(root: Path, description: Description, findings: Findings) -> TriangleMesh | None:
+    """Check the models and what is said of them; the mesh, or ``None`` if it cannot be read."""
+    mesh = None
+    with findings.collecting("damaged files"):
+        mesh, _ = read_model(root, MODEL)
+        # a surface whose back the frame sees is written with its faces turned
+        hashes = {geometry_hash(side) for side in (mesh, mesh.flipped())}
+        if description.content.get("geometry_sha256") not in hashes:
+            raise InputError(f"{MODEL}: its vertices and faces do not have the geometry_sha256 of dataset.json")
+        off = float(np.abs(mesh.vertices.mean(axis=0)).max())
+        if off > 2e-6 * mesh.radius:
+            raise InputError(f"{MODEL}: expected the mean of the vertices at the origin, it is {off:.2g} mm off")
+    if mesh is None:
+        return None
+    for name in (MODELS_INFO, REDUCED_INFO):
+        with findings.collecting("tables that disagree"):
+            # of the model whose coordinates were rounded
+            relative = 2e-6 * max(mesh.radius, 1.0)
+            require_equal(read_table(root, name), {str(OBJECT_ID): _info(mesh)}, name, relative=relative)
+    return mesh
+
+
+def _info(mesh: TriangleMesh) -> dict[str, object]:
+    low, high = mesh.bounds
+    expected: dict[str, object] = {"diameter": diameter(mesh.vertices), "box_centre_mm": ((low + high) / 2).tolist()}
+    for name, values in (("min", low), ("size", high - low)):
+        expected |= {f"{name}_{axis}": float(value) for axis, value in zip("xyz", values, strict=True)}
+    return expected
+
+
+def check_video(root: Path, description: Description) -> None:
+    """Check that the video can be decoded to its end, and has a frame of the right size for each pose."""
+    poses = read_video_poses(root)
+    if read_beginning(root / VIDEO, "a video", 8, VIDEO)[4:] != b"ftyp":
+        raise InputError(f"{VIDEO}: expected an MP4 video, found another file")
+    # H.264 has even sides
+    width, height = (side + side % 2 for side in description.camera.size_wh)
+    with Film(root / VIDEO) as film:
+        found = (sum(1 for _ in film), *film.info.size_wh)
+    if found != (len(poses), width, height):
+        raise InputError(
+            f"{VIDEO}: expected {len(poses)} frames, as {VIDEO_POSES} has, of {width}x{height} px, found "
+            f"{found[0]} of {found[1]}x{found[2]}"
+        )
+
+
+def read_video_poses(root: Path) -> list[np.ndarray]:
+    """The 4x4 poses of ``video/poses.csv``, mm."""
+    header, *rows = read_content(root / VIDEO_POSES, "the poses of a video", VIDEO_POSES).splitlines()
+    columns = ("frame", "time_s", *POSE_COLUMNS)
+    try:
+        values = np.array([row.split(b",") for row in rows], np.float64)
+        numbers = np.arange(len(rows))
+        times = np.stack([numbers, numbers / FRAMES_PER_SECOND], axis=1)
+        near = np.allclose(values[:, :2], times, rtol=RELATIVE, atol=RELATIVE)
+        if header.decode() != ",".join(columns) or not near or not np.isfinite(values).all():
+            raise ValueError
+        poses = np.tile(np.eye(4), (len(rows), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = values[:, 2:11].reshape(-1, 3, 3), values[:, 11:]
+    except (ValueError, IndexError):
+        raise InputError(
+            f"{VIDEO_POSES}: expected the columns {', '.join(columns)} and a row of numbers for each frame, found "
+            "another table"
+        ) from None
+    for number, pose in enumerate(poses):
+        require_rotation(pose, f"{VIDEO_POSES}: row {number}")
+    return [*poses]

@@ -1,25 +1,35 @@
 """The folder of a dataset run: one writer at a time, one description that never changes, no partial files.
 
 ``dataset.json``, the dataset's description, holds everything that the content depends on. A run writes it first; a run
-that finds another one stops. See :mod:`oneframe.dataset.run.work_folder`.
+that finds another one stops. Locks of an unfinished run are in ``.work``, which is removed when it is complete.
 """
 
 import json
+import os
+import re
+import secrets
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from ...errors import InputError, RunError
-from ...files.content import LARGEST_TEXT, partial_name, read_file, write_bytes_atomically
+from ...files.content import (
+    LARGEST_TEXT,
+    create_folder,
+    names_in,
+    partial_name,
+    read_file,
+    write_bytes_atomically,
+)
+from ...files.lock import Busy, FileLock
 from ..identity import COUNT, LISTED, POSES_HASH, Difference, described, description_bytes, differences, poses_hash
 from ..layout import CHECKSUMS, RECORD, SPLIT, WORK, is_own_file, own_folders
-from .work_folder import WorkFolder
 
 
 @dataclass(frozen=True)
@@ -48,11 +58,29 @@ def parse_shard(text: str) -> Shard:
     return Shard(index, count)
 
 
+LOCK_FILES = r"lock(-[0-9]+-of-[0-9]+)?|run-[0-9a-f]{16}"
+"""Files in ``.work``; the last ones are those of :func:`run_token`."""
+_ATTEMPTS = 10
 SHARDS_SECONDS = 10.0
 """Shards that start together wait at most this long for the one that writes ``dataset.json``."""
 
 
-class RunFolder(WorkFolder):
+@contextmanager
+def run_token(path: Path) -> Iterator[Path]:
+    """A file in a folder, absolute, by which other machines know that they see it."""
+    token = path.absolute() / WORK / f"run-{secrets.token_hex(8)}"
+    create_folder(token.parent)
+    token.touch()
+    try:
+        yield token
+    finally:
+        token.unlink(missing_ok=True)
+        for folder in (token.parent, path):
+            with suppress(OSError):  # somebody has written into it
+                folder.rmdir()
+
+
+class RunFolder:
     """Exclusive access to a dataset folder, or to one shard of it; use as a context manager."""
 
     def __init__(
@@ -71,12 +99,13 @@ class RunFolder(WorkFolder):
         poses
             ``(N, 4, 4)`` listed ``cam_from_model``, mm, or ``None`` if the poses are drawn.
         """
-        super().__init__(path, doing="renders into", work_files=r"surface-[0-9a-f]{16}\.npz")
+        self.path, self.work = path, path / WORK
+        self._locks = ExitStack()
         self._description, self._poses, self._shared = description, poses, shard.count > 1
         self._is_new = False
-        self._new_folders: list[Path] = []
-
-        def lock() -> None:
+        self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
+        try:
+            self._check_description()
             is_new = self._holds_nothing()
             if self._shared:
                 self._share()
@@ -86,11 +115,17 @@ class RunFolder(WorkFolder):
                 self._remove_leftovers()
             self._is_new = is_new
             self._describe()
+        except BaseException as error:
+            refusal = error
+            if isinstance(error, OSError):
+                refusal = RunError(
+                    f"{path}: cannot write to the folder ({error.strerror or error}); choose another folder (--out)"
+                )
+            self.__exit__(type(refusal), refusal, None)
+            raise refusal from None
 
-        def look() -> None:
-            self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
-
-        self._enter(look, self._check_description, lock)
+    def __enter__(self) -> Self:
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -98,7 +133,7 @@ class RunFolder(WorkFolder):
         if isinstance(error, InputError | RunError) and self._is_new:
             with suppress(OSError):  # a broken disk is no second error
                 self._discard()
-        super().__exit__(kind, error, trace)
+        self._locks.close()
 
     def finish(self) -> None:
         """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
@@ -123,11 +158,33 @@ class RunFolder(WorkFolder):
         if (self.path / RECORD).exists():
             return False
         names = [entry.name for entry in self.path.iterdir()]
-        if self._holds_only_work() and all(name == WORK or partial_name(name) == RECORD for name in names):
+        own_work = all(re.fullmatch(LOCK_FILES, name) for name in names_in(self.work))
+        if own_work and all(name == WORK or partial_name(name) == RECORD for name in names):
             return True
         raise RunError(
             f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "
             "choose another folder (--out)"
+        )
+
+    def _acquire(self, name: str) -> None:
+        """Acquire the exclusive lock of this name in ``.work``; RunError if another process has it."""
+        # another process may just have finished and removed the file
+        if not any(self._try(name) for _ in range(_ATTEMPTS)):
+            raise self._busy()
+
+    def _try(self, name: str, *, shared: bool = False) -> FileLock | None:
+        """Try to take a lock; ``None`` if another process has it, or has removed its file at this moment."""
+        create_folder(self.work)
+        with suppress(Busy, FileNotFoundError):
+            lock = FileLock(self.work / name, shared=shared)
+            self._locks.callback(lock.release)
+            return lock
+        return None
+
+    def _busy(self) -> RunError:
+        return RunError(
+            f"{self.path}: another process renders into this folder; wait for it, stop it, or choose another folder "
+            "(--out)"
         )
 
     def _check_description(self) -> int:
@@ -178,7 +235,21 @@ class RunFolder(WorkFolder):
                 folder.rmdir()
 
     def _remove_leftovers(self) -> None:
-        self._remove_partial(own_folders(self.path), is_own_file)
+        """Remove the temporary files of killed runs; nobody else may be writing theirs."""
+        for prefix, folder in own_folders(self.path):
+            for name in names_in(folder):
+                target = partial_name(name)
+                if target is not None and is_own_file(prefix + target):
+                    (folder / name).unlink(missing_ok=True)
+
+    def _remove_work(self) -> None:
+        if os.name == "nt":
+            self._locks.close()  # Windows removes no open files
+        for name in names_in(self.work):
+            if re.fullmatch(LOCK_FILES, name):
+                (self.work / name).unlink(missing_ok=True)
+        with suppress(OSError):  # it holds files of somebody else
+            self.work.rmdir()
 
 
 def check_description(

@@ -9,7 +9,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from bl_ext.user_default.oneframe.dataset import background_job
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector
 from bl_ext.user_default.oneframe.state import from_scene
@@ -31,7 +30,6 @@ WRONG = 6, (20.0, -14.0)
 """Index of the wrong click, and its error in px."""
 DISTURBED = rigid(rotation_from_vector(np.radians([0.3, 0.2, 3.0])), [-0.5, -0.6, 6.0])
 """Error of the rough pose that the contour shows."""
-VIEWS = 100
 FILM = ("clear", "tool", "clear", "hand", "blur", "clear", "glare", "clear", "blood", "clear")
 TOOLBAR_PX, SIDEBAR_PX = 60, 270
 
@@ -47,7 +45,6 @@ def scenario(user: User) -> Action:
     yield from landmarks(user)
     yield from contour(user)
     yield from colour_and_poses(user)
-    yield from dataset(user)
     yield from video(user)
 
 
@@ -62,9 +59,8 @@ def landmarks(user: User) -> Action:
             off = WRONG[1] if number == WRONG[0] else rng.normal(0, CLICK_SIGMA_PX, 2)
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
-    yield from user.open_panels("landmark_list")
     with user.context("UI"):
-        bpy.ops.view2d.pan(deltax=0, deltay=-430)
+        bpy.ops.view2d.pan(deltax=0, deltay=-260)
     yield from window_picture(user, "landmarks")
     with user.context():
         operators.oneframe.landmarks_clear()
@@ -114,34 +110,6 @@ def tilted(view: bpy.types.RegionView3D, camera: bpy.types.Object, angle_deg: fl
     view.view_rotation = camera.matrix_world.to_quaternion() @ Quaternion((1, 0, 0), np.radians(angle_deg))
 
 
-def dataset(user: User) -> Action:
-    """A dataset run in the background, started from the panel."""
-    scene, space = bpy.context.scene, user.area.spaces.active
-    space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
-    with user.context():
-        operators.oneframe.show_frame()
-    yield from user.open_sidebar("OneFrame")
-    yield from look_at_frame(user, beside_panels=True)
-    yield from user.open_panels("advanced", "dataset", "dataset_options")
-    scene.oneframe.dataset_out = str(user.folder / "dataset")
-    # its properties are made from the options of a dataset
-    options: Any = scene.oneframe.dataset
-    options.count, options.scale = VIEWS, 0.5
-    with user.context():
-        operators.oneframe.preview_view()
-        operators.oneframe.render_dataset()
-    job = background_job.current()
-    yield from user.until(
-        lambda: job.progress and job.progress.count > 0.3 * VIEWS, "a third of the views", timeout_s=240
-    )
-    with user.context("UI"):
-        bpy.ops.view2d.pan(deltax=0, deltay=-100_000)
-    yield from window_picture(user, "dataset")
-    with user.context():
-        operators.oneframe.cancel_dataset()
-    yield from user.until(lambda: not job.running, "the run to end", timeout_s=60)
-
-
 def video(user: User) -> Action:
     """A film of the sample's own frame, with faults put in, and its Timeline."""
     cv2, films = import_module("cv2"), import_module("video.surgical_film")
@@ -152,6 +120,10 @@ def video(user: User) -> Action:
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     scene.oneframe_view.contour = False
+    with user.context():
+        operators.oneframe.show_frame()
+    yield from user.open_sidebar("OneFrame")
+    yield from look_at_frame(user, beside_panels=True)
     with user.context():
         operators.oneframe.open_video(filepath=str(path))
         scene.frame_set(18)

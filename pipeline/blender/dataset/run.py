@@ -15,7 +15,7 @@ from ...dataset.checksums import FileSurvey, survey_files, write_checksums
 from ...dataset.dataset_file import read_description
 from ...dataset.layout import RECORD, VIDEO_FILES, ViewPaths, other_files
 from ...dataset.option_arguments import option_arguments
-from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished, report_ready
+from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished
 from ...dataset.run.run_folder import RunFolder, check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, view_ranges
 from ...dataset.stereo import further_datasets
@@ -281,7 +281,6 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     # the files may have changed since the run began
     check_description(job.out, opened.description, opened.given_poses)
     with opened.renderer(threads=_threads(workers)) as renderer:
-        report_ready(stream)
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
 
 

@@ -1,17 +1,16 @@
 """Processes that render views of one job: numbers go in, and come back as each view is on disk.
 
-A process is the render command with ``--worker``. It reads one number a line. It answers "ready" when its scene is
-built, and "finished: number" when that view is on disk; other lines of its output come from Blender. When its input
-ends, which also happens if its parent dies in any way, it ends at once.
+A process is the render command with ``--worker``. It reads one number a line, and answers "finished: number" when that
+view is on disk; other lines of its output come from Blender. When its input ends, which also happens if its parent dies
+in any way, it ends at once.
 """
 
-import os
 import queue
 import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TextIO
@@ -20,7 +19,7 @@ from ...errors import InputError, RunError
 from ...process.command_line import EXIT_INPUT, EXIT_RUN
 from ...process.own_process import end_process
 
-_READY, _FINISHED = "ready", "finished: "
+_FINISHED = "finished: "
 
 AHEAD = 2
 """Number of unfinished views that a process holds: one being rendered and one waiting, so that it never idles."""
@@ -48,8 +47,8 @@ class Ending:
 class RenderProcess:
     """The parent's side of one process; one thread uses it at a time."""
 
-    def __init__(self, command: Sequence[str], *, environment: Mapping[str, str] | None = None) -> None:
-        """Start the process, with more environment variables if given.
+    def __init__(self, command: Sequence[str]) -> None:
+        """Start the process.
 
         Raises
         ------
@@ -64,15 +63,11 @@ class RenderProcess:
             bufsize=1,
             encoding="utf-8",
             errors="replace",
-            env=None if environment is None else os.environ | environment,
         )
-        self.is_ready = False
-        """Whether its scene is built."""
         self.assigned: deque[int] = deque()
         """Views that it has not finished, in its order."""
         self.has_ended = False
         """Whether it has ended and all that it answered has been read."""
-        self._begun = threading.Event()
         self._answers: queue.SimpleQueue[int | None] = queue.SimpleQueue()
         self._errors: deque[str] = deque(maxlen=20)
         self._readers = [threading.Thread(target=read, daemon=True) for read in (self._read, self._collect)]
@@ -91,28 +86,15 @@ class RenderProcess:
             # it died, and its exit code says more; or it no longer reads its input, so end it
             self.kill()
 
-    def wait_until_ready(self, seconds: float) -> bool:
-        """Wait until its scene is built, for this time at most; whether it is."""
-        if self._begun.wait(seconds) and not self.is_ready:
-            self.has_ended = True
-        return self.is_ready
-
-    def wait_for_view(self, seconds: float | None = None) -> int | None:
-        """The next view that is on disk; ``None`` if the process has ended, or after this time."""
-        try:
-            index = self._answers.get(timeout=seconds)
-        except queue.Empty:
-            return None
+    def wait_for_view(self) -> int | None:
+        """The next view that is on disk; ``None`` if the process has ended."""
+        index = self._answers.get()
         if index is None:
             self.has_ended = True
             return None
         with suppress(ValueError):
             self.assigned.remove(index)
         return index
-
-    def is_alive(self) -> bool:
-        """Whether it still runs."""
-        return self._process.poll() is None
 
     def close_input(self) -> None:
         """Let it end."""
@@ -139,20 +121,10 @@ class RenderProcess:
         for line in self._process.stdout or ():
             if line.startswith(_FINISHED):
                 self._answers.put(int(line.removeprefix(_FINISHED)))
-            elif line.rstrip() == _READY:
-                self.is_ready = True
-                self._begun.set()
         self._answers.put(None)
-        self._begun.set()
 
     def _collect(self) -> None:
         self._errors.extend(self._process.stderr or ())
-
-
-def report_ready(stream: TextIO) -> None:
-    """Answer the parent that the scene is built."""
-    stream.write(f"{_READY}\n")
-    stream.flush()
 
 
 def report_finished(index: int, stream: TextIO) -> None:

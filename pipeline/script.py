@@ -18,7 +18,7 @@ from .camera.intrinsics_file import read_camera
 from .case import new_case
 from .case.case_file import Case, Structure, read_case
 from .case.frame import read_frame
-from .case.landmark_file import read_landmarks
+from .case.landmarks import read_landmarks
 from .case.loaded_case import load_case
 from .commands.render import own_command
 from .dataset.description import input_files

@@ -5,8 +5,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from oneframe.case.landmark_file import COLUMNS
-from oneframe.case.landmarks import Landmark
+from oneframe.case.landmarks import COLUMNS, Landmark
 from oneframe.files.numbers import length_text
 
 

@@ -153,37 +153,38 @@ def script_path(name: str) -> Path:
     raise RunError(f"{name}: expected this script in the add-on's folder, found none; install the add-on again")
 
 
-_current: BackgroundJob | None = None
+_jobs: list[BackgroundJob] = []
+"""The running job, or the last one of this session."""
+
 listeners: list[Callable[[BackgroundJob], None]] = []
 """Called regularly while a job runs, and once after it has ended."""
 
 
 def current() -> BackgroundJob | None:
     """The running job, or the last one of this session; ``None`` if there was none."""
-    return _current
+    return _jobs[0] if _jobs else None
 
 
 def is_running() -> bool:
     """Whether a job was running when it was last looked at."""
-    return _current is not None and _current.running
+    return bool(_jobs) and _jobs[0].running
 
 
 def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
     """Start a job, and follow it with a timer."""
-    global _current
-    if _current is not None and _current.check():
+    if _jobs and _jobs[0].check():
         raise InputError(
-            f"expected no other run, found one that writes to {_current.out}; wait for it, or cancel it first"
+            f"expected no other run, found one that writes to {_jobs[0].out}; wait for it, or cancel it first"
         )
-    _current = BackgroundJob.start(script, arguments, out)
+    _jobs[:] = [BackgroundJob.start(script, arguments, out)]
     if not bpy.app.timers.is_registered(_follow):
         bpy.app.timers.register(_follow, first_interval=POLL_SECONDS, persistent=True)
-    return _current
+    return _jobs[0]
 
 
 def _follow() -> float | None:
     """Timer: notify listeners; ends with the job."""
-    job = _current
+    job = current()
     if job is None:
         return None
     running = job.check()
@@ -208,11 +209,10 @@ def _ask_before_quitting() -> None:
 
 def _end() -> None:
     """Stop a running job, which nobody could stop without the add-on."""
-    global _current
-    if _current is not None and _current.check():
+    if _jobs and _jobs[0].check():
         sys.stderr.write("OneFrame: stopping the running job; finished views stay\n")
-        _current.stop()
-    _current = None
+        _jobs[0].stop()
+    _jobs.clear()
 
 
 PARTS = (at_end(_end), timers(_follow))

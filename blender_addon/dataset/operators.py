@@ -25,6 +25,7 @@ from .snapshot import save_settings, usual_output, write_snapshot
 from .wording import in_window_words
 
 SCRIPT = "render_dataset.py"
+CONTACT_SHEET = "contact_sheet.png"
 PREVIEW_IMAGES = {light: f"OneFrame preview, light {light}" for light in LIGHTS}
 """Of a view in each light: the panel switches between before and after."""
 PREVIEW_KEY, PREVIEW_SUMMARY = "oneframe_key", "oneframe_summary"
@@ -145,6 +146,29 @@ class ONEFRAME_OT_cancel_dataset(Reporting):
         job = background_job.current()
         if job is not None:
             job.cancel()
+
+
+class ONEFRAME_OT_contact_sheet(Reporting):
+    """Show a picture of some of the views, in a window of Blender's own"""
+
+    bl_label = "Contact Sheet"
+    bl_options = {"REGISTER"}
+
+    needs = (lambda context: result_folder(context.scene) is not None, "Render the dataset first")
+
+    def run(self, context: bpy.types.Context) -> None:
+        folder = result_folder(context.scene)
+        path = folder / CONTACT_SHEET if folder is not None else Path(CONTACT_SHEET)
+        if not path.is_file():
+            raise InputError(f"{path}: expected the contact sheet of a dataset, found none; render the dataset first")
+        image = bpy.data.images.load(str(path), check_existing=True)
+        image.reload()
+        if bpy.app.background:
+            return
+        bpy.ops.wm.window_new()
+        area = context.window_manager.windows[-1].screen.areas[0]
+        area.ui_type = "IMAGE_EDITOR"
+        area.spaces.active.image = image
 
 
 def result_folder(scene: bpy.types.Scene) -> Path | None:

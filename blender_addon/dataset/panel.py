@@ -11,8 +11,6 @@ from ..ui.panel import AdvancedPanel, SidebarPanel, draw_text
 from . import background_job, operators, pose_preview
 from .wording import in_window_words
 
-CONTACT_SHEET = "contact_sheet.png"
-
 
 class ONEFRAME_PT_dataset(AdvancedPanel):
     """Render a dataset of posed views"""
@@ -119,8 +117,8 @@ class ONEFRAME_PT_dataset_run(SidebarPanel):
         if folder is not None:
             row = layout.row(align=True)
             row.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = str(folder)
-            if (sheet := folder / CONTACT_SHEET).is_file():
-                row.operator("wm.path_open", text="Contact Sheet", icon="IMAGE_REFERENCE").filepath = str(sheet)
+            if (folder / operators.CONTACT_SHEET).is_file():
+                row.operator("oneframe.contact_sheet", icon="IMAGE_REFERENCE")
 
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:

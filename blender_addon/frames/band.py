@@ -26,8 +26,8 @@ class FoundBand(Pane):
     @classmethod
     def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
         registered, view = found.of(context.scene), context.region.view2d
-        first, per_frame = view.view_to_region(0.0, 0.0, clip=False)[0], view.view_to_region(1000.0, 0.0, clip=False)[0]
-        per_frame = (per_frame - first) / 1000
+        first, last = (np.array(view.view_to_region(x, 0.0, clip=False), float)[0] for x in (0.0, 1000.0))
+        per_frame = (last - first) / 1000
         shader = gpu.shader.from_builtin("UNIFORM_COLOR")
         for state in found.WORDS:
             frames = () if registered is None else registered.frames.items()

@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProp
 
 from ..class_registration import prop
 from ..pipeline.case.case_file import MM_PER_UNIT
-from ..pipeline.case.landmark_file import read_landmarks
+from ..pipeline.case.landmarks import read_landmarks
 from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty
+from bpy.props import BoolProperty, FloatProperty
 
 from ..class_registration import prop, tool
 from ..pipeline.camera.distortion import distorted_pixels
 from ..pipeline.images.masked_frame import UNSEEN, painted
 from ..state import another_frame, from_scene
 from ..state.events import redraw
-from ..ui.drag import BrushSize, BrushStroke, size_keys
+from ..ui.drag import Drag
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.keymap import MASK_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import Messages, OperatorResult, Reporting
@@ -27,10 +27,11 @@ _strokes: list["ONEFRAME_OT_mask_stroke"] = []
 """The stroke under the hand, if there is one."""
 
 
-class ONEFRAME_OT_mask_stroke(BrushStroke, Reporting):
+class ONEFRAME_OT_mask_stroke(Drag, Reporting):
     """Drag: hide what shows no surface"""
 
     bl_label = "Paint the Mask"
+    hint = "Esc or Right Click: Take Back the Stroke"
 
     shows: bool = prop(BoolProperty, "Show", "Show again what is hidden")
 
@@ -63,10 +64,13 @@ class ONEFRAME_OT_mask_stroke(BrushStroke, Reporting):
         return set_mask(scene, replace(frame, shown=shown))
 
 
-class ONEFRAME_OT_mask_brush_size(BrushSize):
+class ONEFRAME_OT_mask_brush_size(bpy.types.Operator):
     """Change the radius of the brush"""
 
     bl_label = "Size of the Brush"
+    bl_options = {"INTERNAL"}
+
+    factor: float = prop(FloatProperty, "Factor", default=1.25)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -135,9 +139,13 @@ class MaskTool(ViewTool):
 
 
 _TOOLS = (MASK_TOOL,)
+_LARGER, _SMALLER = (("factor", 1.25),), (("factor", 0.8),)
 _KEYS = keys(
     Key("oneframe.mask_stroke", "LEFTMOUSE", tools=_TOOLS),
     Key("oneframe.mask_stroke", "LEFTMOUSE", ctrl=True, properties=(("shows", True),), tools=_TOOLS),
-    *size_keys("oneframe.mask_brush_size", MASK_TOOL),
+    Key("oneframe.mask_brush_size", "WHEELUPMOUSE", ctrl=True, properties=_LARGER, tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "WHEELDOWNMOUSE", ctrl=True, properties=_SMALLER, tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "RIGHT_BRACKET", properties=_LARGER, tools=_TOOLS),
+    Key("oneframe.mask_brush_size", "LEFT_BRACKET", properties=_SMALLER, tools=_TOOLS),
 )
 PARTS = (tool(MaskTool, "oneframe.move_tool"), _KEYS)

@@ -8,7 +8,7 @@ from ..ui.panel import AlignmentPanel, StepPanel, draw_text
 from . import operator
 from .preview import error_text, preview_text
 
-FIGURE_LINES, MESSAGE_LINES = 4, 6
+MESSAGE_LINES = 6
 """Of the slots that stay as high as they are when a result appears: no button moves under the pointer."""
 
 

@@ -22,7 +22,7 @@ from ..pipeline.case.loaded_case import LoadedCase, LoadedSurface, check_poses, 
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
-from ..pipeline.transforms import inverse_rigid
+from ..pipeline.transforms import inverse_rigid, is_same_pose
 from .known_case import further_frames, known_case, lamp_of
 from .landmarks import landmarks_mesh
 
@@ -76,8 +76,13 @@ def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def cam_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
-    """``(4, 4)`` the current pose in the frame of the mesh file, mm. Errors are those of :func:`cam_from_model`."""
-    return cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene)))
+    """``(4, 4)`` the current pose in the frame of the mesh file, mm; its case's to the last bit, until it moves.
+
+    A run goes on, and what registration found is found again, in another session too.
+    """
+    pose, known = cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene))), known_case(scene)
+    is_known = known is not None and known.posed and is_same_pose(known.cam_from_mesh, pose)
+    return known.cam_from_mesh.copy() if known is not None and is_known else pose
 
 
 def pose_in_file(scene: bpy.types.Scene) -> np.ndarray:

@@ -26,7 +26,7 @@ SHOWN_SECONDS = 0.5
 Work = Callable[[Callable[[float], None]], Any]
 """Called in a thread with a function that takes the finished share, 0..1, and may end it; it must not use Blender."""
 
-_shown: str | None = None
+_shown: list[str] = []
 """The text of :func:`show_status`: setting it again would draw everything again."""
 
 
@@ -96,10 +96,10 @@ class BackgroundWork:
 
 def show_status(context: bpy.types.Context, text: str | None) -> None:
     """Show a text in the status bar and in the headers of the 3D views; ``None`` restores both."""
-    global _shown
-    if text is not None and text == _shown:
+    wanted = [] if text is None else [text]
+    if wanted and wanted == _shown:
         return
-    _shown = text
+    _shown[:] = wanted
     context.workspace.status_text_set(text)
     for _window, area in areas("VIEW_3D"):
         area.header_text_set(text)

@@ -1,10 +1,7 @@
-"""Drags with the mouse: each is one operator and one undo step, Esc takes it back; and keys for the size of a brush."""
+"""Drags with the mouse: each is one operator and one undo step, Esc takes it back."""
 
 import bpy
-from bpy.props import FloatProperty
 
-from ..class_registration import prop
-from .keymap import Key
 from .operator import OperatorResult
 
 
@@ -48,28 +45,3 @@ class Drag(bpy.types.Operator):
         """End the drag."""
         context.workspace.status_text_set(None)
         return self.end(context, undo=undo)
-
-
-class BrushStroke(Drag):
-    """Mixin: a stroke of a round brush."""
-
-    hint = "Esc or Right Click: Take Back the Stroke"
-
-
-class BrushSize(bpy.types.Operator):
-    """Mixin: change the size of the brush by a factor."""
-
-    bl_options = {"INTERNAL"}
-
-    factor: float = prop(FloatProperty, "Factor", default=1.25)
-
-
-def size_keys(operator: str, tool: str) -> tuple[Key, ...]:
-    """The keys of a :class:`BrushSize`: Ctrl with the wheel, [ and ]."""
-    larger, smaller = (("factor", 1.25),), (("factor", 0.8),)
-    return (
-        Key(operator, "WHEELUPMOUSE", ctrl=True, properties=larger, tools=(tool,)),
-        Key(operator, "WHEELDOWNMOUSE", ctrl=True, properties=smaller, tools=(tool,)),
-        Key(operator, "RIGHT_BRACKET", properties=larger, tools=(tool,)),
-        Key(operator, "LEFT_BRACKET", properties=smaller, tools=(tool,)),
-    )

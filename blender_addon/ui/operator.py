@@ -167,16 +167,3 @@ def call(name: str, context: str = "EXEC_DEFAULT", *, undo: bool = False, **sett
         getattr(operators, name)(context, undo, **settings)
     except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
         raise InputError(str(error).removeprefix("Error: ").strip()) from None
-
-
-class WholeView(bpy.types.GizmoGroup):
-    """Mixin: one gizmo in 3D views that draws itself and says where it is, whatever tool is active."""
-
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "WINDOW"
-    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
-    gizmo = ""
-
-    def setup(self, _context: bpy.types.Context) -> None:
-        """Called by Blender."""
-        self.gizmos.new(self.gizmo).use_draw_modal = True

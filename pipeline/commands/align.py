@@ -61,7 +61,7 @@ def run(arguments: Arguments) -> None:
     if arguments.take_refused and not arguments.refine:
         raise InputError("command line: --take-refused: expected --refine with it")
     from ..alignment.align_case import align_case
-    from ..case.landmark_file import read_landmarks
+    from ..case.landmarks import read_landmarks
 
     output, case = own_output(), _checked_case(arguments)
     if arguments.landmarks:

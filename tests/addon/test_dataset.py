@@ -166,7 +166,7 @@ def test_a_run_makes_the_scripts_dataset_and_saves_its_settings_alone(opened, ca
     ]
     assert run_oneframe("render", snapshot, "--out", tmp_path / "script", "--workers", 1).returncode == 0
     assert tree(out) == tree(tmp_path / "script")
-    background_job._current = None
+    background_job._jobs.clear()
     # what it cannot become is said before anything starts, and nothing is written
     files = tree(out)
     for change, message in ((other_seed, "Seed was 5, is 6"), (change_pose, "the pose has changed")):

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.case.landmark_file import read_landmarks
-from oneframe.case.landmarks import Landmark
+from oneframe.case.landmarks import Landmark, read_landmarks
 from oneframe.errors import InputError
 from tests.case.test_case_writer import landmarks
 from tests.landmark_writer import write_landmarks

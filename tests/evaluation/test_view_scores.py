@@ -4,8 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.evaluation.scores.similarity import similarity, whole_and_parts
-from oneframe.evaluation.scores.view_scores import SCORES, colour_gain, corrected, scores_of
+from oneframe.evaluation.scores.view_scores import (
+    SCORES,
+    colour_gain,
+    corrected,
+    scores_of,
+    similarity,
+    whole_and_parts,
+)
 
 HEIGHT, WIDTH = 180, 240
 

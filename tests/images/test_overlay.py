@@ -7,8 +7,15 @@ from hypothesis import strategies as st
 
 from oneframe.images.layer_stack import Layer, LayerStack, SurfaceLayer
 from oneframe.images.legend import bar_panel, scale_bar
-from oneframe.images.mask_outline import outlines
-from oneframe.images.overlay import DASH_PX, GAP_PX, SMOOTHING_PX, draw_overlay, hidden_opacity, outline_segments
+from oneframe.images.overlay import (
+    DASH_PX,
+    GAP_PX,
+    SMOOTHING_PX,
+    draw_overlay,
+    hidden_opacity,
+    outline_segments,
+    outlines,
+)
 
 SHAPE = 240, 320
 NO_LINES = np.zeros((0, 2, 2))

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.landmark_file import read_landmarks
-from oneframe.case.landmarks import Landmark
+from oneframe.case.landmarks import Landmark, read_landmarks
 from oneframe.commands.__main__ import COMMANDS
 from tests.landmark_writer import write_landmarks
 from tests.waiting import children, is_alive, wait_until

@@ -9,8 +9,7 @@ import trimesh
 from oneframe.camera.pinhole import PinholeCamera, whereabouts
 from oneframe.images.layer_stack import LayerStack
 from oneframe.images.overlay import SMOOTHING_PX, outline_segments
-from oneframe.projection.contour import visible_contours
-from oneframe.projection.overlay_scene import OverlayScene, Solid, structure_layer
+from oneframe.projection.overlay_scene import OverlayScene, Solid, structure_layer, visible_contours
 from oneframe.projection.silhouette import SilhouetteEdges
 from oneframe.projection.z_buffer import inverse_depth_of, rasterise_depth
 from oneframe.sample.distance_field import tube

@@ -1,8 +1,8 @@
 """Processes that render views of one job: numbers go in, and come back as each view is on disk.
 
-A process is the render command with ``--worker``. It reads one number a line, and answers "finished: number" when that
-view is on disk; other lines of its output come from Blender. When its input ends, which also happens if its parent dies
-in any way, it ends at once.
+A process is the render command with ``--worker``. It reads one number a line, and answers "finished: number" when
+that view is on disk; other lines of its output come from Blender. When its input ends, which also happens if its parent
+dies in any way, it ends at once.
 """
 
 import queue
@@ -95,6 +95,10 @@ class RenderProcess:
         with suppress(ValueError):
             self.assigned.remove(index)
         return index
+
+    def is_alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
 
     def close_input(self) -> None:
         """Let it end."""

@@ -1,9 +1,13 @@
 """All scores of one view against the photograph of its pose. Needs ``cv2``."""
 
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
 import numpy as np
 
 from ...images.pixel_values import mask_box
-from .similarity import WINDOW_PX, whole_and_parts
 
 DARKEST, BRIGHTEST = 10 / 255, 250 / 255
 """Code values beyond these are noise or saturated and say nothing about a factor."""
@@ -14,6 +18,10 @@ TUKEY = 4.685
 """Cut-off of Tukey's biweight in standard deviations: 95 % efficiency for normal errors (Huber, Robust Statistics)."""
 MAD_TO_SIGMA = 1.4826
 ROUNDS = 20
+
+WINDOW_PX = 7
+"""Side of SSIM's window (Wang et al. 2004; scikit-image's default)."""
+TILE_PX = 128
 
 
 def colour_gain(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -134,3 +142,145 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
 def direction(score: str) -> int:
     """1 if more of a score is better, -1 if less is, 0 if neither."""
     return int(score.startswith(HIGHER_IS_BETTER)) - int(score.startswith(LOWER_IS_BETTER))
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """Similarity of two images over a mask.
+
+    Attributes
+    ----------
+    ssim
+        Mean structural similarity over the mask, windows that leave the mask included.
+    psnr
+        Peak signal-to-noise ratio, dB; infinite for equal images.
+    mean_error
+        Mean absolute difference of code values, 0..255.
+    correlation
+        Pearson correlation of grey values: unlike the others, invariant to brightness and contrast; NaN where an image
+        is uniform.
+    pixels
+        Pixels of the mask.
+    """
+
+    ssim: float
+    psnr: float
+    mean_error: float
+    correlation: float
+    pixels: int
+
+
+def similarity(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Similarity:
+    """Compare ``(H, W, 3)`` images (code values 0..1) over an ``(H, W)`` bool mask.
+
+    Outside the mask both count as equal, so that only the surface is compared.
+
+    Raises
+    ------
+    ValueError
+        Shapes that differ, or an empty mask.
+    """
+    box = mask_box(mask, WINDOW_PX)
+    return whole_and_parts(real[box], synthetic[box], [mask[box]], 0)[1][0]
+
+
+def whole_and_parts(
+    real: np.ndarray, synthetic: np.ndarray, masks: Sequence[np.ndarray], everything: int
+) -> tuple[tuple[float, float], list[Similarity]]:
+    """Compare over several masks at once, of which the first contains the others.
+
+    Parameters
+    ----------
+    real, synthetic, masks
+        As for :func:`similarity`; black parts of the images may be cut away.
+    everything
+        Pixels of the whole image; 0: it is not asked for.
+
+    Returns
+    -------
+    SSIM and PSNR (dB) of the whole image, both black outside the first mask, as in Zhang & Noble (2024): the black
+    counts as equal, so the less of the image the surface fills, the higher are both. And for each mask what
+    :func:`similarity` gives.
+    """
+    if real.shape != synthetic.shape or any(mask.shape != real.shape[:2] or not mask.any() for mask in masks):
+        raise ValueError(f"expected images and masks of one size, found {real.shape}, {synthetic.shape}, {masks}")
+    real, synthetic = (np.ascontiguousarray(image, np.float32) for image in (real, synthetic))
+    lost, sums = _ssim_sums(real, synthetic, masks, whole=everything > 0)
+    grey = [channel_mean(image) for image in (real, synthetic)]
+    parts, squares = [], []
+    for mask, total in zip(masks, sums, strict=True):
+        pixels, within = int(np.count_nonzero(mask)), mask.astype(np.uint8)
+        squares.append(cv2.norm(real, synthetic, cv2.NORM_L2SQR, within))
+        parts.append(
+            Similarity(
+                ssim=total / pixels,
+                psnr=peak_ratio_db(squares[-1] / (3 * pixels)),
+                mean_error=255 * cv2.norm(real, synthetic, cv2.NORM_L1, within) / (3 * pixels),
+                correlation=_correlation(*(image[mask].astype(float) for image in grey)),
+                pixels=pixels,
+            )
+        )
+    everything = max(everything, 1)
+    return (1 - lost / everything, peak_ratio_db(squares[0] / (3 * everything))), parts
+
+
+def peak_ratio_db(mean_square: float) -> float:
+    """PSNR in dB from the mean squared difference of code values 0..1."""
+    return float("inf") if mean_square == 0 else float(-10 * np.log10(mean_square))
+
+
+def channel_mean(image: np.ndarray) -> np.ndarray:
+    """``(H, W, 3)`` -> ``(H, W)`` float32; numpy is slow along an axis of three."""
+    return cv2.transform(np.ascontiguousarray(image, np.float32), np.full((1, 3), 1 / 3))
+
+
+def _ssim_sums(
+    real: np.ndarray, synthetic: np.ndarray, masks: Sequence[np.ndarray], *, whole: bool
+) -> tuple[float, list[float]]:
+    """What both images, black outside the first mask, lack of an SSIM of 1, and the SSIM in each mask, as sums.
+
+    Tile by tile: in most of them all masks are full, so that one map answers everything, and it stays in the cache.
+    """
+    (height, width), reach = masks[0].shape, WINDOW_PX // 2
+    lost, sums = 0.0, [0.0] * len(masks)
+    for top, left in itertools.product(range(0, height, TILE_PX), range(0, width, TILE_PX)):
+        first = max(top - reach, 0), max(left - reach, 0)
+        around = slice(first[0], top + TILE_PX + reach), slice(first[1], left + TILE_PX + reach)
+        inner = slice(top - first[0], top - first[0] + TILE_PX), slice(left - first[1], left - first[1] + TILE_PX)
+        surface = masks[0][around]
+        if not surface.any():
+            continue
+        a, b, maps = real[around], synthetic[around], {}
+        for number, mask in enumerate(masks):
+            inside = mask[around]
+            if (key := inside.tobytes()) not in maps:
+                maps[key] = _ssim_map(a, b if inside.all() else np.where(inside[..., None], b, a))[inner]
+            sums[number] += float(maps[key][inside[inner]].sum(dtype=float))
+        if whole:
+            black = maps[surface.tobytes()]
+            if not surface.all():
+                black = _ssim_map(*(np.where(surface[..., None], image, np.float32(0)) for image in (a, b)))[inner]
+            lost += black.size - float(black.sum(dtype=float))
+    return lost, sums
+
+
+def _ssim_map(real: np.ndarray, synthetic: np.ndarray) -> np.ndarray:
+    """``(H, W)`` local SSIM, mean over the channels: as scikit-image has it."""
+    sample = np.float32(WINDOW_PX**2 / (WINDOW_PX**2 - 1))
+    real_mean, synthetic_mean = _window_means(real), _window_means(synthetic)
+    products, squares = real_mean * synthetic_mean, real_mean**2 + synthetic_mean**2
+    covariance = sample * (_window_means(real * synthetic) - products)
+    variances = sample * (_window_means(real * real + synthetic * synthetic) - squares)
+    c1, c2 = np.float32(0.01**2), np.float32(0.03**2)
+    found = (2 * products + c1) * (2 * covariance + c2) / ((squares + c1) * (variances + c2))
+    return channel_mean(found)
+
+
+def _window_means(image: np.ndarray) -> np.ndarray:
+    return cv2.blur(image, (WINDOW_PX, WINDOW_PX), borderType=cv2.BORDER_REFLECT)
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    if a.std() == 0 or b.std() == 0:
+        return float("nan")
+    return float(np.corrcoef(a, b)[0, 1])

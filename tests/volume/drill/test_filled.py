@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from oneframe.errors import InputError
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.volume.bone.isosurface import isosurface
-from oneframe.volume.drill.filled import filled
+from oneframe.volume.drill.virtual_drill import filled
 from oneframe.volume.volume import VoxelGrid
 
 

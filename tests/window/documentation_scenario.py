@@ -62,8 +62,9 @@ def landmarks(user: User) -> Action:
             off = WRONG[1] if number == WRONG[0] else rng.normal(0, CLICK_SIGMA_PX, 2)
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
+    yield from user.open_panels("landmark_list")
     with user.context("UI"):
-        bpy.ops.view2d.pan(deltax=0, deltay=-260)
+        bpy.ops.view2d.pan(deltax=0, deltay=-430)
     yield from window_picture(user, "landmarks")
     with user.context():
         operators.oneframe.landmarks_clear()
@@ -155,8 +156,10 @@ def video(user: User) -> Action:
         operators.oneframe.open_video(filepath=str(path))
         scene.frame_set(18)
     yield from user.until(lambda: session.scored(scene).is_full, "the full frame")
+    timeline = next(each for each in user.window.screen.areas if each.type == "DOPESHEET_EDITOR")
+    yield from user.until(lambda: scene.timeline_markers, "the best frames", timeout_s=120)
     yield 0.5
-    yield from window_picture(user, "video")
+    yield from window_picture(user, "video", timeline)
 
 
 def look_at_frame(user: User, beside_panels: bool) -> Action:
@@ -179,12 +182,13 @@ def look_at_frame(user: User, beside_panels: bool) -> Action:
     yield from user.redraw()
 
 
-def window_picture(user: User, name: str) -> Action:
-    """Keep the 3D view with its header, toolbar and sidebar."""
+def window_picture(user: User, name: str, below: bpy.types.Area | None = None) -> Action:
+    """Keep the 3D view with its header, toolbar and sidebar, and an area below it."""
     area = user.area
     # off the sidebar, so that nothing is highlighted there
     yield from user.move((area.x + 0.3 * area.width, area.y + 4))
-    yield from picture(user, name, area.x, area.y, area.width, area.height)
+    bottom = area.y if below is None else below.y
+    yield from picture(user, name, area.x, bottom, area.width, area.y + area.height - bottom)
 
 
 def view_picture(user: User, name: str, width: int) -> Action:

@@ -60,12 +60,25 @@ class User(Hands):
         return sidebar.active_panel_category == tab
 
     def open_panels(self, *names: str) -> Action:
-        """Open panels that are closed at first, such as ``dataset``."""
-        for name in names:
-            panel = getattr(bpy.types, f"ONEFRAME_PT_{name}")
+        """Open panels that are closed at first, such as ``dataset``; Blender lets go of the parts of one renewed."""
+        opened = [getattr(bpy.types, f"ONEFRAME_PT_{name}") for name in names]
+        base = next(kind for kind in opened[0].__mro__ if kind.__name__ == "SidebarPanel")
+
+        def subclasses(kind: type) -> list[type]:
+            return [each for part in kind.__subclasses__() for each in (part, *subclasses(part))]
+
+        def renew(panel: type) -> None:
             bpy.utils.unregister_class(panel)
-            panel.bl_options = panel.bl_options - {"DEFAULT_CLOSED"}
+            if panel in opened:
+                panel.bl_options = panel.bl_options - {"DEFAULT_CLOSED"}
             bpy.utils.register_class(panel)
+            for part in dict.fromkeys(subclasses(base)):
+                if part.__name__.startswith("ONEFRAME_") and getattr(part, "bl_parent_id", "") == panel.__name__:
+                    renew(part)
+
+        for panel in opened:
+            if getattr(bpy.types, getattr(panel, "bl_parent_id", ""), None) not in opened:
+                renew(panel)
         yield from self.redraw()
 
     def press(self, name: str, **settings: object) -> Action:

@@ -1,6 +1,5 @@
 """All scores of one view against the photograph of its pose. Needs ``cv2``."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +20,6 @@ ROUNDS = 20
 
 WINDOW_PX = 7
 """Side of SSIM's window (Wang et al. 2004; scikit-image's default)."""
-TILE_PX = 128
 
 
 def colour_gain(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -82,8 +80,6 @@ SCORES = {
     "psnr_observed": "PSNR inside the observed surface, dB",
     "error_surface": "mean absolute error inside the surface, /255",
     "error_observed": "mean absolute error inside the observed surface, /255",
-    "correlation_surface": "correlation of grey values inside the surface",
-    "correlation_observed": "correlation of grey values inside the observed surface",
     "ssim_whole_corrected": "SSIM of the whole image after correction of exposure and colour",
     "ssim_surface_corrected": "SSIM inside the surface after the correction",
     "ssim_observed_corrected": "SSIM inside the observed surface after the correction",
@@ -95,7 +91,7 @@ SCORES = {
 }
 """The scores of a view, in the order of the table -> what they mean."""
 
-HIGHER_IS_BETTER = ("ssim", "psnr", "correlation")
+HIGHER_IS_BETTER = ("ssim", "psnr")
 LOWER_IS_BETTER = ("error",)
 """Beginnings of names of scores of which more, or less, is better; the others describe views and poses."""
 FEWEST_PIXELS = 64
@@ -134,8 +130,6 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
         for part, each in zip(parts, found, strict=True):
             values[f"ssim_{part}{suffix}"], values[f"psnr_{part}{suffix}"] = each.ssim, each.psnr
             values[f"error_{part}{suffix}"] = each.mean_error
-            if not suffix:
-                values[f"correlation_{part}"] = each.correlation
     return values
 
 
@@ -156,9 +150,6 @@ class Similarity:
         Peak signal-to-noise ratio, dB; infinite for equal images.
     mean_error
         Mean absolute difference of code values, 0..255.
-    correlation
-        Pearson correlation of grey values: unlike the others, invariant to brightness and contrast; NaN where an image
-        is uniform.
     pixels
         Pixels of the mask.
     """
@@ -166,7 +157,6 @@ class Similarity:
     ssim: float
     psnr: float
     mean_error: float
-    correlation: float
     pixels: int
 
 
@@ -205,22 +195,17 @@ def whole_and_parts(
     if real.shape != synthetic.shape or any(mask.shape != real.shape[:2] or not mask.any() for mask in masks):
         raise ValueError(f"expected images and masks of one size, found {real.shape}, {synthetic.shape}, {masks}")
     real, synthetic = (np.ascontiguousarray(image, np.float32) for image in (real, synthetic))
-    lost, sums = _ssim_sums(real, synthetic, masks, whole=everything > 0)
-    grey = [channel_mean(image) for image in (real, synthetic)]
     parts, squares = [], []
-    for mask, total in zip(masks, sums, strict=True):
+    for mask in masks:
         pixels, within = int(np.count_nonzero(mask)), mask.astype(np.uint8)
         squares.append(cv2.norm(real, synthetic, cv2.NORM_L2SQR, within))
-        parts.append(
-            Similarity(
-                ssim=total / pixels,
-                psnr=peak_ratio_db(squares[-1] / (3 * pixels)),
-                mean_error=255 * cv2.norm(real, synthetic, cv2.NORM_L1, within) / (3 * pixels),
-                correlation=_correlation(*(image[mask].astype(float) for image in grey)),
-                pixels=pixels,
-            )
-        )
-    everything = max(everything, 1)
+        ssim = _ssim_map(real, np.where(mask[..., None], synthetic, real))[mask].mean(dtype=float)
+        mean_error = 255 * cv2.norm(real, synthetic, cv2.NORM_L1, within) / (3 * pixels)
+        parts.append(Similarity(float(ssim), peak_ratio_db(squares[-1] / (3 * pixels)), mean_error, pixels))
+    if not everything:
+        return (float("nan"), float("nan")), parts
+    black = _ssim_map(*(np.where(masks[0][..., None], image, np.float32(0)) for image in (real, synthetic)))
+    lost = black.size - float(black.sum(dtype=float))
     return (1 - lost / everything, peak_ratio_db(squares[0] / (3 * everything))), parts
 
 
@@ -232,36 +217,6 @@ def peak_ratio_db(mean_square: float) -> float:
 def channel_mean(image: np.ndarray) -> np.ndarray:
     """``(H, W, 3)`` -> ``(H, W)`` float32; numpy is slow along an axis of three."""
     return cv2.transform(np.ascontiguousarray(image, np.float32), np.full((1, 3), 1 / 3))
-
-
-def _ssim_sums(
-    real: np.ndarray, synthetic: np.ndarray, masks: Sequence[np.ndarray], *, whole: bool
-) -> tuple[float, list[float]]:
-    """What both images, black outside the first mask, lack of an SSIM of 1, and the SSIM in each mask, as sums.
-
-    Tile by tile: in most of them all masks are full, so that one map answers everything, and it stays in the cache.
-    """
-    (height, width), reach = masks[0].shape, WINDOW_PX // 2
-    lost, sums = 0.0, [0.0] * len(masks)
-    for top, left in itertools.product(range(0, height, TILE_PX), range(0, width, TILE_PX)):
-        first = max(top - reach, 0), max(left - reach, 0)
-        around = slice(first[0], top + TILE_PX + reach), slice(first[1], left + TILE_PX + reach)
-        inner = slice(top - first[0], top - first[0] + TILE_PX), slice(left - first[1], left - first[1] + TILE_PX)
-        surface = masks[0][around]
-        if not surface.any():
-            continue
-        a, b, maps = real[around], synthetic[around], {}
-        for number, mask in enumerate(masks):
-            inside = mask[around]
-            if (key := inside.tobytes()) not in maps:
-                maps[key] = _ssim_map(a, b if inside.all() else np.where(inside[..., None], b, a))[inner]
-            sums[number] += float(maps[key][inside[inner]].sum(dtype=float))
-        if whole:
-            black = maps[surface.tobytes()]
-            if not surface.all():
-                black = _ssim_map(*(np.where(surface[..., None], image, np.float32(0)) for image in (a, b)))[inner]
-            lost += black.size - float(black.sum(dtype=float))
-    return lost, sums
 
 
 def _ssim_map(real: np.ndarray, synthetic: np.ndarray) -> np.ndarray:
@@ -278,9 +233,3 @@ def _ssim_map(real: np.ndarray, synthetic: np.ndarray) -> np.ndarray:
 
 def _window_means(image: np.ndarray) -> np.ndarray:
     return cv2.blur(image, (WINDOW_PX, WINDOW_PX), borderType=cv2.BORDER_REFLECT)
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    if a.std() == 0 or b.std() == 0:
-        return float("nan")
-    return float(np.corrcoef(a, b)[0, 1])

@@ -5,8 +5,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 
 import hypothesis
@@ -17,7 +18,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.frame import PosedFrame
 from oneframe.case.loaded_case import LoadedCase, LoadedSurface
-from oneframe.files.lock import alone
+from oneframe.files.lock import Busy, FileLock
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
@@ -29,6 +30,22 @@ hypothesis.settings.load_profile("any machine")
 
 # before any import of bpy: a user's own Blender configuration must not reach the tests
 os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="oneframe-test-"))
+
+
+@contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Wait until no other process holds this lock, hold it in the block, and remove its file in the end."""
+    while True:
+        with suppress(Busy, FileNotFoundError):
+            lock = FileLock(path)
+            break
+        time.sleep(0.1)
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # Windows removes no open files
+            path.unlink()
+        lock.release()
 
 
 _EXIT_STATUS = pytest.StashKey[int]()

@@ -6,9 +6,6 @@ one dataset write the same bytes, and each file whole; only the work is done twi
 
 import errno
 import os
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 
 BUSY = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}
@@ -71,19 +68,3 @@ class FileLock:
     def release(self) -> None:
         """Give the lock back."""
         self._stream.close()
-
-
-@contextmanager
-def alone(path: Path) -> Iterator[None]:
-    """Wait until no other process holds this lock, hold it in the block, and remove its file in the end."""
-    while True:
-        with suppress(Busy, FileNotFoundError):
-            lock = FileLock(path)
-            break
-        time.sleep(0.1)
-    try:
-        yield
-    finally:
-        with suppress(OSError):  # Windows removes no open files
-            path.unlink()
-        lock.release()

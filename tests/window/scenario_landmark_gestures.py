@@ -37,7 +37,8 @@ def scenario(user):
 
 def miss(user):
     """A press beside surface and frame picks nothing, says so at the pointer, and leaves the keys their meaning."""
-    wireframes = [bpy.context.scene.oneframe_view.wireframe]
+    surface = bpy.context.scene.oneframe.surface
+    wireframes = [surface.display_type == "WIRE"]
     pixel = np.array([450.0, 735.0])
     assert surface_point_at(bpy.context.scene, pixel) is None
     outside = place(user, pixel)
@@ -47,7 +48,7 @@ def miss(user):
         yield from user.drag(start, (outside[0] + 5, outside[1]), **modifier)
         yield from user.key("TWO")
         yield 0.3
-        wireframes.append(bpy.context.scene.oneframe_view.wireframe)
+        wireframes.append(bpy.context.scene.oneframe.surface.display_type == "WIRE")
         assert not entries(), modifier
     assert wireframes == [False, True, False, True], wireframes
     yield from user.key("TWO")

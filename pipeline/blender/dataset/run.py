@@ -9,7 +9,6 @@ from typing import TextIO
 
 import numpy as np
 
-from ...case.loaded_case import frame_overlay
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.checksums import FileSurvey, survey_files, write_checksums
 from ...dataset.dataset_file import read_description
@@ -223,8 +222,7 @@ def _write_tables(job: OpenJob, renderer: ViewRenderer, report: Callable[[str], 
     tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)
     occluded = job.job.options.occluders > 0
     write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale, occluded=occluded)
-    picture = frame_overlay(job.loaded, renderer.reference.view.depth_mm)
-    write_bytes_atomically(out / "overlay.png", encode_png(to_uint8(picture)))
+    write_bytes_atomically(out / "overlay.png", encode_png(to_uint8(renderer.frame_overlay())))
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
     images = [read_image(ViewPaths(out, int(index)).file("rgb"))[0] for index in chosen]
     sheet = contact_sheet(images, columns=min(SHEET_COLUMNS, len(images)), tile_width=SHEET_TILE_PX)

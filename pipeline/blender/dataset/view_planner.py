@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...case.loaded_case import LoadedCase
+from ...case.loaded_case import LoadedCase, frame_overlay
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...colour.reference_view import ReferenceView, limited_to_incidence, without_highlights
 from ...dataset.description import distribution_of, trajectory_of, view_camera
@@ -51,7 +51,7 @@ class ViewPlanner:
         given_poses
             ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
         """
-        self._options = options
+        self._loaded, self._options = loaded, options
         self._count = options.count if given_poses is None else len(given_poses)
         self.camera = view_camera(loaded, options)
         if options.highlights == DROP:
@@ -107,6 +107,10 @@ class ViewPlanner:
         if isinstance(self._distribution, Listed) and not any(plan.statistics.surface_fraction for plan in plans):
             return f"poses: the first {len(plans)} show no surface; {OTHER_CONVENTION}"
         return sampling_doubt([plan.attempts for plan in plans])
+
+    def frame_overlay(self) -> np.ndarray:
+        """The frame with the surface's outline and the structures, to judge the alignment."""
+        return frame_overlay(self._loaded, self.reference.view.depth_mm)
 
     def video_poses(self, frames: int) -> np.ndarray:
         """``(frames, 4, 4)`` poses of the video's trajectory, ``cam_from_model``, mm."""

@@ -74,13 +74,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def platforms(names: Sequence[str]) -> list[str]:
-    """Blender's names of the platforms that ``--platform`` asks for.
-
-    Raises
-    ------
-    RunError
-        OpenCV has no wheel for this computer.
-    """
+    """Blender's names of the platforms that ``--platform`` asks for."""
     if "all" in names:
         return list(WHEEL_TAGS)
     if "current" in names and this_platform() not in WHEEL_TAGS:
@@ -111,13 +105,6 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
     Yields
     ------
     Each zip once Blender has found it valid.
-
-    Raises
-    ------
-    InputError
-        Blender refuses the extension, or there is no Blender to build with.
-    RunError
-        A wheel cannot be downloaded.
     """
     tool, tags = _extension_tool(blender)
     wheels = [path for name in names for path in wheels_for(name)]
@@ -172,13 +159,7 @@ def _toml_list(texts: Iterable[str]) -> str:
 
 
 def sample_case() -> Path:
-    """The folder of the sample case for the extension; made once, and again when the code that makes it has changed.
-
-    Raises
-    ------
-    RunError
-        It cannot be made: the environment lacks Blender's module, SciPy or scikit-image.
-    """
+    """The folder of the sample case for the extension; made once, and again when the code that makes it has changed."""
     sources = sorted(path for part in SAMPLE_SOURCES for path in (ROOT / "pipeline" / part).rglob("*.py"))
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
     folder = SAMPLE_CACHE / digest[:12]
@@ -204,8 +185,6 @@ def wheels_for(name: str) -> list[Path]:
     ----------
     name
         Blender's name of the platform.
-
-    Errors are those of :func:`wheels`.
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av="))]
@@ -257,11 +236,6 @@ def wheels(requirements: Sequence[str], name: str, python: str) -> list[Path]:
         Blender's name of the platform.
     python
         The Python for which they are, or the oldest one.
-
-    Raises
-    ------
-    RunError
-        pip cannot download them.
     """
     folder = WHEEL_CACHE / name
     if missing := [each for each in requirements if not _newest(folder, _patterns(each, python))]:

@@ -12,6 +12,7 @@ from ..pipeline.blender.dataset.job import light_of, own_instruments
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.dataset.description import input_files
+from ..pipeline.dataset.layout import CONTACT_SHEET
 from ..pipeline.dataset.options import LIGHTS
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -25,7 +26,6 @@ from .snapshot import save_settings, usual_output, write_snapshot
 from .wording import in_window_words
 
 SCRIPT = "render_dataset.py"
-CONTACT_SHEET = "contact_sheet.png"
 PREVIEW_IMAGES = {light: f"OneFrame preview, light {light}" for light in LIGHTS}
 """Of a view in each light: the panel switches between before and after."""
 PREVIEW_KEY, PREVIEW_SUMMARY = "oneframe_key", "oneframe_summary"

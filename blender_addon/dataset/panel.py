@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..pipeline.dataset.layout import CONTACT_SHEET
 from ..pipeline.dataset.options import LENS, NONE, PATHS, SHADOWS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -117,7 +118,7 @@ class ONEFRAME_PT_dataset_run(SidebarPanel):
         if folder is not None:
             row = layout.row(align=True)
             row.operator("wm.path_open", text="Open Folder", icon="FILE_FOLDER").filepath = str(folder)
-            if (folder / operators.CONTACT_SHEET).is_file():
+            if (folder / CONTACT_SHEET).is_file():
                 row.operator("oneframe.contact_sheet", icon="IMAGE_REFERENCE")
 
 

@@ -39,9 +39,10 @@ FURTHER = "right"
 """Within the folder of a dataset or a pack: another one, of the same views by another camera."""
 CASES = "cases"
 """Of a queue: the folder of its datasets."""
+CONTACT_SHEET = "contact_sheet.png"
 TABLES = (
     "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", TARGETS, "dataset_info.md",
-    "overlay.png", "contact_sheet.png",
+    "overlay.png", CONTACT_SHEET,
 )  # fmt: skip
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
@@ -49,6 +50,13 @@ FOLDERS = (*MODEL_FOLDERS, "video", SPLIT)
 """The folders beside ``dataset.json`` that a run writes into, apart from :data:`WORK`."""
 KINDS = (*TRUTHS, "frame")
 """Kinds of a view's files, each in a folder of its own: its arrays and its record."""
+
+
+def evenly_spaced(count: int, most: int) -> list[int]:
+    """Numbers of ``most`` evenly spaced ones of ``count`` views; all if ``most`` is 0 or too large."""
+    if not 0 < most < count:
+        return list(range(count))
+    return sorted(set(np.linspace(0, count - 1, most).round().astype(int).tolist()))
 
 
 def datasets_in(folder: Path) -> list[Path]:

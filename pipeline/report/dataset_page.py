@@ -14,7 +14,7 @@ import numpy as np
 from ..dataset.check.check_dataset import CheckReport
 from ..dataset.check.findings import printable
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import RECORD, ViewPaths, largest_view_file
+from ..dataset.layout import RECORD, ViewPaths, evenly_spaced, largest_view_file
 from ..dataset.run.resume_record import ViewRecord, read_record
 from ..errors import InputError, RunError
 from ..files.content import read_content
@@ -54,9 +54,7 @@ def dataset_page(
         Stream for the progress.
     """
     description = read_description(root / RECORD)
-    numbers = list(range(description.count))
-    if 0 < views < description.count:
-        numbers = sorted(set(np.linspace(0, description.count - 1, views).round().astype(int).tolist()))
+    numbers = evenly_spaced(description.count, views)
     width_px = _width_px(description, len(numbers))
     # OpenCV decodes and encodes without Python's lock
     with ThreadPoolExecutor(4) as pool, Progress(len(numbers), "views", stream=stream) as shown:

@@ -12,7 +12,7 @@ import numpy as np
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.checksums import FileSurvey, survey_files, write_checksums
 from ...dataset.dataset_file import read_description
-from ...dataset.layout import RECORD, VIDEO_FILES, ViewPaths, other_files
+from ...dataset.layout import CONTACT_SHEET, RECORD, VIDEO_FILES, ViewPaths, evenly_spaced, other_files
 from ...dataset.option_arguments import option_arguments
 from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished
 from ...dataset.run.run_folder import RunFolder, check_description
@@ -223,11 +223,10 @@ def _write_tables(job: OpenJob, renderer: ViewRenderer, report: Callable[[str], 
     occluded = job.job.options.occluders > 0
     write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale, occluded=occluded)
     write_bytes_atomically(out / "overlay.png", encode_png(to_uint8(renderer.frame_overlay())))
-    chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
-    images = [read_image(ViewPaths(out, int(index)).file("rgb"))[0] for index in chosen]
+    images = [read_image(ViewPaths(out, index).file("rgb"))[0] for index in evenly_spaced(job.count, SHEET_VIEWS)]
     sheet = contact_sheet(images, columns=min(SHEET_COLUMNS, len(images)), tile_width=SHEET_TILE_PX)
-    write_bytes_atomically(out / "contact_sheet.png", encode_png(to_uint8(sheet)))
-    report(f"contact sheet: {out / 'contact_sheet.png'}")
+    write_bytes_atomically(out / CONTACT_SHEET, encode_png(to_uint8(sheet)))
+    report(f"contact sheet: {out / CONTACT_SHEET}")
     return tally
 
 

@@ -33,6 +33,7 @@ from ..layout import (
     ViewPaths,
     advice_without_record,
     check_no_pack,
+    evenly_spaced,
 )
 from ..model_file import read_model
 from ..run.resume_record import ViewRecord, read_record
@@ -149,7 +150,7 @@ class _Check:
 
     def __init__(self, root: Path, description: Description, findings: Findings, *, views: int, hashes: bool) -> None:
         self._root, self._description, self._findings, self._hashes = root, description, findings, hashes
-        self._chosen = _evenly_spaced(description.count, views)
+        self._chosen = set(evenly_spaced(description.count, views))
         self._poses: dict[int, np.ndarray] = {}
         self._finest_scale = np.inf
         self._compared: list[DepthAgreement] = []
@@ -254,13 +255,6 @@ class _Check:
                 paths = ViewPaths(root, index)
                 found = read_record(paths).cam_from_model
                 require_pose(found, right_eye @ pose, f"{FURTHER}/{paths.relative('frame')}", "the left eye, beside it")
-
-
-def _evenly_spaced(count: int, views: int) -> set[int] | range:
-    """Numbers of ``views`` evenly spaced ones of ``count`` views; all if ``views`` is 0 or too large."""
-    if not views or views >= count:
-        return range(count)
-    return set(np.linspace(0, count - 1, views).round().astype(int).tolist())
 
 
 def check_model(root: Path, description: Description, findings: Findings) -> TriangleMesh | None:

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,7 +85,7 @@ def evaluation_run(
     if inception is not None:
         inputs["network"] = inception
         network = Inception(inception)
-    check_own_folder(out, r"frames\.csv|summary\.md|figure\.png", inputs)
+    check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), inputs)
     return EvaluationRun(out, inputs, cases, methods, seed, network)
 
 

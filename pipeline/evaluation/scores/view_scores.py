@@ -1,10 +1,11 @@
-"""All scores of one view against the photograph of its pose. Needs ``cv2``."""
+"""All scores of one view against the photograph of its pose. Needs ``cv2`` and ``skimage``."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from skimage.metrics import structural_similarity
 
 from ...images.pixel_values import mask_box
 
@@ -214,22 +215,7 @@ def peak_ratio_db(mean_square: float) -> float:
     return float("inf") if mean_square == 0 else float(-10 * np.log10(mean_square))
 
 
-def channel_mean(image: np.ndarray) -> np.ndarray:
-    """``(H, W, 3)`` -> ``(H, W)`` float32; numpy is slow along an axis of three."""
-    return cv2.transform(np.ascontiguousarray(image, np.float32), np.full((1, 3), 1 / 3))
-
-
 def _ssim_map(real: np.ndarray, synthetic: np.ndarray) -> np.ndarray:
-    """``(H, W)`` local SSIM, mean over the channels: as scikit-image has it."""
-    sample = np.float32(WINDOW_PX**2 / (WINDOW_PX**2 - 1))
-    real_mean, synthetic_mean = _window_means(real), _window_means(synthetic)
-    products, squares = real_mean * synthetic_mean, real_mean**2 + synthetic_mean**2
-    covariance = sample * (_window_means(real * synthetic) - products)
-    variances = sample * (_window_means(real * real + synthetic * synthetic) - squares)
-    c1, c2 = np.float32(0.01**2), np.float32(0.03**2)
-    found = (2 * products + c1) * (2 * covariance + c2) / ((squares + c1) * (variances + c2))
-    return channel_mean(found)
-
-
-def _window_means(image: np.ndarray) -> np.ndarray:
-    return cv2.blur(image, (WINDOW_PX, WINDOW_PX), borderType=cv2.BORDER_REFLECT)
+    """``(H, W)`` local SSIM, mean over the channels."""
+    _, found = structural_similarity(real, synthetic, win_size=WINDOW_PX, channel_axis=2, data_range=1.0, full=True)
+    return found.mean(axis=2)

@@ -7,7 +7,7 @@ from ..files.numbers import format_two_digits
 from ..transforms import inverse_rigid, transform_points
 from .landmarks.align_landmarks import Alignment, landmark_arrays
 from .pose_uncertainty import ellipse_outlines
-from .refinement.verdict import Refinement
+from .refinement.verdict import Refinement, known
 
 CONVENTION = (
     "cam_from_mesh maps points of the mesh file (mm) to a camera with OpenCV axes: x right, y down, z forward; "
@@ -113,16 +113,16 @@ def refinement_table(refinement: Refinement, mesh_from_model: np.ndarray, *, tak
         "taken_although_refused": taken,
         "message": refinement.message,
         "found_cam_from_mesh": cam_from_mesh.tolist(),
-        "moved_px": _known(refinement.moved_px),
-        "moved_deg": _known(refinement.rotation_deg),
-        "before": {"explained": refinement.before.score, "error_px": _known(refinement.before.error_px)},
+        "moved_px": known(refinement.moved_px),
+        "moved_deg": known(refinement.rotation_deg),
+        "before": {"explained": refinement.before.score, "error_px": known(refinement.before.error_px)},
         "after": {
             "explained": refinement.after.score,
-            "error_px": _known(refinement.after.error_px),
+            "error_px": known(refinement.after.error_px),
             "error_is_lower_bound": not refinement.verified,
         },
-        "split_half_px": None if tests is None else _known(tests.split_half_px),
-        "second_peak_ratio": None if tests is None else _known(tests.second_peak_ratio),
+        "split_half_px": None if tests is None else known(tests.split_half_px),
+        "second_peak_ratio": None if tests is None else known(tests.second_peak_ratio),
         "uncertainty": None if uncertainty is None else uncertainty.table(mesh_from_model),
     }
 
@@ -141,10 +141,6 @@ def _rows(matrix: np.ndarray) -> list[str]:
 
 def _three(values: np.ndarray) -> str:
     return ", ".join(map(format_two_digits, values))
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def marked(picture: np.ndarray, alignment: Alignment) -> np.ndarray:

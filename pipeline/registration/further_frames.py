@@ -100,9 +100,8 @@ class FrameReader:
             self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
         except InputError as error:
             return self._unusable(path.name, number, str(error).removeprefix(f"{path.name}: "))
-        small = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
+        small, shown = _reduced(image, valid, self.camera.size_wh)
         frame = self._undistorted(path.name, number, to_uint8(small))
-        shown = cv2.resize(valid.astype(np.float32), self.camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
         return replace(frame, valid=frame.valid & shown)
 
     def _unusable(self, name: str, number: int, problem: str) -> FurtherFrame:
@@ -132,9 +131,16 @@ def image_paths(folder: Path) -> list[Path]:
 def small_frame(frame: PosedFrame, longer_side_px: int = LONGER_SIDE_PX) -> PosedFrame:
     """A frame at the size at which frames are registered, or at another one."""
     camera = frame.camera.within(longer_side_px)
-    image = cv2.resize(frame.image, camera.size_wh, interpolation=cv2.INTER_AREA)
-    valid = cv2.resize(frame.valid.astype(np.float32), camera.size_wh, interpolation=cv2.INTER_AREA) > 0.99
+    image, valid = _reduced(frame.image, frame.valid, camera.size_wh)
     return replace(frame, image=image, valid=valid, camera=camera)
+
+
+def _reduced(image: np.ndarray, valid: np.ndarray, size_wh: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """An image in another size, and which of its pixels are made of valid ones alone."""
+    small, share = (
+        cv2.resize(each, size_wh, interpolation=cv2.INTER_AREA) for each in (image, valid.astype(np.float32))
+    )
+    return small, share > 0.99
 
 
 def evenly(things: Sequence, most: int) -> list:

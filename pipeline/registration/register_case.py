@@ -234,8 +234,9 @@ def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np
     if not poses:
         return ()
     if frames.is_dir():
+        paths = image_paths(frames)
         for number in poses:
-            files[number] = image_paths(frames)[number]
+            files[number] = paths[number]
             sizes[number] = read_frame(files[number]).size_wh
     else:
         with Film(frames, width=case.camera.width) as film:

@@ -12,15 +12,12 @@ from .bone.bone_surface import STEPS, BoneSurface, Finish, Report, bone_surface,
 from .bone.isosurface import RemovedField
 from .bone.structures import structure_meshes
 from .drill.drill_plan import DrillPlan
-from .drill.virtual_drill import removed_by_plan
+from .drill.virtual_drill import FAR_MM, removed_by_plan
 from .simple_itk import resampled
 from .volume import LabelMap, Volume, VoxelGrid, box_around, box_slices
 
 STRUCTURES_STAGE = "of the structures"
 """The name of the first stage, before those of :data:`.STAGES`."""
-
-FAR_MM = 1e3
-"""Distance where nothing is removed."""
 
 _SLOPE = 0.5
 """Slope at the border of a mask averaged over a voxel and its neighbours: its share of a voxel per voxel."""

@@ -96,16 +96,17 @@ class Refinement:
             date=date,
             refused="" if self.accepted else self.objection,
             start_method=start.method,
-            error_px=_known(self.after.error_px),
-            start_error_px=_known(self.before.error_px),
-            explained=_known(self.after.score),
-            moved_px=_known(self.moved_px),
-            moved_deg=_known(self.rotation_deg),
+            error_px=known(self.after.error_px),
+            start_error_px=known(self.before.error_px),
+            explained=known(self.after.score),
+            moved_px=known(self.moved_px),
+            moved_deg=known(self.rotation_deg),
             **({} if uncertainty is None else uncertainty.deviations()),
         )
 
 
-def _known(value: float) -> float | None:
+def known(value: float) -> float | None:
+    """A finite number as such, else ``None``."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -19,7 +19,7 @@ from ..volume import VoxelGrid, box_slices
 from .drill_plan import DrillPlan, check_margins
 
 FAR_MM = np.float32(1e3)
-"""Distance where no stroke comes near."""
+"""Distance where nothing is removed."""
 
 _REACH_VOXELS = 2.0
 """Around a stroke and a margin, where distances count: both ends of an edge of the grid that is cut lie there."""

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from oneframe.errors import InputError
 from oneframe.transforms import rigid
 from oneframe.volume.bone.isosurface import RemovedField, isosurface
-from oneframe.volume.make_surface import FAR_MM, removed_by_labels, united
+from oneframe.volume.drill.virtual_drill import FAR_MM
+from oneframe.volume.make_surface import removed_by_labels, united
 from oneframe.volume.volume import LabelMap, Volume, VoxelGrid
 from tests.volume.solids import oblique_grid, voxel_centres
 

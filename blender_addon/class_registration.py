@@ -73,6 +73,13 @@ def timers(*functions: Callable[[], float | None]) -> Part:
     return at_end(stop)
 
 
+def ticking(timer: Callable[[], float], seconds: float) -> Part:
+    """A timer that goes on as long as the add-on is enabled, through files that are opened."""
+    return Part(
+        lambda: bpy.app.timers.register(timer, first_interval=seconds, persistent=True), timers(timer).unregister
+    )
+
+
 def at_end(*functions: Callable[[], object]) -> Part:
     """What is left to do when the add-on is disabled: free memory, take pictures away."""
     return Part(lambda: None, lambda: [function() for function in functions])

@@ -15,7 +15,7 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import IntProperty
 
-from ..class_registration import Part, at_end, listening, prop, timers
+from ..class_registration import at_end, listening, prop, ticking
 from ..pipeline.case.case_changes import differing_fields
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_history import EarlierCase, add_to_history, earlier_cases, history_path
@@ -233,6 +233,5 @@ PARTS = (
     listening(bpy.app.handlers.load_pre, flush),
     listening(another_frame.leaving, flush),
     at_end(flush),
-    timers(_tick),
-    Part(lambda: bpy.app.timers.register(_tick, first_interval=TICK_S, persistent=True), lambda: None),
+    ticking(_tick, TICK_S),
 )

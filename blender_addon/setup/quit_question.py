@@ -6,7 +6,7 @@ It is a preference of the user's, which is as before as soon as anything else co
 import bpy
 from bpy.app.handlers import persistent
 
-from ..class_registration import Part, at_end, listening, timers
+from ..class_registration import at_end, listening, ticking
 from ..dataset import background_job
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..state import from_scene, workbench
@@ -58,6 +58,5 @@ def _ask_again(*_arguments: object) -> None:
 PARTS = (
     at_end(_ask_again),
     listening(bpy.app.handlers.load_pre, _ask_again),
-    timers(_tick),
-    Part(lambda: bpy.app.timers.register(_tick, first_interval=TICK_S, persistent=True), lambda: None),
+    ticking(_tick, TICK_S),
 )

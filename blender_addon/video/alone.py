@@ -45,14 +45,22 @@ class FrameAlone(Pane):
         draw_texture_2d(_texture(picture, tuple(np.rint(size).astype(int).tolist())), (left, below), *size)
 
 
+_latest: list[tuple[np.ndarray, gpu.types.GPUTexture]] = []
+"""The picture that was drawn last, and its texture: a view is drawn again for every move of the pointer."""
+
+
 def _texture(picture: np.ndarray, size_wh: tuple[int, int]) -> gpu.types.GPUTexture:
     """A picture ``(H, W, 3)`` uint8 RGB on the GPU, at its size on the screen, so that it is sharp there."""
+    if _latest and _latest[0][0] is picture and (_latest[0][1].width, _latest[0][1].height) == size_wh:
+        return _latest[0][1]
     shrinks = size_wh[0] < picture.shape[1]
     sized = cv2.resize(picture, size_wh, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
     rgba = np.ones((size_wh[1], size_wh[0], 4), np.float32)
     # Blender's shader for images takes code values
     rgba[..., :3] = sized[::-1].astype(np.float32) / 255
-    return gpu.types.GPUTexture(size_wh, format="RGBA8", data=gpu.types.Buffer("FLOAT", rgba.size, rgba))
+    texture = gpu.types.GPUTexture(size_wh, format="RGBA8", data=gpu.types.Buffer("FLOAT", rgba.size, rgba))
+    _latest[:] = [(picture, texture)]
+    return texture
 
 
 @lru_cache(maxsize=1)
@@ -62,4 +70,4 @@ def _frame(path: Path, stamp: Stamp) -> np.ndarray | None:
     return None if image is None else cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
-PARTS = (at_end(_frame.cache_clear),)
+PARTS = (at_end(_frame.cache_clear, _latest.clear),)

@@ -1,1 +1,1 @@
-"""Panel *Queue*: many frames of one surface, one after the other."""
+"""In panel *Frames*: many frames of one surface, one after the other."""

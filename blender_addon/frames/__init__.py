@@ -1,1 +1,1 @@
-"""Panel *Frames*: the other frames of the film find their poses, correct the first one, and colour the surface."""
+"""Panel *Frames*: the other frames of the surface, those of a queue and those of the film, whose poses are found."""

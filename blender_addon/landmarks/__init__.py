@@ -1,1 +1,1 @@
-"""Panel *Landmarks*: the pose from 2D-3D correspondences, and its uncertainty."""
+"""Panel *Pin*: the pose from 2D-3D correspondences, and its uncertainty."""

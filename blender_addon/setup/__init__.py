@@ -1,1 +1,1 @@
-"""Panel *Set up*: open a case, or load frame, camera and surface in any order."""
+"""Panels *Open*, *Save* and *History*: open a case, or load frame, camera and surface in any order."""

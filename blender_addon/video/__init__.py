@@ -1,1 +1,1 @@
-"""In *Set up*: a video with its scores, to choose the frame from in Blender's Timeline."""
+"""Below *Open*: a video with its scores, to choose the frame from in Blender's Timeline."""

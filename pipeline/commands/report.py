@@ -24,7 +24,7 @@ class Arguments:
     """What the command takes."""
 
     folder: Path = positional("DIR", "folder of the dataset")
-    views: int = option("N", "show N evenly spaced views, 0 for all (default %(default)s)", 1000, least=0)
+    views: int = option("N", "show N evenly spaced views, 0 for all (default %(default)s)", DEFAULT_VIEWS, least=0)
     no_check: bool = switch("skip the check, which reads every file of the dataset")
     out: Path = option("FILE", "HTML page to write", MISSING)
 

@@ -227,8 +227,7 @@ class _Check:
             stored = check_images(paths, record, description)
             if surface is not None:
                 with findings.collecting("views whose pose does not fit the pixels"):
-                    if (fit := check_pose(paths, record, stored, surface)) is not None:
-                        self._compared.append(fit)
+                    self._compared.append(check_pose(paths, record, stored, surface))
 
     def _check_poses(self) -> None:
         """Compare listed poses with their hash."""

@@ -2,7 +2,7 @@
 
 The model's triangles are scan-converted and depth-tested here, in numpy (:mod:`oneframe.projection.z_buffer`), without
 Blender and without its rays. So the comparison tests exactly what the dataset promises: mesh, pose, K, pixel origin,
-depth scale and depth image. Needs cv2.
+depth scale and depth image. Where a mesh surrounds the camera, rays find the triangles instead. Needs cv2.
 """
 
 from dataclasses import dataclass
@@ -11,8 +11,10 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...projection.rays import MeshRays
 from ...projection.z_buffer import is_within_limits, rasterise_depth
 from ...surface.mesh import TriangleMesh
+from ...transforms import camera_centre
 
 RAY_PX = 0.03
 """Largest distance of a renderer's ray from the pixel's centre, px: on a slope it causes a depth error."""
@@ -73,19 +75,22 @@ class DepthAgreement:
         return ", ".join(parts)
 
 
-def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> SurfaceDepth | None:
-    """Depth of a mesh (model frame) at every pixel's centre, of front and back faces.
-
-    ``None`` if it reaches behind the camera, or too far out of the image for the z-buffer.
-    """
-    if not is_within_limits(mesh, camera, cam_from_model):
-        return None
-    inverse_depth, face = rasterise_depth(mesh, camera, cam_from_model)
-    z = np.divide(1.0, inverse_depth, out=np.zeros_like(inverse_depth), where=face >= 0)
+def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> SurfaceDepth:
+    """Depth of a mesh (model frame) at every pixel's centre, of front and back faces."""
     # the inverse depth of a plane n . x = offset is affine in the pixel: n . (rays) / offset
     rotation, translation = cam_from_model[:3, :3], cam_from_model[:3, 3]
     normals = mesh.face_cross @ rotation.T
     offsets = mesh.plane_offsets + normals @ translation
+    if is_within_limits(mesh, camera, cam_from_model):
+        inverse_depth, face = rasterise_depth(mesh, camera, cam_from_model)
+    else:
+        # the z-buffer would leave out what reaches behind the camera or far out of the image
+        rays_cam = camera.rays_cam(camera.pixel_grid())
+        directions = (rays_cam.reshape(-1, 3) @ rotation).astype(np.float32)
+        origins = np.tile(camera_centre(cam_from_model).astype(np.float32), (len(directions), 1))
+        face = MeshRays(mesh).first_hits(origins, directions).face.reshape(camera.shape_hw)
+        inverse_depth = (normals[face] * rays_cam).sum(axis=-1) / np.where(face >= 0, offsets[face], 1.0)
+    z = np.divide(1.0, inverse_depth, out=np.zeros_like(inverse_depth), where=face >= 0)
     gradients = np.divide(
         normals[:, :2], offsets[:, None], out=np.zeros((len(normals), 2)), where=offsets[:, None] != 0
     )

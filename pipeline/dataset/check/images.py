@@ -36,15 +36,10 @@ def check_images(paths: ViewPaths, record: ViewRecord, description: Description)
     return stored
 
 
-def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement | None:
-    """Check that the depth image and the numbers of the silhouette are those of the surface at the view's pose.
-
-    ``None`` where the surface cannot be projected, see :func:`.surface_depth`.
-    """
+def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: SilhouetteEdges) -> DepthAgreement:
+    """Check that the depth image and the numbers of the silhouette are those of the surface at the view's pose."""
     camera, pose = stored.camera, stored.cam_from_model
     occluder, projected = stored.occluder, surface_depth(surface.mesh, camera, pose)
-    if projected is None:
-        return None
     depth = np.where(occluder, np.uint16(0), stored.arrays["depth"])
     found = agreement(depth, record.depth_scale, projected, hidden=stored.mask & occluder)
     if found.misfit:

@@ -59,7 +59,7 @@ def test_a_settled_pose_is_in_the_history_and_comes_back_whatever_ends_blender(c
     bpy.ops.oneframe.open_case(filepath=str(case))
     assert "not in the file" in history.later_text(scene())
     assert bpy.ops.oneframe.restore(number=0) == {"FINISHED"}
-    assert np.allclose(pose(), moved, atol=1e-9)
+    assert np.allclose(pose(), moved, atol=1e-12)
     assert [entry.name for entry in scene().oneframe.landmarks] == ["here"]
     assert (case.read_bytes(), scene().oneframe.case_path) == (text, str(case))
     assert unsaved_parts(scene()) == ("pose", "landmarks")
@@ -103,7 +103,7 @@ def test_a_case_that_was_never_saved_has_its_history_beside_the_frame(addon, wri
     history.flush()
     bpy.ops.oneframe.nudge(axis="y")
     assert bpy.ops.oneframe.restore(number=0) == {"FINISHED"}
-    assert np.allclose(pose(), moved, atol=1e-9)
+    assert np.allclose(pose(), moved, atol=1e-12)
     assert not scene().oneframe.case_path
     (tmp_path / "mine").mkdir()
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "mine/mine.toml"))

@@ -8,6 +8,7 @@ from bl_ext.user_default.oneframe.landmarks.tool import TOOL
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector, transform_points
 from bl_ext.user_default.oneframe.state import from_scene
+from bl_ext.user_default.oneframe.state.landmarks import points_model
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
 
 FEATURES = np.array([(170, 250), (330, 190), (800, 190), (860, 560), (460, 540)], float)
@@ -134,7 +135,7 @@ def pick_elsewhere(user):
     yield from user.picture("3_other_view")
     user.view.view_perspective = "CAMERA"
     yield from user.redraw()
-    yield from user.click(place(user, seen(np.array(entries()[-1].point, float)[None])[0]))
+    yield from user.click(place(user, seen(points_model(bpy.context.scene)[-1:])[0]))
     yield from user.until(lambda: entries()[-1].has_pixel, "its image point")
     assert len(entries()) == count + 1
     assert solve.solution(bpy.context.scene).estimate is not None

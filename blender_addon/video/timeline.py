@@ -91,5 +91,6 @@ def position(film: FilmSession, number: int) -> int:
 PARTS = (
     timers(_settle),
     listening(workspace.listeners, settle_soon),
-    keys(Key("oneframe.take_frame", "RET", tools=(), places=(Place("Dopesheet", EDITOR),))),
+    # over the markers, Blender looks at their keys alone
+    keys(Key("oneframe.take_frame", "RET", tools=(), places=(Place("Dopesheet", EDITOR), Place("Markers", "EMPTY")))),
 )

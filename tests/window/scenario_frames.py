@@ -11,6 +11,9 @@ COUNT, LOST = 6, 5
 DRAWN = 0.005
 """Share of a picture's pixels that clearly differ where surface or structures are drawn over it."""
 
+HEADER_PX = 26
+"""Of a closed panel's header, at interface scale 1."""
+
 
 def pose(user):
     return part("state.from_scene").cam_from_model(user.window.scene)
@@ -33,6 +36,16 @@ def scenario(user):
     yield from user.press("queue_found")
     yield from user.key("RET")
     yield from user.until(lambda: len(part("case_queue.queued").queue_of(user.window.scene)) == COUNT, "the queue", 60)
+    yield from show_queue(user)
+
+
+def show_queue(user):
+    """The panel Frames with the queue: *Case* is closed, *Advanced* and *Frames* opened, by their headers."""
+    region = user.region("UI")
+    for row in (0, 1, 4):
+        yield from user.click((region.x + 80, region.y + region.height - HEADER_PX * (row + 0.5)))
+        yield 0.5
+    yield from user.picture("4_queue")
 
 
 def ended(user):

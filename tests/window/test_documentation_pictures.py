@@ -55,10 +55,10 @@ def test_take_the_pictures_of_the_first_session(play):
         Image.open(path).save(Path(FOLDER, f"first_session_{number}.jpg"), "JPEG", **QUALITY)
 
 
-@pytest.mark.parametrize(("topic", "shot"), [("queue", "2_next_frame"), ("frames", "3_found")])
-def test_take_the_picture_of_a_scenario(play, topic, shot):
-    play(Path(__file__).with_name(f"scenario_{topic}.py"), TIMEOUT_S)
-    Image.open(PICTURES / topic / f"{shot}.png").save(Path(FOLDER, f"{topic}.jpg"), "JPEG", **QUALITY)
+def test_take_the_pictures_of_the_frames(play):
+    play(Path(__file__).with_name("scenario_frames.py"), TIMEOUT_S)
+    for shot, name in (("3_found", "frames"), ("4_queue", "queue")):
+        Image.open(PICTURES / "frames" / f"{shot}.png").save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
 
 
 def first_page(case: Path, dataset: Path) -> Image.Image:

@@ -11,8 +11,8 @@ COUNT, LOST = 6, 5
 DRAWN = 0.005
 """Share of a picture's pixels that clearly differ where surface or structures are drawn over it."""
 
-HEADER_PX = 26
-"""Of a closed panel's header, at interface scale 1."""
+REPORT_S, HEADER_PX = 8, 26
+"""How long Blender shows what an operator reports; height of a closed panel's header, at interface scale 1."""
 
 
 def pose(user):
@@ -45,6 +45,8 @@ def show_queue(user):
     for row in (0, 1, 4):
         yield from user.click((region.x + 80, region.y + region.height - HEADER_PX * (row + 0.5)))
         yield 0.5
+    # until Blender takes its report away
+    yield REPORT_S
     yield from user.picture("4_queue")
 
 

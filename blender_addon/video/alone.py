@@ -36,7 +36,7 @@ class FrameAlone(Pane):
         elif scene.oneframe.frame_path:
             path = from_scene.absolute_path(scene.oneframe.frame_path)
             picture = _frame(path, known_stamp(path))
-            size_wh = (0, 0) if picture is None else picture.shape[1::-1]
+            size_wh = (0, 0) if picture is None else (picture.shape[1], picture.shape[0])
         if picture is None:
             return
         low, high = free_rectangle(context.area)

@@ -245,7 +245,7 @@ def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np
                     data = encode_png(each.image)
                     # a case may name another film's frame of this number
                     files[each.index] = content_named(out / FRAME.format(each.index), data)
-                    sizes[each.index] = each.image.shape[1::-1]
+                    sizes[each.index] = each.image.shape[1], each.image.shape[0]
                     write_output(files[each.index], data)
     mesh_from_model = loaded.surface.mesh_from_model
     return tuple(

@@ -20,9 +20,9 @@ pytestmark = pytest.mark.render
 
 OPTIONS = DatasetOptions(count=6, seed=3, float_depth=True)
 UNTOUCHED = {
-    "cycles": replace(OPTIONS, colour="texture", sampler="trajectory", samples=4, points=True),
+    "cycles": replace(OPTIONS, colour="vertex", sampler="trajectory", samples=4, points=True),
     "eevee": replace(OPTIONS, engine="eevee", count=2),
-    "raster": replace(OPTIONS, engine="raster", colour="texture", unseen="fill", samples=4, normals=True, points=True),
+    "raster": replace(OPTIONS, engine="raster", colour="vertex", unseen="fill", samples=4, normals=True, points=True),
     "video": replace(OPTIONS, engine="raster", video=True, video_frames=8),
 }
 

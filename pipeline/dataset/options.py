@@ -180,7 +180,7 @@ class DatasetOptions:
     )  # fmt: skip
     colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
     unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
-    highlights: str = _option(KEEP, "white pixels of a frame", choices=HIGHLIGHTS, moves=True)
+    highlights: str = _option(KEEP, "highlights of a frame", choices=HIGHLIGHTS, moves=True)
     light: str = _option(NONE, "light of the views", choices=LIGHTS)
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "

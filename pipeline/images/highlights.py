@@ -6,8 +6,8 @@ REACH = 1 / 40
 """Half the side of the square of surroundings, in widths of the frame."""
 
 DARK_QUANTILE, DARK_FACTOR, LEAST_CONTRAST = 0.05, 2.0, 0.1
-"""The texture of tissue is as strong upwards as downwards, so this quantile of the contrast says how strong it is; what is
-this many times brighter than its surroundings is no texture, but never what is less brighter than the third, of 1."""
+"""Texture is as strong upwards as downwards, and this quantile of the contrast says how strong. What is this many times
+brighter than its surroundings is no texture; nor is it a highlight if it is less brighter than the third, of 1."""
 
 LEAST_WHITENESS = 0.03
 """A reflection is white: the least channel rises by so much more than the greatest one says."""

@@ -26,7 +26,7 @@ LIGHTNESS, GLARE_CHROMA = (25.0, 88.0), 16.0
 """In CIELAB: what is darker has no colour, and what is lighter and less coloured is glare."""
 
 COLD_CHROMA = 8.0
-"""Metal and gloves have less red and yellow than this (a* + b*); tissue, however pale it is, in glare or the dark only."""
+"""Metal and gloves have less red and yellow than this (a* + b*); tissue, however pale, only in glare or in the dark."""
 
 _WARM_TISSUE = 10.0
 """Tissue that is itself colder, or a film without colour: colour alone tells nothing."""

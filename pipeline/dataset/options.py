@@ -109,8 +109,6 @@ class Option:
         Limits of a number.
     choices
         The values of a text, and what each is.
-    moves
-        Whether poses depend on it.
     is_content
         Whether it belongs to the identity of a dataset, so that no view may be made with another value.
     key, kind, default
@@ -124,7 +122,6 @@ class Option:
     least: float = -math.inf
     most: float = math.inf
     choices: Mapping[str, str] = field(default_factory=dict)
-    moves: bool = False
     is_content: bool = True
     key: str = ""
     kind: Any = None
@@ -153,8 +150,8 @@ def _option(default: Any, about: str, **declared: Any) -> Any:
     return field(default=default, metadata={"option": Option(about, **declared)})
 
 
-_pose = partial(_option, group="poses", moves=True)
-_constraint = partial(_option, group="constraints on poses", moves=True)
+_pose = partial(_option, group="poses")
+_constraint = partial(_option, group="constraints on poses")
 _video = partial(_option, group="video", is_content=False)
 _stereo = partial(_option, group="stereo")
 
@@ -164,14 +161,14 @@ class DatasetOptions:
     """Everything that determines the content of a dataset in addition to the case."""
 
     # count and poses are in a description under keys of their own, as they may grow
-    count: int = _option(100, "number of views", name="Views", least=1, most=10_000_000, moves=True, is_content=False)
+    count: int = _option(100, "number of views", name="Views", least=1, most=10_000_000, is_content=False)
     seed: int = _pose(0, "seed of the poses; view i depends only on the seed and i", least=0)
     poses: str | None = _pose(
         None, "explicit poses cam_from_mesh, in the frame of the mesh file: .npy (N x 4 x 4) or a JSON list; they "
         "replace the sampler and --count", is_content=False,
     )  # fmt: skip
     scale: float = _option(
-        1.0, "size of the views relative to the frame's", name="Image Size", unit="×", least=1 / 64, most=8, moves=True
+        1.0, "size of the views relative to the frame's", name="Image Size", unit="×", least=1 / 64, most=8
     )
     engine: str = _option("cycles", "renderer", choices=ENGINES)
     samples: int = _option(
@@ -180,12 +177,12 @@ class DatasetOptions:
     )  # fmt: skip
     colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
     unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
-    highlights: str = _option(KEEP, "highlights of a frame", choices=HIGHLIGHTS, moves=True)
+    highlights: str = _option(KEEP, "highlights of a frame", choices=HIGHLIGHTS)
     light: str = _option(NONE, "light of the views", choices=LIGHTS)
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
         "seen; what the frame sees at a grazing angle is stretched to streaks in other views",
-        name="Incidence", unit="°", least=0, most=90, moves=True,
+        name="Incidence", unit="°", least=0, most=90,
     )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
     normals: bool = _option(False, "also write the surface's normals in the camera's axes (16-bit .png)")

@@ -193,10 +193,6 @@ class DatasetOptions:
         0.0, "mean number of instruments in front of the surface of a view, at random places and by a stream of their "
         "own; mask_visib is without what they cover, mask_occluder they alone", name="Instruments", least=0, most=10,
     )  # fmt: skip
-    occluder_meshes: str | None = _option(
-        None, "folder of your own instruments in place of the built-in ones: .ply, .obj, .stl in mm, the tip in the "
-        "origin, the shaft along +z and longer than what the image shows", is_content=False,
-    )  # fmt: skip
     surroundings: str = _option(NONE, "beyond the surface's edge", choices=SURROUNDINGS)
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
@@ -245,7 +241,7 @@ OPTIONS: dict[str, Option] = {
     for entry in dataclasses.fields(DatasetOptions)
 }
 """Every option, by its name, in their order."""
-PATHS = {"poses", "occluder_meshes"}
+PATHS = {"poses"}
 """Those that name files, in a case from its folder; the window has none of them."""
 
 
@@ -282,10 +278,6 @@ def checked_together(checked: Mapping[str, object], where: str) -> DatasetOption
         raise InputError(
             f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
             f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
-        )
-    if options.occluder_meshes is not None and not options.occluders:
-        raise InputError(
-            f"{where}: expected occluders above 0 beside occluder_meshes, found 0; say how many, on average"
         )
     if options.eye == "right" and not options.stereo_mm:
         raise InputError(f"{where}: expected stereo_mm with the right eye, found none; give the eyes' distance")

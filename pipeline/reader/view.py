@@ -121,7 +121,7 @@ class View:
 
     @cached_property
     def right(self) -> "View":
-        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``."""
+        """The right eye of this view, of a dataset that was rendered with both eyes."""
         return View(self.index, self.files.right)
 
     @cached_property

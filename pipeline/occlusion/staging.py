@@ -18,7 +18,6 @@ from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid
-from .instruments import Instrument
 from .occluders import Occluders, Room, draw_occluders
 from .shadow import Shadow
 
@@ -43,8 +42,6 @@ class Staging:
         The surface that instruments keep clear of.
     rays_at
         Makes the rays at a mesh.
-    own_instruments
-        The user's, in place of the built-in ones.
     """
 
     options: Mapping[str, Any]
@@ -54,7 +51,6 @@ class Staging:
     light: LensShading | None
     room: Room
     rays_at: Callable[[TriangleMesh], MeshRays]
-    own_instruments: tuple[Instrument, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +69,7 @@ class StagedView:
             return None
         planned = inverse_rigid(staging.camera_from_planned) @ self.cam_from_model
         seed = staging.options["seed"], self.index
-        return draw_occluders(mean, seed, staging.room, staging.camera, planned, staging.own_instruments)
+        return draw_occluders(mean, seed, staging.room, staging.camera, planned)
 
     @cached_property
     def shadow(self) -> Shadow | None:

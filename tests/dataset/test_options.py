@@ -75,7 +75,6 @@ def test_an_option_takes_its_limits_and_nothing_beyond_by_flag_and_table(entry):
         "distance_min": {"distance_max": 1000},
         "distance_max": {"distance_min": 0.01},
         "eye": {"stereo_mm": 24},
-        "occluder_meshes": {"occluders": 1},
     }
     other = needed.get(entry.key, {})
     for value in legal:

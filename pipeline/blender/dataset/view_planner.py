@@ -9,7 +9,6 @@ from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_d
 from ...colour.reference_view import ReferenceView, limited_to_incidence, without_highlights
 from ...dataset.description import distribution_of, trajectory_of, view_camera
 from ...dataset.options import DROP, DatasetOptions
-from ...dataset.stereo import camera_from_planned
 from ...dataset.truths import depth_scale_for
 from ...poses.constraints import Constraints, PlannedPose, plan_given_pose, plan_pose, sampling_doubt
 from ...poses.distributions import Listed, ReferencePose
@@ -64,7 +63,7 @@ class ViewPlanner:
             if given_poses is None
             else Listed(reference=pose, poses=given_poses)
         )
-        beside = camera_from_planned(options.content())
+        beside = options.camera_from_planned
         self._camera_from_planned = np.eye(4) if beside is None else beside
         # listed poses are already those of the camera
         self._is_beside = beside is not None and given_poses is None

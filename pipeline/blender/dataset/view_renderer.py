@@ -1,6 +1,5 @@
 """One view of a dataset from its number: pose, render, ground truth."""
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 
 import numpy as np
@@ -14,7 +13,6 @@ from ...dataset.run.resume_record import ViewRecord
 from ...dataset.truths import written_truths
 from ...dataset.view import RenderedSample, encode_view
 from ...occlusion.compositing import front_filter, shadow_filter
-from ...occlusion.instruments import Instrument
 from ...occlusion.occluders import places_doubt
 from ...occlusion.staging import StagedView, Staging
 from ...occlusion.surroundings import surroundings_filter
@@ -40,7 +38,6 @@ class ViewRenderer(ViewPlanner):
         reference: ReferenceView,
         options: DatasetOptions,
         given_poses: np.ndarray | None,
-        instruments: Sequence[Instrument] = (),
         *,
         identity: str = "",
         threads: int = 0,
@@ -51,8 +48,6 @@ class ViewRenderer(ViewPlanner):
         ----------
         loaded, reference, options, given_poses
             As of :class:`ViewPlanner`.
-        instruments
-            The user's own, in place of the built-in ones.
         identity
             Identity of the dataset, for the records of the views.
         threads
@@ -76,7 +71,6 @@ class ViewRenderer(ViewPlanner):
             light,
             self.probe,
             rays_at,
-            tuple(instruments),
         )
         self._filters = [*filter(None, (made(self._staging) for made in FILTERS))]
         self._resources = ExitStack()
@@ -91,10 +85,11 @@ class ViewRenderer(ViewPlanner):
         self._resources.close()
 
     def sampling_doubt(self) -> str:
-        """As of :class:`ViewPlanner`, and of the user's own instruments."""
-        own, views, back = self._staging.own_instruments, range(SAMPLED_VIEWS), inverse_rigid(self._camera_from_planned)
-        poses = [back @ self.plan(index).cam_from_model for index in views if own and index < self._count]
-        said = [super().sampling_doubt(), *places_doubt(own, self._options.seed, self.probe, self.camera, poses)]
+        """As of :class:`ViewPlanner`, and of the instruments."""
+        mean, back, said = self._options.occluders, inverse_rigid(self._camera_from_planned), [super().sampling_doubt()]
+        if mean:
+            poses = [back @ self.plan(index).cam_from_model for index in range(min(SAMPLED_VIEWS, self._count))]
+            said.append(places_doubt(mean, self._options.seed, self.probe, self.camera, poses))
         return "; ".join(filter(None, said))
 
     def make(self, index: int) -> RenderedSample:

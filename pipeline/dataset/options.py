@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..files.keys import nearest_name
+from .stereo import LEFT, RIGHT, camera_from_planned, further_eyes
 
 ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
 """Each is a file of :mod:`oneframe.blender.render`."""
@@ -33,7 +36,7 @@ SURROUNDINGS = {
     NONE: "black",
     FRAME: "what the frame shows there, on a sheet that continues the surface; mask_surround alone has it",
 }
-EYES = {"left": "the poses themselves", "right": "beside them"}
+EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
 FOR_TRAINING = {"unseen": "fill", "highlights": DROP, "surroundings": FRAME, "light": LENS}
 """What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
@@ -85,8 +88,6 @@ SAMPLERS = {
         grows=False,
     ),
 }
-WRITTEN = {"depth_mm": "float_depth", "normals": "normals", "points": "points"}
-"""The arrays that a dataset has only if asked for, and the option that asks."""
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
 
@@ -204,7 +205,7 @@ class DatasetOptions:
         0.0, "distance from both eyes at which their axes meet, the working distance of a microscope; 0: parallel",
         name="Converge", unit="mm", least=0,
     )  # fmt: skip
-    eye: str = _stereo("left", "which of the two is rendered", choices=EYES)
+    eye: str = _stereo(LEFT, "which of the two is rendered", choices=EYES)
     sampler: str = _pose(
         "cone", "distribution of poses around the frame's pose", name="Poses",
         choices={name: sampler.about for name, sampler in SAMPLERS.items()},
@@ -234,6 +235,15 @@ class DatasetOptions:
     def content(self) -> dict[str, object]:
         """The values that belong to the identity of a dataset, by name."""
         return {name: getattr(self, name) for name, option in OPTIONS.items() if option.is_content}
+
+    @property
+    def camera_from_planned(self) -> np.ndarray | None:
+        """As of :func:`.stereo.camera_from_planned`."""
+        return camera_from_planned(self.content())
+
+    def further(self) -> dict[str, "DatasetOptions"]:
+        """The datasets that belong into the folder of one with these options: their folders and options."""
+        return {eye: dataclasses.replace(self, eye=eye, video=False) for eye in further_eyes(self.content())}
 
 
 OPTIONS: dict[str, Option] = {
@@ -279,7 +289,7 @@ def checked_together(checked: Mapping[str, object], where: str) -> DatasetOption
             f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
             f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
         )
-    if options.eye == "right" and not options.stereo_mm:
+    if options.eye == RIGHT and not options.stereo_mm:
         raise InputError(f"{where}: expected stereo_mm with the right eye, found none; give the eyes' distance")
     return options
 

@@ -91,7 +91,7 @@ def test_a_right_eye_that_is_missing_or_of_other_views_is_found(case, pairs, tmp
     assert oneframe("render", case, "--out", other, *RENDERED, "--seed", 5, "--eye=right", *EYES) == 0
     fewer = tmp_path / "fewer"
     assert oneframe("render", case, "--out", fewer, *RENDERED, "--count=2", "--eye=right", *EYES) == 0
-    with pytest.raises(InputError, match="expected the folder right in it, found none; render with --stereo-mm"):
+    with pytest.raises(InputError, match="expected right eyes in it, found none; render the views with both eyes"):
         _ = open_dataset(other)[0].right
     copy = shutil.copytree(pairs, tmp_path / "pairs")
     for right, message in (

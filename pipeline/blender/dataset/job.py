@@ -19,7 +19,6 @@ from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import NONE, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
-from ...dataset.stereo import camera_from_planned
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading
@@ -127,7 +126,7 @@ def open_job(job: Job) -> OpenJob:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
-            beside = camera_from_planned(job.options.content())
+            beside = job.options.camera_from_planned
             given_poses = given_poses if beside is None else beside @ given_poses
     read = {name: hashes[path] for name, path in files.items()}
     return OpenJob(job, loaded, given_poses, tuple(messages), read)

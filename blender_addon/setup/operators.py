@@ -34,7 +34,7 @@ from ..ui.operator import (
     call,
 )
 
-IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
+IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.txt"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"

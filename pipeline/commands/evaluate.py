@@ -10,13 +10,13 @@ from ..process.own_process import own_output
 ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
 EPILOG = """examples:
   %(prog)s case.toml held_out.json --out evaluation
-  %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
+  %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation
   %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
 
 PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
 Methods are projective or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
 projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes frames.csv with the scores of every
-photograph, summary.md and figure.png. FID and KID need --inception: the documentation says how to export that file.
+photograph, summary.md and figure.png.
 """
 
 
@@ -34,7 +34,6 @@ class Arguments:
         "METHOD", "what to compare (default: ours in both colour modes, Eevee, and the paper's method where its "
         "renderer is installed)"
     )  # fmt: skip
-    inception: Path | None = option("FILE.onnx", "InceptionV3 up to its 2048 features, for FID and KID")
     seed: int = option("N", "of resampling (default %(default)s)", 0, least=0)
     out: Path = option("DIR", "folder to write", MISSING)
 
@@ -42,16 +41,11 @@ class Arguments:
 def run(arguments: Arguments) -> None:
     """Write the evaluation and report its summary."""
     from ..blender.render.engines import RENDERERS
-    from ..evaluation.evaluation_files import evaluation_run, run_evaluation
+    from ..evaluation.evaluate import evaluation_run, run_evaluation
     from ..evaluation.methods import DEFAULT, chosen_methods
 
     methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
-    prepared = evaluation_run(
-        [(arguments.case, arguments.photographs), *arguments.more],
-        arguments.out,
-        methods,
-        seed=arguments.seed,
-        inception=arguments.inception,
-    )
+    pairs = [(arguments.case, arguments.photographs), *arguments.more]
+    prepared = evaluation_run(pairs, arguments.out, methods, seed=arguments.seed)
     output.writelines(f"{line}\n" for line in run_evaluation(prepared, stream=sys.stderr))

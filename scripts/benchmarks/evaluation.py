@@ -21,7 +21,7 @@ from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.frame import UnreadFrame
 from oneframe.errors import InputError
-from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
+from oneframe.evaluation.evaluate import evaluation_run, run_evaluation
 from oneframe.evaluation.methods import DEFAULT, chosen_methods
 from oneframe.files.temporary import temporary_folder
 from oneframe.light.lens_light import LensLight
@@ -54,7 +54,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--methods", nargs="+", metavar="METHOD", help="as oneframe evaluate; of --light those in the light"
     )
-    parser.add_argument("--inception", metavar="FILE.onnx", type=Path, help="as oneframe evaluate")
     parser.add_argument(
         "--photographs", metavar="N", type=int, help="of each case of a data set, and of --light, at most (default all)"
     )
@@ -71,10 +70,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             report("left out: the sample and --bones have a lamp at their lens, neither is asked for")
             return
         methods = arguments.methods or (IN_LIGHT if arguments.light else DEFAULT)
-        prepared = evaluation_run(
-            files, arguments.out, chosen_methods(methods, RENDERERS),
-            seed=arguments.seed, inception=arguments.inception,
-        )  # fmt: skip
+        prepared = evaluation_run(files, arguments.out, chosen_methods(methods, RENDERERS), seed=arguments.seed)
         for line in run_evaluation(prepared, stream=sys.stderr):
             report(line)
 

@@ -33,8 +33,7 @@ from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmCha
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..state import another_frame, from_scene, scene_files
 from ..state.another_frame import SeenFrame
-from ..state.recent import recent
-from ..state.scene_files import Stamp, forget_stamps, known_stamp
+from ..state.scene_files import Stamp, forget_stamps, known_stamp, recent
 from ..video import session, shown_frame
 from ..video.session import FilmSession
 

@@ -1,16 +1,25 @@
-"""The panel Frames: the other frames of the surface, as a queue with pictures and states, and those of the film."""
+"""The panel Frames: the other frames of the surface, as a queue with pictures and states, and those of the film.
+
+A band along the Timeline of the film says which frames are found, doubtful and lost.
+"""
 
 from typing import Any
 
 import bpy
 import bpy.utils.previews
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
 
 from ..case_queue import queued
 from ..class_registration import at_end
 from ..pipeline.case.case_queue import ALIGNED, CHECKED, DOUBTFUL, NEW, REFUSED, ROUGH
+from ..pipeline.registration.verdict import COLOURS
 from ..state import another_frame
 from ..ui.keymap import draw_key
+from ..ui.pane import Pane
 from ..ui.panel import AdvancedPanel, AlignmentPanel, draw_text
+from ..ui.strokes import Strokes
 from ..video import session
 from ..video.session import FilmSession
 from . import found
@@ -112,7 +121,7 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         if registered.check is not None and registered.check.words:
             draw_text(layout, f"T{registered.check.words[1:]}.", lines=4)
         row = layout.row(align=True)
-        row.operator("oneframe.play_frames", icon="PLAY")
+        row.operator("screen.animation_play", text="Play", icon="PLAY")
         row.operator("oneframe.queue_found", text="To Queue", icon="ADD")
     if another_frame.seen(scene) is None:
         text = "Go along the Timeline below the view to see a frame with the surface at its pose."
@@ -140,6 +149,39 @@ def _picture(name: str) -> int:
 def _forget() -> None:
     if _pictures:
         bpy.utils.previews.remove(_pictures.pop("queue"))
+
+
+HEIGHT = 5
+"""At interface scale 1."""
+
+
+class FoundBand(Pane):
+    """At the bottom of the Timeline, a frame wide for each; lost ones lie over the others, where a pixel holds many."""
+
+    space = bpy.types.SpaceDopeSheetEditor
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return found.of(context.scene) is not None
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        registered, view = found.of(context.scene), context.region.view2d
+        first, last = (np.array(view.view_to_region(x, 0.0, clip=False), float)[0] for x in (0.0, 1000.0))
+        per_frame = (last - first) / 1000
+        shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+        for state in found.WORDS:
+            frames = () if registered is None else registered.frames.items()
+            numbers = np.array([number for number, frame in frames if frame.verdict.state == state], float)
+            left = first + per_frame * (numbers - 0.5)
+            right, low = np.maximum(left + per_frame, left + 1), np.zeros(len(left))
+            high = low + HEIGHT * strokes.unit
+            corners = [(left, low), (right, low), (right, high), (left, low), (right, high), (left, high)]
+            points = np.stack([np.stack(corner, axis=-1) for corner in corners], axis=1).reshape(-1, 2)
+            if len(points):
+                shader.bind()
+                shader.uniform_float("color", (*(value / 255 for value in COLOURS[state]), 1.0))
+                batch_for_shader(shader, "TRIS", {"pos": np.float32(points)}).draw(shader)
 
 
 PARTS = (at_end(_forget),)

@@ -219,12 +219,12 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray, held: int) -> None:
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """Move the surface to the solution after a change of the landmarks, if *Live* is on and there is one.
+    """Move the surface to the solution after a change of the landmarks, if there is one.
 
     A refined pose stays: only *Solve* replaces it. Where several poses fit, it moves to the one near the current pose,
     else to the most probable; where none fits, to the one that comes nearest, if that is nearer than the current pose.
     """
-    if not scene.oneframe.live_solve or not from_scene.is_set_up(scene):
+    if not from_scene.is_set_up(scene):
         return
     try:
         # raises for a scaled surface, which the sidebar reports

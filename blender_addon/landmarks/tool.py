@@ -14,17 +14,6 @@ TOOL = LANDMARK_TOOL
 GESTURE = "ONEFRAME_OT_landmark_gesture"
 """Name, in Blender, of the operator with which the mouse picks and pulls."""
 
-KEYS = (
-    ("Click", "Pick image point"),
-    ("Shift + Click", "Pick surface point"),
-    ("Ctrl + Drag", "Pull with a pin"),
-    ("Drag Mark", "Move; Shift: finer"),
-    ("Esc, Right Click", "Cancel the drag"),
-    ("Alt + Click Mark", "Enable or disable"),
-    ("X, Del on Mark", "Delete landmark"),
-)
-"""What mouse and keys of the landmark tool do in the camera view; in other 3D views a click picks a surface point."""
-
 
 class _AsksForPoints(ViewTool):
     @staticmethod

@@ -11,7 +11,7 @@ import numpy as np
 from ..case_queue.operators import SETTLED
 from ..case_queue.queued import position, queue_of
 from ..dataset import background_job
-from ..dataset.snapshot import usual_output
+from ..dataset.output import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.pose_record import (
@@ -47,16 +47,16 @@ CONTRADICTION = 10.0
 """RMS of the pins in units of the click noise from which on they cannot be meant so."""
 
 KINDS = {
-    "landmarks": ("From landmarks", "EYEDROPPER"),
-    "pins": ("Pulled by pins", "PINNED"),
-    "refined": ("Refined against the image", "SNAP_ON"),
-    FURTHER_FRAMES: ("From further frames", "CAMERA_DATA"),
-    REGISTERED: ("Registered to another frame", "CON_CAMERASOLVER"),
-    "manual": ("By hand", "VIEW_PAN"),
-    INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
-    OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
+    "landmarks": "From landmarks",
+    "pins": "Pulled by pins",
+    "refined": "Refined against the image",
+    FURTHER_FRAMES: "From further frames",
+    REGISTERED: "Registered to another frame",
+    "manual": "By hand",
+    INITIAL_GUESS: "Initial guess, not aligned",
+    OTHER_FRAME: "Of another frame, not aligned in this one",
 }
-"""Method of a record -> its description and icon."""
+"""Method of a record -> its description."""
 
 
 def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
@@ -83,7 +83,8 @@ def pose_text(scene: bpy.types.Scene) -> str:
     if pose.previewed:
         return f"Preview: {pose.previewed}"
     record = pose_record(scene)
-    text, _ = kind_of(scene, record)
+    text = KINDS.get(record.method, record.method or "Given by the case, origin unknown")
+    text = "Taken although refused" if record.refused else text
     if record.error_px is not None:
         return f"{text}, off by {'at least' if record.refused else 'about'} {format_two_digits(record.error_px)} px"
     rms_px = _rms_px(scene, record)
@@ -95,13 +96,6 @@ def _rms_px(scene: bpy.types.Scene, record: PoseRecord) -> float:
     if record.rms_px is None and complete_landmarks(landmarks_model(scene)):
         return solve.rms_px(scene, from_scene.cam_from_model(scene))
     return np.nan if record.rms_px is None else record.rms_px
-
-
-def kind_of(scene: bpy.types.Scene, record: PoseRecord) -> tuple[str, str]:
-    """How a pose with this record was found, in words, and the icon for it."""
-    if record.refused:
-        return "Taken although refused", "ERROR"
-    return KINDS.get(record.method, (record.method or "Given by the case, origin unknown", "QUESTION"))
 
 
 def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:

@@ -24,8 +24,7 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..state import another_frame, from_scene, pose, scene_files, workbench
 from ..state.camera_view import look_through_camera, show_shape
-from ..state.recent import remember
-from ..state.scene_files import Stamp, forget_stamps, known_stamp, usual_folder
+from ..state.scene_files import Stamp, forget_stamps, known_stamp, remember, usual_folder
 from ..ui.operator import Messages, Reporting
 from .alignment_record import recorded_case
 from .case_in_scene import load_into_scene

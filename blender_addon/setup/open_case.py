@@ -17,10 +17,9 @@ from ..pipeline.transforms import transform_points
 from ..state import from_scene
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose
-from ..state.recent import own_folder
-from ..state.scene_files import Stamp, known_stamp
+from ..state.scene_files import Stamp, known_stamp, own_folder
 from ..ui.keymap import binding
-from ..ui.operator import Messages, OpensFile, OperatorResult, Reporting, call
+from ..ui.operator import Messages, OpensFile, Reporting, call
 from . import history
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
@@ -39,9 +38,6 @@ class ONEFRAME_OT_open_case(OpensFile):
     bl_label = "Open Case"
 
     filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()

@@ -8,12 +8,14 @@ from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_doubts import size_text
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene, workbench
-from ..state.recent import recent
+from ..state.properties import UNITS
+from ..state.scene_files import recent
 from ..state.to_scene import frame_warnings
 from ..state.workbench import OPEN, next_step
 from ..ui.panel import AdvancedPanel, AlignmentPanel, SidebarPanel, StepPanel, draw_text
 from . import history
 from .alignment_record import doubts
+from .operators import doubt_of_size
 
 
 class ONEFRAME_PT_case(SidebarPanel):
@@ -56,6 +58,11 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         try:
             for message in doubts(scene):
                 draw_text(layout, message, icon="ERROR")
+            size = doubt_of_size(scene, from_scene.surface_extents(scene))
+            if size is not None and size.better_units is not None:
+                titles = {name: title for name, title, _ in UNITS}
+                text = f"Use {titles[size.better_units]}"
+                layout.operator("oneframe.change_units", text=text, icon="ARROW_LEFTRIGHT").units = size.better_units
         except InputError as error:
             draw_text(layout, str(error), icon="ERROR")
             layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")

@@ -26,7 +26,8 @@ class ONEFRAME_PT_video(SidebarPanel):
         film = session.of(scene)
         if film is None:
             draw_text(layout, "Its scores are not in memory.", icon="INFO")
-            layout.operator("oneframe.score_video", icon="FILE_REFRESH")
+            again = layout.operator("oneframe.open_video", text="Score Again", icon="FILE_REFRESH")
+            again.filepath, again.every, again.from_s, again.to_s = session.key_of(scene) or ("", 1, 0.0, 0.0)
             return
         visible = scene.oneframe_video.visible
         layout.operator("oneframe.show_video", icon="TIME", depress=visible)

@@ -30,3 +30,15 @@ def opened(addon, case_path):
 
     bpy.ops.oneframe.open_case(filepath=str(case_path))
     return bpy.context.scene
+
+
+def pin(scene, point, pixel):
+    """Pull a new pin from a surface point, model frame, mm, to a pixel, as a drag does."""
+    from blender_addon.landmarks import edit, solve
+    from blender_addon.state import events, from_scene
+
+    pose, index = from_scene.cam_from_model(scene), edit.add(scene)
+    with events.muted():
+        edit.set_halves(scene, index, point_model=point, pixel=pixel)
+    solve.pull(scene, pose, index)
+    events.landmarks_changed(scene)

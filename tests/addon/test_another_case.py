@@ -43,16 +43,10 @@ def take_frame(film):
     assert bpy.ops.oneframe.take_frame() == {"FINISHED"}
 
 
-def drop(folder):
-    files = [{"name": name} for name in ("frame.png", "surface.ply")]
-    assert bpy.ops.oneframe.drop_files(directory=str(folder), files=files) == {"FINISHED"}
-
-
 WAYS = {
     "frame": lambda folders: load("frame", folders / "second" / "frame.png"),
     "frame of a video": lambda folders: take_frame(folders / "film.avi"),
     "surface": lambda folders: load("surface", folders / "second" / "surface.ply"),
-    "dropped": lambda folders: drop(folders / "second"),
 }
 
 
@@ -73,7 +67,7 @@ def test_another_frame_or_surface_ends_the_tie_to_file_and_dataset(opened, way):
     other = opened / "other.toml"
     bpy.ops.oneframe.save_case(filepath=str(other))
     case = read_case(other)
-    assert case.object_name == (None if way in ("surface", "dropped") else "left ear")
+    assert case.object_name == (None if way == "surface" else "left ear")
     assert opened / case.dataset["poses"] == opened / "first" / "poses.npy"
 
 

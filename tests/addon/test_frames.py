@@ -102,7 +102,6 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     bpy.ops.oneframe.landmark_set(point=(1, 2, 3), pixel=(100, 100))
     bpy.ops.oneframe.project_colour()
     before = state_of(scene, tmp_path / "case.toml")
-    assert not bpy.ops.oneframe.play_frames.poll()
     shown_frame.show(scene, 1)
     assert another_frame.seen(scene) == ("frame 1 of film.avi", "not registered", None)
     bpy.ops.oneframe.register_frames()
@@ -230,10 +229,10 @@ def test_found_frames_go_into_the_queue_at_their_poses(opened, tmp_path):
     frames = found.of(scene).frames
     shown_frame.show(scene, MIRRORED)
     bpy.ops.oneframe.queue_video_frames()
-    bpy.ops.oneframe.queue_found(choice="SPREAD", count=1)
-    bpy.ops.oneframe.queue_found(choice="EVERY", every=1)
+    bpy.ops.oneframe.queue_found(count=1)
+    bpy.ops.oneframe.queue_found(count=30)
     with pytest.raises(RuntimeError, match="no case yet"):
-        bpy.ops.oneframe.queue_found(choice="SPREAD", count=30)
+        bpy.ops.oneframe.queue_found(count=30)
     paths = case_queue.queued_cases(tmp_path / "queue")
     cases = {case.video[1]: case for path in paths if (case := read_case(path, posed=False)).video}
     assert len(paths) == 1 + MIRRORED + 1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.colour.lamp import keep_lamp
-from blender_addon.dataset import operators as dataset
+from blender_addon.dataset import view_preview as dataset
 from blender_addon.frames import found
 from blender_addon.setup import history
 from blender_addon.setup.case_in_scene import unsaved_parts

@@ -161,15 +161,6 @@ def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
     assert np.array_equal(pose_of(scene), rough)
 
 
-def test_without_live_solve_only_the_button_moves_the_surface(scene, pairs):
-    scene.oneframe.live_solve = False
-    moved = displace(scene)
-    add(*pairs)
-    assert np.array_equal(pose_of(scene), moved)
-    scene.oneframe.live_solve = True
-    assert np.abs(pose_of(scene) - solved_directly(scene).cam_from_model).max() <= 1e-9
-
-
 def test_names_of_landmarks_are_unique(scene, pairs):
     add(*pairs)
     entries = scene.oneframe.landmarks
@@ -211,7 +202,6 @@ def test_a_landmark_is_deleted_and_a_missing_one_is_refused(scene, pairs):
         lambda: bpy.ops.oneframe.landmark_remove(index=50),
         lambda: bpy.ops.oneframe.landmark_set(index=50, pixel=(1, 1)),
         lambda: bpy.ops.oneframe.landmark_set(pixel=(640, 10)),
-        lambda: bpy.ops.oneframe.landmark_pin(pixel=(10, 10)),
     ):
         with pytest.raises(RuntimeError, match="expected"):
             call()

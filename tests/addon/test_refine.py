@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.landmarks import solve
-from blender_addon.landmarks.uncertainty_drawing import current_uncertainty
+from blender_addon.landmarks.drawing import current_uncertainty
 from blender_addon.refine import operator
 from blender_addon.refine.status_line import status
 from blender_addon.setup.alignment_record import pose_record
@@ -27,6 +27,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from tests.addon.conftest import pin
 from tests.addon.test_setup import exchange_edited
 from tests.alignment.test_refinement import hills
 from tests.remembered import refinement, remembered
@@ -137,7 +138,7 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, cas
     assert "Preview of a refused pose, off by ≥ " in status(opened)[0]
     set_cam_from_model(opened, start)
     bpy.ops.ed.undo_push(message="refused")
-    assert bpy.ops.oneframe.take_refused() == {"FINISHED"}
+    assert bpy.ops.oneframe.refine(take_refused=True) == {"FINISHED"}
     bpy.ops.ed.undo_push(message="taken")
     assert np.array_equal(from_scene.cam_from_model(opened), found)
     assert operator.is_taken(opened)
@@ -163,8 +164,8 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, cas
     assert not operator.is_taken(bpy.context.scene)
     assert pose_record(bpy.context.scene).refused == case.alignment.refused
     # a plain picture finds none that could be taken
-    with pytest.raises(RuntimeError, match="expected a refinement that was refused at this pose"):
-        bpy.ops.oneframe.take_refused()
+    with pytest.raises(RuntimeError, match="Refused"):
+        bpy.ops.oneframe.refine(take_refused=True)
 
 
 def test_a_refined_pose_stays_when_landmarks_change(opened, case_folder):
@@ -254,7 +255,7 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
     assert pose_record(opened) == PoseRecord(), "given, nobody knows how it was found"
     point = frame_view.surface_point_at(opened, np.array([56.0, 39.0]))
-    bpy.ops.oneframe.landmark_pin(point=point, pixel=(64.0, 43.0))
+    pin(opened, point, np.array([64.0, 43.0]))
     pulled = pose_record(opened)
     assert (pulled.method, pulled.pairs) == ("pins", 1)
     assert pulled.rms_px < 0.02

@@ -14,7 +14,6 @@ from blender_addon.refine.status_line import status
 from blender_addon.setup.alignment_record import doubts
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.state import from_scene, pose_evidence, to_scene
-from blender_addon.state.pose import pivot_of
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.view.overlay_passes import world_from_structure
 from oneframe.blender.alignment.surface_object import edited_mesh, mesh_from_model_of
@@ -175,22 +174,6 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
     assert made.camera.contains(pixels).all()
     facing = -(loaded.surface.mesh.face_normals @ loaded.frame.cam_from_model[2, :3])
     assert facing.mean() > 0.5
-
-
-def test_a_quarter_turn_rolls_about_the_view_ray_and_four_are_none(opened):
-    pivot, _ = pivot_of(opened)
-    poses = [updated_pose(opened)]
-    for _ in range(4):
-        bpy.ops.oneframe.quarter_turn()
-        poses.append(updated_pose(opened))
-    places = [pose[:3, :3] @ pivot + pose[:3, 3] for pose in poses]
-    assert np.allclose(places, places[0], atol=1e-9)
-    # clockwise in an image whose y axis points down: right becomes down
-    assert np.allclose(poses[1][:2, :3], [-poses[0][1, :3], poses[0][0, :3]], atol=1e-12)
-    assert np.allclose(poses[2][:2, :3], -poses[0][:2, :3], atol=1e-12)
-    assert np.allclose(poses[4], poses[0], atol=1e-9)
-    bpy.ops.oneframe.quarter_turn(anticlockwise=True)
-    assert np.allclose(updated_pose(opened), poses[3], atol=1e-9)
 
 
 def test_what_is_in_doubt_is_said_until_it_is_put_right(addon, case_path):

@@ -134,7 +134,7 @@ def test_a_saved_file_holds_the_path_and_the_cases_own_frame(film, video, tmp_pa
     assert background(scene).filepath.endswith("frame.png")
     assert session.of(scene) is None
     assert not bpy.ops.oneframe.take_frame.poll()
-    assert bpy.ops.oneframe.score_video() == {"FINISHED"}
+    assert bpy.ops.oneframe.open_video(filepath=scene.oneframe_video.path) == {"FINISHED"}
     assert session.of(scene).path == video
     assert shown_frame.is_shown(scene)
 

@@ -17,6 +17,7 @@ from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, Pro
 from oneframe.blender.bridge.data_blocks import absolute_path
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.images.image_reader import read_image
+from oneframe.images.pixel_values import codes_from_linear
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
 OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")
@@ -67,10 +68,10 @@ def projection_through(camera: PinholeCamera, times: int = 1):
     return Projection(times * width, times * height, Matrix.Identity(4), clip_from_view, 1 / camera.fx)
 
 
-def drawn(surface, projection, crease_deg=None):
+def drawn(surface, projection):
     """``(H, W)`` depth in mm, and ``(H, W, 4)`` lines, 0..1, top row first."""
     picture = SurfacePicture(projection.width, projection.height)
-    picture.draw(projection, surface, crease_deg)
+    picture.draw(projection, surface, contour=True)
     shape = (projection.height, projection.width, 4)
     geometry, lines = (np.array(each.read(), float).reshape(shape)[::-1] for each in (picture.geometry, picture.lines))
     return geometry[..., 3], lines / 255
@@ -100,7 +101,7 @@ def test_contour_of_a_ball_is_its_outline(gpu_context):
     times, radius, centre_cam = 6, 5.0, np.array([0.8, -0.6, 150.0])
     found = ball(radius)
     found.matrix_world = Matrix.Translation(centre_cam * [1, -1, -1])
-    depth_mm, lines = drawn(found, projection_through(CAMERA, times), 60.0)
+    depth_mm, lines = drawn(found, projection_through(CAMERA, times))
     v, u = np.mgrid[: times * CAMERA.height, : times * CAMERA.width]
     pixels = (np.stack([u, v], -1) + 0.5) / times - 0.5
     rays = CAMERA.rays_cam(pixels.reshape(-1, 2))
@@ -128,7 +129,7 @@ def test_creases_of_a_box_are_its_edges(gpu_context):
     found = new_object(lambda shape: bmesh.ops.create_cube(shape, size=2 * half))
     rotation = Matrix.Rotation(0.6, 4, "X") @ Matrix.Rotation(0.75, 4, "Y")
     found.matrix_world = Matrix.Translation((0.3, -0.5, -150.0)) @ rotation
-    _, lines = drawn(found, projection_through(CAMERA, times), 60.0)
+    _, lines = drawn(found, projection_through(CAMERA, times))
     edges = [
         np.array([[vertex[axis] for axis in range(3)] for vertex in ends])
         for ends in (
@@ -160,15 +161,16 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     height, width = image.shape[:2]
     camera = PinholeCamera(width, height, 320.0, 318.0, 30.0, 25.5)
     seen = FrameView(camera, np.array([1.0, -1.0]), np.array([0.5, height - 0.5]))
-    target = gpu.types.GPUTexture((width, height), format="RGBA8")
+    target = gpu.types.GPUTexture((width, height), format="RGBA32F")
     buffer = gpu.types.GPUFrameBuffer(color_slots=(target,))
     picture = SurfacePicture(width, height)
     with buffer.bind():
-        composite = Composite(picture, seen, frame_image_of(scene), 1.0, everywhere=True, target_encodes=False)
+        composite = Composite(picture, seen, frame_image_of(scene), 1.0, everywhere=True)
         composite.draw(scene.oneframe_view, (0, 0), (width, height))
     shown = np.array(target.read(), float).reshape(height, width, 4)[::-1, :, :3]
     # the outermost pixels are mixed with the opposite border by some cards' anisotropic filters
-    np.testing.assert_allclose(shown[1:-1, 1:-1], image[1:-1, 1:-1] * 255, atol=1.01)
+    codes = 255 * codes_from_linear(shown)
+    np.testing.assert_allclose(codes[1:-1, 1:-1], image[1:-1, 1:-1] * 255, atol=1.01)
 
 
 def frame_path(scene):
@@ -214,7 +216,7 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     picture = SurfacePicture(projection.width, projection.height)
 
     def alpha():
-        picture.draw(projection, plate, None)
+        picture.draw(projection, plate, contour=False)
         shape = (projection.height, projection.width, 4)
         return np.array(picture.structures.read(), float).reshape(shape)[::-1] / 255
 

@@ -108,6 +108,7 @@ def test_save_case_takes_the_surface_beside_it(scene, files, tmp_path, monkeypat
 
 
 def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(scene, files, tmp_path):
+    with_labels(files)
     bpy.ops.oneframe.make_surface()
     volume = ct.ct_of(scene).volume
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"), compress=False)
@@ -117,7 +118,8 @@ def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(scene, files,
     scene = bpy.context.scene
     assert ct.ct_of(scene) is None
     assert not bpy.ops.oneframe.make_surface.poll()
-    bpy.ops.oneframe.read_ct()
+    bpy.ops.oneframe.open_ct(filepath=scene.oneframe_ct.path)
+    assert len(ct.ct_of(scene).labels.names) == 1
     assert np.array_equal(ct.ct_of(scene).volume.values, volume.values)
 
 

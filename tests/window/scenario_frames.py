@@ -2,6 +2,7 @@
 
 from importlib import import_module
 
+import bpy
 import numpy as np
 import x11
 from user import part
@@ -131,7 +132,11 @@ def take(user):
 
 def play(user):
     film = part("video.session").of(user.window.scene)
-    yield from user.press("play_frames")
+    user.window.scene.frame_set(0)
+    with user.context():
+        bpy.ops.screen.animation_play()
     yield from user.until(lambda: film.shown == COUNT - 1, "the last picture", 120)
-    yield from ended(user)
     yield from user.key("ESC", user.middle())
+    yield 0.5
+    assert not user.window.screen.is_animation_playing
+    assert not part("video.shown_frame").is_shown(user.window.scene)

@@ -1,24 +1,13 @@
-"""From nothing, in the unit of another program; then keys that are Blender's, and the brush's."""
+"""Keys that are Blender's, and the brush's."""
 
 import bpy
 import numpy as np
 import x11
-from bl_ext.user_default.oneframe.pipeline.surface.mesh_reader import read_mesh
-from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.keymap import MASK_TOOL, MOVE_TOOL
 
 
 def scenario(user):
-    # the first file changes the workspace, which must not take the question with it
-    mesh, _ = read_mesh(user.case.parent / "surface.ply")
-    write_ply(user.folder / "metres.ply", mesh.scaled(1e-3))
-    user.call("load_surface", filepath=str(user.folder / "metres.ply"))
-    yield from user.at_workbench()
-    yield 0.5
-    yield from user.key("RET")
-    yield from user.until(lambda: user.window.scene.oneframe.units == "m", "the answer", 20)
-
     yield from user.open_case()
     user.plain_view()
     scene = user.window.scene

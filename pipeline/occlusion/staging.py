@@ -14,9 +14,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..colour.lens_shading import LensShading
 from ..colour.reference_view import ReferenceView
-from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
-from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid
 from .instruments import Instrument
 from .occluders import Occluders, Room, draw_occluders
@@ -41,8 +39,6 @@ class Staging:
         The light at the lens of the views; ``None`` without one.
     room
         The surface that instruments keep clear of.
-    rays_at
-        Makes the rays at a mesh.
     own_instruments
         The user's, in place of the built-in ones.
     """
@@ -53,7 +49,6 @@ class Staging:
     camera_from_planned: np.ndarray
     light: LensShading | None
     room: Room
-    rays_at: Callable[[TriangleMesh], MeshRays]
     own_instruments: tuple[Instrument, ...] = ()
 
 

@@ -21,7 +21,6 @@ from ...occlusion.surroundings import surroundings_filter
 from ...projection.silhouette import SilhouetteEdges
 from ...transforms import inverse_rigid
 from ..render.engines import opened_engine
-from ..render.surface_tree import rays_at
 from .view_planner import SAMPLED_VIEWS, ViewPlanner
 
 FILTERS = (shadow_filter, surroundings_filter, front_filter)
@@ -75,7 +74,6 @@ class ViewRenderer(ViewPlanner):
             self._camera_from_planned,
             light,
             self.probe,
-            rays_at,
             tuple(instruments),
         )
         self._filters = [*filter(None, (made(self._staging) for made in FILTERS))]

@@ -10,7 +10,7 @@ import pytest
 
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job
-from oneframe.blender.render.surface_tree import ViewProbe
+from oneframe.blender.render.surface_tree import ViewProbe, surface_tree
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
@@ -23,7 +23,6 @@ from oneframe.images.png import encode_png
 from oneframe.occlusion.instruments import burr
 from oneframe.occlusion.occluders import draw_occluders
 from oneframe.packing.pack import pack_dataset
-from oneframe.projection.rays import MeshRays
 from oneframe.reader import open_dataset
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
@@ -199,5 +198,5 @@ def test_no_instrument_goes_through_the_surface():
 def pierced(edges_of: TriangleMesh, at: TriangleMesh) -> bool:
     start = edges_of.vertices[edges_of.faces].reshape(-1, 3)
     end = edges_of.vertices[edges_of.faces[:, [1, 2, 0]]].reshape(-1, 3)
-    hits = MeshRays(at).first_hits(start.astype(np.float32), (end - start).astype(np.float32))
-    return bool(((hits.face >= 0) & (hits.distance < 1)).any())
+    tree, length = surface_tree(at), np.linalg.norm(end - start, axis=1)
+    return any(tree.ray_cast(*edge, far)[0] is not None for *edge, far in zip(start, end - start, length, strict=True))

@@ -1,25 +1,31 @@
-"""Operators that step through a queue, and mark a pose as checked."""
+"""Operators that put frames into a queue, all or none, step through it, and mark a pose as checked."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
 from bpy.props import IntProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import prop
 from ..pipeline.blender.alignment import surface_object
-from ..pipeline.case.case_file import read_case
-from ..pipeline.case.case_queue import CHECKED, REFUSED
+from ..pipeline.case.case_file import Case, read_case
+from ..pipeline.case.case_folder import CASE
+from ..pipeline.case.case_queue import CHECKED, REFUSED, NewFrame, add_frames, cases_of_frames
 from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
 from ..pipeline.errors import InputError, naming
-from ..setup import history
+from ..pipeline.files.outputs import made_folder
+from ..setup import history, queued
 from ..setup.alignment_record import is_start
 from ..setup.case_in_scene import unsaved_parts
+from ..setup.operators import IMAGES
 from ..setup.save_case import REPLACE, checked_pose
 from ..state import camera_view, from_scene, pose_evidence
+from ..state.scene_files import forget_stamps
 from ..ui.keymap import Key, keys
-from ..ui.operator import Messages, OperatorResult, Reporting, call
+from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OperatorResult, Reporting, call, open_beside
 from ..ui.question import ask_first
-from . import queued
 
 SETTLED = CHECKED, REFUSED
 """States of frames of which nothing is left to do."""
@@ -41,7 +47,7 @@ class ONEFRAME_OT_queue_step(_InQueue):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if question := _question(context.scene):
-            ask_first((REPLACE, question, "Replace"), "queue_step", "EXEC_DEFAULT", step=self.step)
+            ask_first((REPLACE, question, "Replace"), "queue_step", step=self.step)
             return {"CANCELLED"}
         return self.execute(context)
 
@@ -83,7 +89,7 @@ class ONEFRAME_OT_queue_check(_InQueue):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if question := _question(context.scene):
-            ask_first((REPLACE, question, "Replace"), "queue_check", "EXEC_DEFAULT")
+            ask_first((REPLACE, question, "Replace"), "queue_check")
             return {"CANCELLED"}
         return self.execute(context)
 
@@ -121,8 +127,7 @@ class ONEFRAME_OT_queue_refuse(_InQueue):
 
 def save_present(scene: bpy.types.Scene) -> None:
     """Save the scene's case to its file, unless only a start of its pose is new."""
-    parts = unsaved_parts(scene)
-    if parts and not (parts == ("pose",) and is_start(scene)):
+    if unsaved_parts(scene):
         call("save_case", filepath=scene.oneframe.case_path)
 
 
@@ -150,6 +155,59 @@ def go_to(context: bpy.types.Context, path: Path) -> None:
     record = PoseRecord(OTHER_FRAME, doubt=f"found in {origin}")
     surface_object.set_pose(scene.oneframe.camera_object, from_scene.surface_of(scene), pose)
     pose_evidence.remember(scene, record, pose)
+
+
+class ONEFRAME_OT_queue_frames(NeedsAlignment, Reporting, ChosenFiles, ImportHelper):
+    """Put frames of this surface and K into a queue, a case each; the present case is one of them"""
+
+    bl_label = "Add Frames"
+    bl_options = {"REGISTER"}
+
+    filter_glob: str = prop(StringProperty, default=IMAGES, options={"HIDDEN"})
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        open_beside(self, context.scene)
+        return ImportHelper.invoke(self, context, event)
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        images = self.chosen_files()
+        if not images:
+            raise InputError("expected frames, found none chosen; choose image files")
+        return added_text(context.scene, add_to_queue(context.scene, [NewFrame(path) for path in images]))
+
+
+def first_case(scene: bpy.types.Scene) -> Case:
+    """The scene's case where it will be in the queue."""
+    from_scene.check_mesh_unedited(scene)
+    folder, path = queued.new_folder(scene), queued.present(scene)
+    if path is None or path.parent.parent != folder:
+        path = folder / Path(scene.oneframe.frame_path).stem / CASE
+    return replace(from_scene.case(scene, path), path=path)
+
+
+def add_to_queue(scene: bpy.types.Scene, frames: Sequence[NewFrame]) -> list[Path]:
+    """Put frames into the scene's queue, which begins with the present case: see :func:`.add_frames`.
+
+    Raises
+    ------
+    InputError, RunError
+        As there, and nothing has changed then; or the present case cannot be saved.
+    """
+    first, folder = first_case(scene), queued.new_folder(scene)
+    cases_of_frames(folder, first, frames)
+    if first.path != queued.present(scene):
+        call("save_case", filepath=str(made_folder(first.path)))
+    # its files may be copies now
+    added = add_frames(folder, read_case(first.path, posed=False), frames)
+    forget_stamps()
+    return added
+
+
+def added_text(scene: bpy.types.Scene, added: Sequence[Path]) -> Messages:
+    """What was added, in words."""
+    names = ", ".join(path.parent.name for path in added[:3]) + (f" and {len(added) - 3} more" if added[3:] else "")
+    return (f"in the queue {queued.new_folder(scene)}: {names}",)
 
 
 PARTS = (

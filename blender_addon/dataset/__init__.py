@@ -1,1 +1,1 @@
-"""Panel *Dataset*: preview poses and views, and render the dataset in the background."""
+"""Panel *Dataset*: preview a view, and render the dataset in the background."""

@@ -1,14 +1,17 @@
 """Runs one script of the project at a time in a separate background Blender, follows its progress and stops it.
 
 The job belongs to this Blender process: its input ends with the process, however that ends, and the script then stops.
+What the script and the rest of the pipeline say is put in the words of the window.
 """
 
 import os
+import re
 import subprocess
 import sys
+import textwrap
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,14 +19,17 @@ from typing import Any
 import bpy
 
 from ..class_registration import at_end, timers
+from ..pipeline.dataset.options import OPTIONS
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.process.command_line import EXIT_STOPPED, script_command
 from ..pipeline.progress import ProgressLine, read_progress
-from .wording import in_window_words
+from ..state.events import areas
 
 POLL_SECONDS = 0.25
 STOP_SECONDS = 8.0
 """Time for the script to end by itself before it is killed; longer than it needs."""
+
+POPUP_CHARACTERS = 90
 
 LOW_PRIORITY = 10
 """Priority of the script and its workers on POSIX: keeps the window responsive."""
@@ -39,8 +45,8 @@ class BackgroundJob:
         The output folder.
     progress
         The latest progress; ``None`` before the first.
-    lines, errors
-        The latest other lines of standard output, and lines of standard error.
+    lines
+        The latest other lines of its output.
     code
         The exit code; ``None`` while the script runs.
     error
@@ -53,11 +59,10 @@ class BackgroundJob:
     process: subprocess.Popen = field(repr=False)
     progress: ProgressLine | None = None
     lines: deque[str] = field(default_factory=lambda: deque(maxlen=20))
-    errors: deque[str] = field(default_factory=lambda: deque(maxlen=20))
     code: int | None = None
     error: str = ""
     cancelled: bool = False
-    _readers: tuple[threading.Thread, ...] = ()
+    _reader: threading.Thread | None = None
 
     @classmethod
     def start(cls, script: str, arguments: Sequence[str], out: Path) -> "BackgroundJob":
@@ -71,7 +76,7 @@ class BackgroundJob:
                 command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
                 encoding="utf-8",
                 errors="replace",
                 **kind,
@@ -81,11 +86,8 @@ class BackgroundJob:
         if os.name != "nt":
             os.setpriority(os.PRIO_PROCESS, process.pid, LOW_PRIORITY)
         job = cls(out, process)
-        job._readers = tuple(
-            threading.Thread(target=read, daemon=True) for read in (job._read_output, job._read_errors)
-        )
-        for reader in job._readers:
-            reader.start()
+        job._reader = threading.Thread(target=job._read_output, daemon=True)
+        job._reader.start()
         return job
 
     @property
@@ -96,8 +98,8 @@ class BackgroundJob:
     def check(self) -> bool:
         """Update ``code`` and ``error`` if the script has ended; return whether it still runs."""
         if self.running and self.process.poll() is not None:
-            for reader in self._readers:
-                reader.join(timeout=1.0)
+            if self._reader is not None:
+                self._reader.join(timeout=1.0)
             self.code = self.process.returncode
             if self.code != 0 and not self.cancelled:
                 self.error = in_window_words(self._error_message())
@@ -127,20 +129,15 @@ class BackgroundJob:
             elif line.strip():
                 self.lines.append(line.strip())
 
-    def _read_errors(self) -> None:
-        for line in self.process.stderr or ():
-            if line.strip():
-                self.errors.append(line.strip())
-
     def _error_message(self) -> str:
-        reported = [line.removeprefix("error: ") for line in self.errors if line.startswith("error: ")]
+        reported = [line.removeprefix("error: ") for line in self.lines if line.startswith("error: ")]
         if reported:
             return reported[-1]
         if self.code == EXIT_STOPPED:
             return "the run was stopped by another program; start it again to continue"
         code = self.code or 0
         how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-        last = f": {self.errors[-1]}" if self.errors else ""
+        last = f": {self.lines[-1]}" if self.lines else ""
         return f"the background Blender {how}{last}; start the run again to continue after the finished views"
 
 
@@ -155,9 +152,6 @@ def script_path(name: str) -> Path:
 
 _jobs: list[BackgroundJob] = []
 """The running job, or the last one of this session."""
-
-listeners: list[Callable[[BackgroundJob], None]] = []
-"""Called regularly while a job runs, and once after it has ended."""
 
 
 def current() -> BackgroundJob | None:
@@ -183,16 +177,34 @@ def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
 
 
 def _follow() -> float | None:
-    """Timer: notify listeners; ends with the job."""
+    """Timer: show how far the job is; ends with it."""
     job = current()
     if job is None:
         return None
     running = job.check()
-    for listener in listeners:
-        listener(job)
+    _show(job)
     if running:
         _ask_before_quitting()
     return POLL_SECONDS if running else None
+
+
+def _show(job: BackgroundJob) -> None:
+    """Redraw the panel, and at the end the view; show a popup if the run has failed."""
+    manager = bpy.context.window_manager
+    for _window, area in areas("VIEW_3D"):
+        for region in area.regions:
+            if region.type == "UI" or not job.running:
+                region.tag_redraw()
+    # without a window Blender cannot open a menu, and reports no error
+    if job.running or not job.error or bpy.app.background or not manager.windows:
+        return
+
+    def draw(menu: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
+        for line in textwrap.wrap(job.error, POPUP_CHARACTERS):
+            menu.layout.label(text=line)
+
+    with bpy.context.temp_override(window=manager.windows[0]):
+        manager.popup_menu(draw, title="The Dataset Run Has Failed", icon="ERROR")
 
 
 def _ask_before_quitting() -> None:
@@ -213,6 +225,35 @@ def _end() -> None:
         sys.stderr.write("OneFrame: stopping the running job; finished views stay\n")
         _jobs[0].stop()
     _jobs.clear()
+
+
+_SENTENCES = (
+    (" (--out)", ""),
+    ("run the same command again", "press Render Dataset again"),
+    ("start the run again", "press Render Dataset again"),
+)
+
+
+def in_window_words(message: str) -> str:
+    """A message of the pipeline for the window: ``--engine cycles`` becomes ``Engine Cycles``."""
+    for words, own in _SENTENCES:
+        message = message.replace(words, own)
+    message = re.sub(r"\boptions\.(\w+)", lambda found: _label(found[1]), message)
+    # other names, such as "distance", are words as well
+    message = re.sub(
+        r"\b[a-z]+(?:_[a-z]+)+\b", lambda found: _label(found[0]) if found[0] in OPTIONS else found[0], message
+    )
+    return re.sub(r"--([a-z][a-z-]*)(?: ([a-z]+)\b)?", _named, message)
+
+
+def _label(name: str) -> str:
+    return OPTIONS[name].label if name in OPTIONS else name.replace("_", " ").title()
+
+
+def _named(found: re.Match[str]) -> str:
+    option, value = found[1].replace("-", "_"), found[2]
+    known = option in OPTIONS and value in OPTIONS[option].choices
+    return _label(option) + ("" if value is None else f" {value.title() if known else value}")
 
 
 PARTS = (at_end(_end), timers(_follow))

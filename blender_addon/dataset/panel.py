@@ -6,11 +6,10 @@ from ..pipeline.dataset.layout import CONTACT_SHEET
 from ..pipeline.dataset.options import LENS, NONE, PATHS, SHADOWS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
-from ..state.known_case import lamp_of
-from ..state.scene_files import known_stamp
+from ..state.case_of_file import lamp_of
 from ..ui.panel import AdvancedPanel, SidebarPanel, draw_text
-from . import background_job, operators, pose_preview
-from .wording import in_window_words
+from . import background_job, operators, view_preview
+from .background_job import in_window_words
 
 
 class ONEFRAME_PT_dataset(AdvancedPanel):
@@ -33,30 +32,19 @@ class ONEFRAME_PT_dataset(AdvancedPanel):
         column.prop(options, "count")
         column.prop(options, "sampler")
         try:
-            pose_preview.dataset_options(context.scene)
+            view_preview.dataset_options(context.scene)
         except InputError as error:
             draw_text(layout, in_window_words(str(error)), icon="ERROR")
 
 
 class ONEFRAME_PT_dataset_preview(SidebarPanel):
-    """Preview poses as cameras around the surface, and one view"""
+    """Preview one view"""
 
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Preview"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
-        row = layout.row(align=True)
-        row.operator("oneframe.preview_poses", text="Poses", icon="OUTLINER_OB_CAMERA")
-        row.prop(scene.oneframe, "preview_poses", text="")
-        row.operator("oneframe.hide_poses", text="", icon="X")
-        planned = pose_preview.shown()
-        if planned is not None:
-            if pose_preview.is_current(scene, stamp=known_stamp):
-                low, high = planned.observed.min(), planned.observed.max()
-                layout.label(text=f"Observed: {low:.0%} (orange) to {high:.0%} (green)")
-            else:
-                draw_text(layout, "The case has changed. Preview the poses again.", icon="ERROR")
         light = scene.oneframe.dataset.light  # type: ignore[attr-defined]  # from DatasetOptions
         row = layout.row(align=True)
         row.label(icon="LIGHT_POINT")
@@ -67,7 +55,7 @@ class ONEFRAME_PT_dataset_preview(SidebarPanel):
         row = layout.row(align=True)
         row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")
         row.prop(scene.oneframe, "preview_view", text="")
-        found = operators.preview(scene)
+        found = view_preview.preview(scene)
         if found is not None:
             image, summary, is_outdated = found
             if is_outdated:

@@ -12,7 +12,7 @@ from ..pipeline.case.landmarks import read_landmarks
 from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..state import another_frame, events, from_scene, pose_evidence
+from ..state import events, frame_in_view, from_scene, pose_evidence
 from ..state.landmarks import landmarks_mesh, replace_landmarks
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import (
@@ -23,7 +23,7 @@ from ..ui.operator import (
     Reporting,
     report_error,
 )
-from ..ui.question import Asking
+from ..ui.question import ask_first
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -37,9 +37,20 @@ class _HasLandmarks(NeedsAlignment):
     needs = (lambda context: bool(context.scene.oneframe.landmarks), "Pick a landmark first")
 
 
-class _PointAndPixel(bpy.types.Operator):
-    """Mixin: a surface point and an image point as optional properties."""
+class ONEFRAME_OT_landmark_set(NeedsAlignment, Reporting):
+    """Add a landmark, or set its surface point, image point or name"""
 
+    bl_label = "Set Landmark"
+
+    index: int = prop(
+        IntProperty,
+        "Index",
+        "Index in the list, counted from 0; -1 for the landmark that lacks this point, or a new one",
+        default=-1,
+        min=-1,
+        options={"SKIP_SAVE"},
+    )
+    name: str = prop(StringProperty, "Name", "New name; empty to keep the name", options={"SKIP_SAVE"})
     point: Sequence[float] = prop(
         FloatVectorProperty,
         "Surface Point",
@@ -57,34 +68,12 @@ class _PointAndPixel(bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    def given_point(self) -> np.ndarray | None:
-        return np.array(self.point, float) if self.properties.is_property_set("point") else None
-
-    def given_pixel(self, scene: bpy.types.Scene) -> np.ndarray | None:
-        if not self.properties.is_property_set("pixel"):
-            return None
-        return edit.check_pixel(scene, np.array(self.pixel, float))
-
-
-class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting):
-    """Add a landmark, or set its surface point, image point or name"""
-
-    bl_label = "Set Landmark"
-
-    index: int = prop(
-        IntProperty,
-        "Index",
-        "Index in the list, counted from 0; -1 for the landmark that lacks this point, or a new one",
-        default=-1,
-        min=-1,
-        options={"SKIP_SAVE"},
-    )
-    name: str = prop(StringProperty, "Name", "New name; empty to keep the name", options={"SKIP_SAVE"})
-
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
-        another_frame.check_own(scene)
-        point, pixel = self.given_point(), self.given_pixel(scene)
+        frame_in_view.check_own(scene)
+        is_given = self.properties.is_property_set
+        point = np.array(self.point, float) if is_given("point") else None
+        pixel = edit.check_pixel(scene, np.array(self.pixel, float)) if is_given("pixel") else None
         if self.index >= 0:
             index = edit.checked_index(scene, self.index)
         elif (point is None) == (pixel is None):
@@ -94,42 +83,6 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting):
         if self.name:
             scene.oneframe.landmarks[index].name = self.name
         edit.set_halves(scene, index, point_model=point, pixel=pixel)
-
-
-class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting):
-    """Pull a point of the surface to a pixel while the other landmarks hold the surface"""
-
-    bl_label = "Pull Pin"
-
-    index: int = prop(
-        IntProperty,
-        "Index",
-        "Index in the list, counted from 0; -1 for a new landmark",
-        default=-1,
-        min=-1,
-        options={"SKIP_SAVE"},
-    )
-
-    def run(self, context: bpy.types.Context) -> None:
-        scene = context.scene
-        another_frame.check_own(scene)
-        point, pixel = self.given_point(), self.given_pixel(scene)
-        pose = from_scene.cam_from_model(scene)
-        if pixel is None:
-            raise InputError("expected the pixel to pull the pin to, found none; set pixel")
-        if self.index >= 0:
-            index = edit.checked_index(scene, self.index)
-            if point is None and not scene.oneframe.landmarks[index].has_point:
-                raise InputError(f"expected a surface point of landmark {index}, found none; pick it first")
-        elif point is None:
-            raise InputError("expected the surface point of the new pin, found none; set point")
-        else:
-            index = edit.add(scene)
-        with events.muted():
-            scene.oneframe.landmarks[index].enabled = True
-            edit.set_halves(scene, index, point_model=point, pixel=pixel)
-        solve.pull(scene, pose, index)
-        events.landmarks_changed(scene)
 
 
 class _OnOneLandmark(bpy.types.Operator):
@@ -191,7 +144,7 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting):
         replace_landmarks(context.scene, ())
 
 
-class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
+class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting):
     """Move the surface to the pose that fits the landmarks"""
 
     bl_label = "Solve"
@@ -201,7 +154,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
         scene = context.scene
         try:
             solved = solve.solution(scene)
-            away = solve.departure(scene, solved)
+            away = solve.departure_px(scene, solved)
             if away is None or not pose_evidence.is_refined(scene):
                 return self.execute(context)
             record = pose_evidence.remembered(scene) or UNKNOWN
@@ -209,8 +162,9 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
             report_error(self, str(error))
             return {"CANCELLED"}
         off = "" if record.error_px is None else f", off by about {format_two_digits(record.error_px)} px"
-        question = f"It comes from the image{off}. The landmarks' pose is up to {away.largest_px:.1f} px away."
-        return self.ask(context, "Replace the Refined Pose?", question, "Solve")
+        question = f"It comes from the image{off}. The landmarks' pose is up to {away:.1f} px away."
+        ask_first(("Replace the Refined Pose?", question, "Solve"), "solve_landmarks")
+        return {"CANCELLED"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -253,7 +207,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
-        another_frame.check_own(scene)
+        frame_in_view.check_own(scene)
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
         existing = landmarks_mesh(scene) if self.keep else ()

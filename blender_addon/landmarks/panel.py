@@ -9,12 +9,9 @@ from ..pipeline.files.numbers import format_two_digits
 from ..state import pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool, draw_key
-from ..ui.panel import AlignmentPanel, SidebarPanel, StepPanel, draw_text
-from . import solve, tool
+from ..ui.panel import AlignmentPanel, StepPanel, draw_text
+from . import solve
 from .solve import Solution
-
-MESSAGE_LINES = 6
-"""Height of the slot for what the landmarks say."""
 
 
 class ONEFRAME_UL_landmarks(bpy.types.UIList):
@@ -61,7 +58,6 @@ class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
         active = active_tool(context)
         for name, icon in ((PIN_TOOL, "PINNED"), (LANDMARK_TOOL, "EYEDROPPER")):
             row.operator("wm.tool_set_by_id", text=TOOLS[name], icon=icon, depress=active == name).name = name
-        draw_text(layout, tool.instruction(context) if tool.is_active(context) else "", icon="INFO", lines=2)
 
 
 class ONEFRAME_PT_landmark_list(AlignmentPanel):
@@ -84,31 +80,15 @@ class ONEFRAME_PT_landmark_list(AlignmentPanel):
         column.separator()
         column.operator("oneframe.import_landmarks", text="", icon="IMPORT")
         layout.prop(settings, "click_sigma_px", text="Click Noise (px)")
-        layout.prop(settings, "live_solve", text="Solve After Every Change", toggle=True)
         try:
             _draw_solution(layout, context.scene, solve.solution(context.scene))
         except InputError as error:
             draw_text(layout, str(error), icon="ERROR")
 
 
-class ONEFRAME_PT_landmark_keys(SidebarPanel):
-    """Mouse and keys of the landmark tool"""
-
-    bl_parent_id = "ONEFRAME_PT_landmarks"
-    bl_label = "Mouse and Keys"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        for keys, text in tool.KEYS:
-            split = self.layout.split(factor=0.45)
-            split.label(text=keys)
-            split.label(text=text)
-        draw_text(self.layout, "In other 3D views, a click picks a surface point.")
-
-
 def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
     """The buttons first, then figures in slots that stay as high as they are: nothing moves under the pointer."""
-    found, away = solved.estimate, solve.departure(scene, solved)
+    found, away = solved.estimate, solve.departure_px(scene, solved)
     # by shares: three of one width would cut a name off
     row = layout.split(factor=0.32, align=True)
     solving, other = row.row(align=True), row.split(factor=0.75, align=True)
@@ -123,11 +103,10 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
         if away is not None:
             kept = "The refined pose stays when landmarks change. " if pose_evidence.is_refined(scene) else ""
             text, icon = (
-                f"{kept}Solve would move the surface by {format_two_digits(away.rotation_deg)}° and "
-                f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame: {text}.",
+                f"{kept}Solve would move the surface by up to {away:.1f} px in the frame: {text}.",
                 "INFO",
             )
-    draw_text(layout, text if scene.oneframe.landmarks else "", icon=icon, lines=MESSAGE_LINES)
+    draw_text(layout, text if scene.oneframe.landmarks else "", icon=icon)
     draw_uncertainty(layout.box(), None if found is None or away is not None else found.uncertainty)
     if found is not None and away is None:
         for message in found.messages:

@@ -2,13 +2,12 @@
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatProperty
+from bpy.props import EnumProperty, FloatProperty
 
 from ..class_registration import prop, tool
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.errors import InputError
-from ..pipeline.transforms import rotation_from_vector, transform_points, turned_about
-from ..state import another_frame, from_scene
+from ..state import frame_in_view, from_scene
 from ..state.events import redraw
 from ..state.pose import keep_pivot, pivot_of, set_cam_from_model
 from ..ui.drag import Drag
@@ -43,7 +42,7 @@ class _Mover(NeedsAlignment):
     """Mixin: moves the surface about the pivot, by keys or drags."""
 
     def _begin(self, context: bpy.types.Context) -> None:
-        another_frame.check_own(context.scene)
+        frame_in_view.check_own(context.scene)
         self._pivot, self._radius = pivot_of(context.scene)
         self._start_pose = from_scene.cam_from_model(context.scene)
         keep_pivot(context.scene, self._pivot, self._radius)
@@ -76,7 +75,7 @@ class ONEFRAME_OT_nudge(_Mover, Reporting):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         # arrows go through the film while another frame is in view
-        if event.type in _KEYBOARD and (not shows_frame(context) or another_frame.seen(context.scene) is not None):
+        if event.type in _KEYBOARD and (not shows_frame(context) or frame_in_view.other(context.scene) is not None):
             return {"PASS_THROUGH"}
         result = self.execute(context)
         if result != {"FINISHED"} or event.value != "PRESS" or event.type in ("LEFTMOUSE", "RET"):
@@ -97,24 +96,6 @@ class ONEFRAME_OT_nudge(_Mover, Reporting):
             return {"FINISHED"} if event.type == "WINDOW_DEACTIVATE" else {"PASS_THROUGH"}
         # another key ends this gesture, and keeps its own effect
         return {"FINISHED", "PASS_THROUGH"}
-
-
-class ONEFRAME_OT_quarter_turn(_Mover, Reporting):
-    """Roll the surface by 90° about the view ray; twice turns it upside down"""
-
-    bl_label = "Quarter Turn"
-
-    anticlockwise: bool = prop(BoolProperty, "Anticlockwise", "Roll anticlockwise in the image")
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return self.execute(context) if shows_frame(context) else {"PASS_THROUGH"}
-
-    def run(self, context: bpy.types.Context) -> None:
-        self._begin(context)
-        pivot_cam = transform_points(self._start_pose, self._pivot[None])[0]
-        angle = -np.pi / 2 if self.anticlockwise else np.pi / 2
-        turned = turned_about(pivot_cam, rotation_from_vector(np.array([0.0, 0.0, angle]))) @ self._start_pose
-        self._set_pose(context, turned)
 
 
 class ONEFRAME_OT_drag_pose(_Mover, Drag):
@@ -217,8 +198,6 @@ PARTS = (
             for key, sign in zip(pair, (-1, 1), strict=True)
             for step, size in STEPS.items()
         ),
-        Key("oneframe.quarter_turn", "COMMA", ctrl=True, alt=True, properties=(("anticlockwise", True),)),
-        Key("oneframe.quarter_turn", "PERIOD", ctrl=True, alt=True, properties=(("anticlockwise", False),)),
         Key("oneframe.drag_pose", "LEFTMOUSE", properties=(("mode", "shift"),), tools=(MOVE_TOOL,)),
         Key("oneframe.drag_pose", "LEFTMOUSE", ctrl=True, properties=(("mode", "tilt"),), tools=(MOVE_TOOL,)),
         Key("oneframe.drag_pose", "LEFTMOUSE", alt=True, properties=(("mode", "roll"),), tools=(MOVE_TOOL,)),

@@ -1,4 +1,4 @@
-"""The operators that refine a rough pose against the image: a preview to accept or discard, one undo step.
+"""The operator that refines a rough pose against the image: a preview to accept or discard, one undo step.
 
 A refinement that does not improve the pose is refused. Its result can be looked at, and taken by choice: then the
 record of the pose says so. Esc stops a refinement that runs.
@@ -20,13 +20,13 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
-from ..ui.background_operator import Work, check_inputs, inputs_of
+from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.keymap import Key, keys
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, report_error
-from .preview import BackgroundPreview, RefinementPreview, preview_text, take
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult
+from .preview import RefinementPreview, preview_text, take
 
 
-class ONEFRAME_OT_refine(NeedsAlignment, BackgroundPreview, RefinementPreview):
+class ONEFRAME_OT_refine(NeedsAlignment, InBackground, RefinementPreview):
     """Refine the rough pose against the image, with a preview: Enter accepts it, Esc discards it"""
 
     bl_label = "Refine Against Image"
@@ -67,35 +67,15 @@ class ONEFRAME_OT_refine(NeedsAlignment, BackgroundPreview, RefinementPreview):
             self.report({"WARNING"}, f"{preview_text(result)}: {result.objection}")
         self.show_result(context, result, self._start)
 
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if self.is_shown:
+            return RefinementPreview.modal(self, context, event)
+        outcome = super().modal(context, event)
+        return {"RUNNING_MODAL"} if self.is_shown else outcome
 
-class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, RefinementPreview):
-    """Look at the pose that the refinement found and refused, before and after, and take it if it is right"""
-
-    bl_label = "Look at Refused Pose"
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        """Take it without a preview, as scripts do."""
-        result = _refused(context.scene)
-        take(context.scene, result, pose_record(context.scene))
-        return (f"taken although refused: {result.objection}",)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if context.window is None or bpy.app.background:
-            return self.execute(context)
-        try:
-            self.show_result(context, _refused(context.scene), from_scene.cam_from_model(context.scene))
-        except InputError as error:
-            report_error(self, str(error))
-            return {"CANCELLED"}
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
-
-
-def _refused(scene: bpy.types.Scene) -> Refinement:
-    result = outcome(scene)
-    if result is None or not result.can_be_taken or is_taken(scene):
-        raise InputError("expected a refinement that was refused at this pose, found none; press Refine Against Image")
-    return result
+    def cancel(self, context: bpy.types.Context) -> None:
+        super().cancel(context)
+        RefinementPreview.cancel(self, context)
 
 
 def _refinement_of(scene: bpy.types.Scene, loaded: LoadedCase) -> Callable[..., Refinement]:

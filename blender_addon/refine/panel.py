@@ -8,9 +8,6 @@ from ..ui.panel import AlignmentPanel, StepPanel, draw_text
 from . import operator
 from .preview import error_text, preview_text
 
-MESSAGE_LINES = 6
-"""Of the slots that stay as high as they are when a result appears: no button moves under the pointer."""
-
 
 class ONEFRAME_PT_refine(AlignmentPanel, StepPanel):
     """Refine the rough pose against the image"""
@@ -30,25 +27,20 @@ class ONEFRAME_PT_refine(AlignmentPanel, StepPanel):
             taken, previewed = operator.is_taken(scene), operator.is_previewed(scene)
         except InputError:
             return  # the sidebar says what is wrong with the pose
-        refused = found is not None and found.can_be_taken
-        row = layout.row()
-        row.enabled = refused and not taken and not previewed
-        row.operator("oneframe.take_refused", icon="HIDE_OFF")
+        if found is None:
+            return
         table = layout.column(align=True)
-        head = table.split(factor=0.35)
-        for name in ("", "Before", "Refused" if refused else "After"):
-            head.label(text=name)
-        figures = {"Explained": ("", ""), "Off By": ("", "")}
-        message, icon = "", "NONE"
-        if found is not None:
-            figures["Explained"] = f"{found.before.score:.0%}", f"{found.after.score:.0%}"
-            figures["Off By"] = error_text(found, refined=False), error_text(found, refined=True)
-            message, icon = found.message, "CHECKMARK" if found.accepted else "ERROR"
-            if refused and (taken or previewed):
-                words = "Taken although refused" if taken else preview_text(found)
-                message = f"{words}: {found.objection}"
-        for name, values in figures.items():
+        after = "Refused" if found.can_be_taken else "After"
+        for texts in (
+            ("", "Before", after),
+            ("Explained", f"{found.before.score:.0%}", f"{found.after.score:.0%}"),
+            ("Off By", error_text(found, refined=False), error_text(found, refined=True)),
+        ):
             row = table.split(factor=0.35)
-            for text in (name, *values):
+            for text in texts:
                 row.label(text=text)
-        draw_text(layout, message, icon=icon, lines=MESSAGE_LINES)
+        message, icon = found.message, "CHECKMARK" if found.accepted else "ERROR"
+        if found.can_be_taken and (taken or previewed):
+            words = "Taken although refused" if taken else preview_text(found)
+            message = f"{words}: {found.objection}"
+        draw_text(layout, message, icon=icon)

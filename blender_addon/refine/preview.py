@@ -14,7 +14,7 @@ from ..setup.alignment_record import pose_record, remember_refined
 from ..state import pose
 from ..state.events import redraw
 from ..state.pose import set_cam_from_model
-from ..ui.background_operator import NAVIGATION, InBackground, show_status
+from ..ui.background_operator import NAVIGATION, show_status
 from ..ui.operator import OperatorResult, report_error
 from ..video import shown_frame
 
@@ -29,34 +29,34 @@ def take(scene: bpy.types.Scene, result: Refinement, start: PoseRecord) -> None:
     remember_refined(scene, result, start)
 
 
-class Preview(bpy.types.Operator):
-    """Mixin: a modal operator that shows a pose that was found, and lets the user keep or discard it."""
+class RefinementPreview(bpy.types.Operator):
+    """Mixin: a modal operator that shows the pose of a refinement, and lets the user keep or discard it."""
 
-    is_shown = is_refused = False
+    is_shown = False
 
-    def show_poses(self, context: bpy.types.Context, found: np.ndarray, start: np.ndarray) -> None:
-        """Begin with the pose ``(4, 4)`` that was found; ``start``, the one before, is that to go back to."""
-        self._found, self._start, self.is_shown = found, start, True
+    def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
+        """Begin with the refined pose; ``start``, ``(4, 4)``, the one before, is that to go back to."""
+        self._result, self._start_record, self._start = result, pose_record(context.scene), start
+        self.is_shown = True
         pose.previewed = self.bl_label
         shown_frame.restore(context.scene)
         self._show_pose(context, is_result=True)
         self._show_figures(context)
 
-    def keep(self, context: bpy.types.Context) -> str:
-        """Take the pose, and say so in a message."""
-        raise NotImplementedError
-
-    def figures(self, *, after: bool) -> str:
-        """What is known of the pose before or after, for the status bar."""
-        raise NotImplementedError
-
     def _preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        is_refused = self._result.can_be_taken
         if event.value == "PRESS":
             if event.type in DISCARD:
                 self._show_pose(context, is_result=False)
                 return self._close(context, "CANCELLED", message="the pose found is discarded, the pose is unchanged")
-            if (event.type in TAKE and event.ctrl) if self.is_refused else event.type in KEEP:
-                return self._close(context, "FINISHED", message=self.keep(context))
+            if (event.type in TAKE and event.ctrl) if is_refused else event.type in KEEP:
+                take(context.scene, self._result, self._start_record)
+                message = f"taken although refused: {self._result.objection}"
+                return self._close(context, "FINISHED", message=message if is_refused else self._result.message)
+            if event.type == "PAGE_DOWN" and not is_refused:
+                # on to the next frame of a queue: the key keeps its own effect
+                take(context.scene, self._result, self._start_record)
+                return self._close(context, "FINISHED", message=self._result.message) | {"PASS_THROUGH"}
             if event.type == "SPACE" and not (event.shift or event.ctrl or event.alt):
                 self._show_pose(context, is_result=not self._shows_result)
         self._show_figures(context)
@@ -100,46 +100,17 @@ class Preview(bpy.types.Operator):
     def _show_figures(self, context: bpy.types.Context) -> None:
         when = "AFTER" if self._shows_result else "BEFORE"
         keys = "Enter or Left Click: Accept      Esc or Right Click: Discard"
-        if self.is_refused:
+        if self._result.can_be_taken:
             keys = "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway"
-        figures = self.figures(after=self._shows_result)
+        agreement = self._result.after if self._shows_result else self._result.before
+        error = error_text(self._result, refined=self._shows_result)
+        figures = f"{agreement.score:.0%} of the image explained, off by {error}"
         show_status(context, f"{when}: {figures}      {keys}      Space: Before / After")
 
     def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
-        set_cam_from_model(context.scene, self._found if is_result else self._start)
+        set_cam_from_model(context.scene, self._result.found if is_result else self._start)
         self._shows_result = is_result
         redraw()
-
-
-class BackgroundPreview(InBackground, Preview):
-    """Mixin: work in the background that ends with a preview."""
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if self.is_shown:
-            return Preview.modal(self, context, event)
-        outcome = super().modal(context, event)
-        return {"RUNNING_MODAL"} if self.is_shown else outcome
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        InBackground.cancel(self, context)
-        Preview.cancel(self, context)
-
-
-class RefinementPreview(Preview):
-    """Mixin: the preview of a refinement."""
-
-    def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
-        """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one."""
-        self._result, self._start_record, self.is_refused = result, pose_record(context.scene), result.can_be_taken
-        self.show_poses(context, result.found, start)
-
-    def keep(self, context: bpy.types.Context) -> str:
-        take(context.scene, self._result, self._start_record)
-        return f"taken although refused: {self._result.objection}" if self.is_refused else self._result.message
-
-    def figures(self, *, after: bool) -> str:
-        agreement = self._result.after if after else self._result.before
-        return f"{agreement.score:.0%} of the image explained, off by {error_text(self._result, refined=after)}"
 
 
 def preview_text(result: Refinement) -> str:

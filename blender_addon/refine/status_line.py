@@ -9,9 +9,8 @@ import bpy
 import numpy as np
 
 from ..case_queue.operators import SETTLED
-from ..case_queue.queued import position, queue_of
 from ..dataset import background_job
-from ..dataset.snapshot import usual_output
+from ..dataset.output import usual_output
 from ..landmarks import solve
 from ..pipeline.alignment.landmarks.align_landmarks import complete_landmarks
 from ..pipeline.case.pose_record import (
@@ -25,7 +24,8 @@ from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
 from ..setup.case_in_scene import unsaved_parts
 from ..setup.open_case import task_lines
-from ..state import another_frame, from_scene, pose, workbench
+from ..setup.queued import position, queue_of
+from ..state import frame_in_view, from_scene, pose, workbench
 from ..state.events import areas
 from ..state.landmarks import landmarks_model
 from ..ui.keymap import binding
@@ -47,16 +47,16 @@ CONTRADICTION = 10.0
 """RMS of the pins in units of the click noise from which on they cannot be meant so."""
 
 KINDS = {
-    "landmarks": ("From landmarks", "EYEDROPPER"),
-    "pins": ("Pulled by pins", "PINNED"),
-    "refined": ("Refined against the image", "SNAP_ON"),
-    FURTHER_FRAMES: ("From further frames", "CAMERA_DATA"),
-    REGISTERED: ("Registered to another frame", "CON_CAMERASOLVER"),
-    "manual": ("By hand", "VIEW_PAN"),
-    INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
-    OTHER_FRAME: ("Of another frame, not aligned in this one", "QUESTION"),
+    "landmarks": "From landmarks",
+    "pins": "Pulled by pins",
+    "refined": "Refined against the image",
+    FURTHER_FRAMES: "From further frames",
+    REGISTERED: "Registered to another frame",
+    "manual": "By hand",
+    INITIAL_GUESS: "Initial guess, not aligned",
+    OTHER_FRAME: "Of another frame, not aligned in this one",
 }
-"""Method of a record -> its description and icon."""
+"""Method of a record -> its description."""
 
 
 def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
@@ -67,7 +67,7 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
         name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
     parts = unsaved_parts(scene)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
-    if (other := another_frame.seen(scene)) is not None:
+    if (other := frame_in_view.other(scene)) is not None:
         back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
         return f"{name}, {saved}  |  In view: {other.name}, {other.text}  |  {back}", ()
     line = f"{name}, {saved}  |  {pose_text(scene)}"
@@ -83,7 +83,8 @@ def pose_text(scene: bpy.types.Scene) -> str:
     if pose.previewed:
         return f"Preview: {pose.previewed}"
     record = pose_record(scene)
-    text, _ = kind_of(scene, record)
+    text = KINDS.get(record.method, record.method or "Given by the case, origin unknown")
+    text = "Taken although refused" if record.refused else text
     if record.error_px is not None:
         return f"{text}, off by {'at least' if record.refused else 'about'} {format_two_digits(record.error_px)} px"
     rms_px = _rms_px(scene, record)
@@ -95,13 +96,6 @@ def _rms_px(scene: bpy.types.Scene, record: PoseRecord) -> float:
     if record.rms_px is None and complete_landmarks(landmarks_model(scene)):
         return solve.rms_px(scene, from_scene.cam_from_model(scene))
     return np.nan if record.rms_px is None else record.rms_px
-
-
-def kind_of(scene: bpy.types.Scene, record: PoseRecord) -> tuple[str, str]:
-    """How a pose with this record was found, in words, and the icon for it."""
-    if record.refused:
-        return "Taken although refused", "ERROR"
-    return KINDS.get(record.method, (record.method or "Given by the case, origin unknown", "QUESTION"))
 
 
 def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
@@ -135,6 +129,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
             return f"Next: {binding('oneframe.queue_check') or 'Checked'}, if it is right"
         if any(entry.state not in SETTLED for entry in entries):
             return f"Next: {binding('oneframe.queue_unfinished') or 'Next Unfinished'} goes to the next unfinished one"
+        return f"Next: oneframe render {entries[0].path.parents[1].name}, which renders them all"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 

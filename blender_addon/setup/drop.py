@@ -1,84 +1,22 @@
-"""Files dropped onto a 3D view: each is opened as what its kind and content say."""
-
-from collections.abc import Callable
-from pathlib import Path
+"""Files dropped onto a 3D view: the operator of their kind opens them; where several could, Blender asks which."""
 
 import bpy
 
-from ..pipeline.case.surface_folder import RECORD
-from ..pipeline.errors import InputError
-from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene, workbench
-from ..ui.operator import ChosenFiles, Reporting, call
 from ..video.operators import VIDEOS
 from .operators import CAMERAS, IMAGES, MESHES
 
-LANDMARKS = "*.csv"
-TOML = ".toml"
+CASE = ".toml"
 
 
-def extensions(glob: str) -> tuple[str, ...]:
-    """``"*.png;*.jpg"`` -> ``(".png", ".jpg")``."""
-    return tuple(glob.replace("*", "").split(";"))
-
-
-class ONEFRAME_OT_drop_files(Reporting, ChosenFiles):
-    """Open the dropped files: a case, the frame, K, the surface and structures, landmarks"""
-
-    bl_label = "Open in OneFrame"
-    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
-
-    def run(self, context: bpy.types.Context) -> None:
-        paths = self.chosen_files()
-        if not paths:
-            raise InputError("expected files, found none; drop them from a file manager")
-        for operator, path in _steps(context.scene, paths):
-            call(operator, filepath=str(path))
-
-
-def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
-    """The operator for each file, in an order in which they can follow each other."""
-    meshes = [path for path in paths if path.suffix.lower() in extensions(MESHES) or path.name == RECORD]
-    bones = [path for path in meshes if structure_colour(path.stem) == OTHER]
-    if len(bones) > 1 or (meshes and not bones and from_scene.present_surface(scene) is None):
-        names = ", ".join(path.name for path in bones or meshes)
-        raise InputError(f"expected one surface, found {names}; drop the surface first, then the structures")
-    kinds: tuple[tuple[str, Callable[[Path], bool]], ...] = (
-        ("open_case", _is_case),
-        ("load_frame", _of_kind(IMAGES)),
-        ("load_camera", lambda path: path not in meshes and _of_kind(CAMERAS)(path)),
-        ("load_surface", lambda path: path in bones),
-        ("add_structure", lambda path: path in meshes),
-        ("import_landmarks", _of_kind(LANDMARKS)),
-    )
-    steps: dict[str, list[Path]] = {operator: [] for operator, _ in kinds}
-    for path in paths:
-        operator = next((operator for operator, is_of_kind in kinds if is_of_kind(path)), None)
-        if operator is None:
-            raise InputError(f"{path.name}: expected a case, an image, K, a mesh or landmarks; drop another file")
-        steps[operator].append(path)
-    return [(operator, path) for operator, found in steps.items() for path in sorted(found)]
-
-
-def _of_kind(glob: str) -> Callable[[Path], bool]:
-    return lambda path: path.suffix.lower() in extensions(glob)
-
-
-def _is_case(path: Path) -> bool:
-    """Whether a file is a case; a TOML file may hold K alone. Only its beginning is read."""
-    if path.suffix.lower() != TOML:
-        return False
-    try:
-        with path.open("rb") as opened:
-            return b"[frame]" in opened.read(1 << 16)
-    except OSError:
-        return True  # opening the case says what is wrong with it
+def extensions(glob: str) -> str:
+    """``"*.png;*.toml"`` -> ``".png"``: a case is no other kind."""
+    return ";".join(kind for kind in glob.replace("*", "").split(";") if kind != CASE)
 
 
 class _Dropped(bpy.types.FileHandler):
     """Mixin: files dropped onto a 3D view, of the workbench only: elsewhere they are Blender's."""
 
-    bl_import_operator = "oneframe.drop_files"
     is_ours = False
     """Whether nothing else in Blender opens them, in any scene."""
 
@@ -93,17 +31,53 @@ class ONEFRAME_FH_case(_Dropped):
     """Cases, in any scene"""
 
     bl_label = "OneFrame Case"
-    bl_file_extensions = TOML
+    bl_import_operator = "oneframe.open_case"
+    bl_file_extensions = CASE
     is_ours = True
 
 
-class ONEFRAME_FH_files(_Dropped):
-    """Images, K, meshes and landmarks"""
+class ONEFRAME_FH_frame(_Dropped):
+    """Frames"""
 
-    bl_label = "OneFrame"
-    bl_file_extensions = ";".join(
-        sorted({kind for glob in (IMAGES, CAMERAS, MESHES, LANDMARKS) for kind in extensions(glob)} - {TOML})
-    )
+    bl_label = "OneFrame Frame"
+    bl_import_operator = "oneframe.load_frame"
+    bl_file_extensions = extensions(IMAGES)
+
+
+class ONEFRAME_FH_camera(_Dropped):
+    """Intrinsics"""
+
+    bl_label = "OneFrame K"
+    bl_import_operator = "oneframe.load_camera"
+    bl_file_extensions = extensions(CAMERAS)
+
+
+class ONEFRAME_FH_surface(_Dropped):
+    """The surface"""
+
+    bl_label = "OneFrame Surface"
+    bl_import_operator = "oneframe.load_surface"
+    bl_file_extensions = extensions(MESHES)
+
+
+class ONEFRAME_FH_structures(_Dropped):
+    """Structures in the surface"""
+
+    bl_label = "OneFrame Structures"
+    bl_import_operator = "oneframe.add_structure"
+    bl_file_extensions = extensions(MESHES)
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
+        return super().poll_drop(context) and from_scene.present_surface(context.scene) is not None  # type: ignore[union-attr]  # polled
+
+
+class ONEFRAME_FH_landmarks(_Dropped):
+    """Landmarks"""
+
+    bl_label = "OneFrame Landmarks"
+    bl_import_operator = "oneframe.import_landmarks"
+    bl_file_extensions = ".csv"
 
 
 class ONEFRAME_FH_video(_Dropped):
@@ -111,7 +85,7 @@ class ONEFRAME_FH_video(_Dropped):
 
     bl_label = "OneFrame Video"
     bl_import_operator = "oneframe.open_video"
-    bl_file_extensions = VIDEOS.replace("*", "")
+    bl_file_extensions = extensions(VIDEOS)
 
 
 class ONEFRAME_FH_ct(_Dropped):

@@ -16,11 +16,10 @@ from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.transforms import transform_points
 from ..state import from_scene
 from ..state.camera_view import look_through_camera, show_shape
-from ..state.initial_pose import has_initial_pose
-from ..state.recent import own_folder
-from ..state.scene_files import Stamp, known_stamp
+from ..state.initial_pose import is_initial
+from ..state.scene_files import Stamp, known_stamp, own_folder
 from ..ui.keymap import binding
-from ..ui.operator import Messages, OpensFile, OperatorResult, Reporting, call
+from ..ui.operator import Messages, OpensFile, Reporting, call
 from . import history
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
@@ -39,9 +38,6 @@ class ONEFRAME_OT_open_case(OpensFile):
     bl_label = "Open Case"
 
     filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
@@ -88,7 +84,7 @@ def task_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     if path.name != UNALIGNED or known_stamp(true) == (0, 0):
         return ()
     error = "as soon as the bone has moved, this line says how far it is from its true pose"
-    if not has_initial_pose(scene):
+    if not is_initial(scene, from_scene.cam_from_model(scene)):
         off_px = _off_px(scene, true, known_stamp(true))
         error = f"the bone is {format_two_digits(off_px)} px from its true pose, in the median"
     refine = binding("oneframe.refine") or "Refine Against Image"

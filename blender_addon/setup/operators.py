@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import prop, start_timer, timers
+from ..class_registration import prop
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
@@ -17,31 +17,17 @@ from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.structures import name_of_file
-from ..state import another_frame, from_scene, to_scene, workbench
-from ..state.camera_view import WORKSPACE
-from ..state.events import areas
+from ..state import frame_in_view, from_scene, to_scene
 from ..state.from_scene import surface_bounds, surface_extents
 from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
-from ..ui.frame_view import window_region
-from ..ui.operator import (
-    ChosenFiles,
-    Messages,
-    NeedsAlignment,
-    OpensFile,
-    OperatorResult,
-    Reporting,
-    call,
-)
+from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OpensFile, Reporting
 
-IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
+IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.txt"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
 SURFACES = f"{MESHES};{RECORD}"
-
-DRAWN_S = 0.05
-"""Time after which a window has been drawn once."""
 
 
 class ONEFRAME_OT_load_frame(OpensFile):
@@ -121,25 +107,8 @@ class ONEFRAME_OT_load_surface(OpensFile):
         files = {structure.name: (structure.mesh, structure.colour) for structure in folder.structures}
         messages += to_scene.put_structures(from_scene.surface_of(context.scene), files)
         doubt = doubt_of_size(context.scene, extents_of(mesh))
-        if doubt is not None and doubt.better_units is not None and not bpy.app.background:
-            start_timer(_ask_for_units, DRAWN_S)
         more = () if doubt is None else (doubt.message,)
         return *messages, f"{path.name}: {len(given.faces)} triangles, {size_text(extents_of(mesh))}", *more
-
-
-def _ask_for_units() -> float | None:
-    """Timer: ask in the add-on's workspace, once the window shows it: the change to it would close the question."""
-    for window, area in areas("VIEW_3D"):
-        scene = window.scene
-        if WORKSPACE not in window.workspace or not workbench.is_workbench(scene):
-            continue
-        surface = from_scene.present_surface(scene)
-        doubt = None if surface is None else doubt_of_size(scene, surface_extents(scene))
-        if doubt is not None and doubt.better_units is not None:
-            with bpy.context.temp_override(window=window, area=area, region=window_region(area)):
-                call("change_units", "INVOKE_DEFAULT", units=doubt.better_units)
-        return None
-    return None if workbench.existing() is None else DRAWN_S
 
 
 def doubt_of_size(scene: bpy.types.Scene, extents_mm: np.ndarray) -> SizeDoubt | None:
@@ -157,22 +126,6 @@ class ONEFRAME_OT_change_units(Reporting):
     units: str = prop(EnumProperty, "Units", "Unit of the numbers in the file", items=UNITS)
 
     needs = (lambda context: from_scene.present_surface(context.scene), "Load the surface first")
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        doubt = doubt_of_size(context.scene, surface_extents(context.scene))
-        if doubt is None or doubt.better_units != self.units:
-            return self.execute(context)
-        words = {name: title for name, title, _ in UNITS}
-        extents, present = surface_extents(context.scene), context.scene.oneframe.units
-        # short: a dialog does not wrap its text
-        return context.window_manager.invoke_confirm(
-            self,
-            event,
-            title=f"Is the Surface in {words[self.units]}?",
-            message=f"{size_text(extents * MM_PER_UNIT[self.units] / MM_PER_UNIT[present])}, not {size_text(extents)}",
-            icon="QUESTION",
-            confirm_text=f"Use {words[self.units]}",
-        )
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -222,7 +175,7 @@ class ONEFRAME_OT_load_pose(OpensFile):
     filter_glob: str = prop(StringProperty, default=POSES, options={"HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
-        another_frame.check_own(context.scene)
+        frame_in_view.check_own(context.scene)
         cam_from_mesh, message = read_pose(self.chosen_file())
         set_cam_from_mesh(context.scene, cam_from_mesh)
         return (message,) if message else ()
@@ -235,6 +188,3 @@ class ONEFRAME_OT_remove_scale(NeedsAlignment, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         surface_object.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
-
-
-PARTS = (timers(_ask_for_units),)

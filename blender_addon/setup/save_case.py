@@ -1,41 +1,49 @@
-"""The operator that saves the case, alone or with all of its files."""
+"""The operator that saves the case, with the files that were made in this session, and on request all others."""
 
 import datetime
 import getpass
+import json
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper
 
 from ..class_registration import prop
 from ..pipeline.case.case_changes import other_inputs
 from ..pipeline.case.case_file import read_case
+from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh, made_by_file
 from ..pipeline.case.case_history import add_to_history, history_path
 from ..pipeline.case.case_writer import case_output, case_text, write_case
+from ..pipeline.case.frame import read_frame
+from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import writing
 from ..pipeline.transforms import is_same_pose
-from ..state import from_scene, pose_evidence
+from ..state import from_scene, pose_evidence, to_scene
+from ..state.case_of_file import case_of_file, remember_file
 from ..state.events import redraw
-from ..state.known_case import known_case, remember_file
-from ..state.scene_files import forget_stamps, input_files, saved, usual_folder
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, SavesFile
+from ..state.scene_files import forget_stamps, input_files, is_temporary, saved, usual_folder
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, ReportingFile
 from ..ui.question import ask_first
+from ..volume.operators import made_by
 from . import history
 from .alignment_record import recorded_case
-from .kept_files import keep_beside
 
 REPLACE = "Replace the Checked Pose?"
 
 
-class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
+class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, ExportHelper):
     """Save frame, K, surface, pose and landmarks as a case file, the input of render_dataset.py"""
 
     bl_label = "Save Case"
     bl_options = {"REGISTER"}
 
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
     filename_ext = ".toml"
     filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
 
@@ -66,7 +74,7 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
             # a case begun from nothing becomes a folder with all of it
             self.collect = self.collect or not known
         self.filepath = known or str(usual)
-        return self.execute(context) if known and not self.save_as else super().invoke(context, event)
+        return self.execute(context) if known and not self.save_as else ExportHelper.invoke(self, context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()
@@ -82,8 +90,8 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
             )
         is_asked = self.options.is_invoke and not bpy.app.background and not self.is_answered
         if is_asked and (question := checked_pose(scene, path)):
-            settings = {"filepath": str(path), "collect": self.collect, "is_answered": True}
-            ask_first((REPLACE, question, "Replace"), "save_case", "EXEC_DEFAULT", **settings)
+            settings: dict[str, Any] = {"filepath": str(path), "collect": self.collect, "is_answered": True}
+            ask_first((REPLACE, question, "Replace"), "save_case", **settings)
             return ()
         case = recorded_case(scene, path)
         if is_tied and history.is_changed_elsewhere(scene):
@@ -144,6 +152,67 @@ def _other_case(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
     """
     case = from_scene.case(scene, path)
     other = other_inputs(path, case)
-    if other and _is_tied(scene, path) and (known := known_case(scene)):
+    if other and _is_tied(scene, path) and (known := case_of_file(scene)):
         return other_inputs(path, replace(case, image=known.image, mesh=known.mesh))
     return other
+
+
+def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace: bool) -> list[Path]:
+    """Copy files into the case's folder as ``oneframe case`` does, and use the copies.
+
+    It gives the files in the folder that were copied or written.
+
+    Parameters
+    ----------
+    folder
+        The case's; files in it stay as they are.
+    collect
+        Copy all files, and not only those that end with this session and the frame that was taken from a video.
+    replace
+        The folder is that of the case that is saved: files with other content than those of the same names get one of
+        their content, since these may be the user's own.
+    """
+
+    frame = from_scene.absolute_path(scene.oneframe.frame_path)
+    from_video = scene.oneframe.frame_path == scene.oneframe_video.taken_path
+
+    def is_kept(path: Path) -> bool:
+        elsewhere = folder.resolve() not in path.resolve().parents
+        return is_temporary(path) or (elsewhere and (collect or (from_video and path == frame)))
+
+    kept: list[tuple[KeptFile, Callable[[str], None]]] = []
+    inputs = {name: path for name, path in input_files(scene).items() if name != "case" and not is_kept(path)}
+    if is_kept(frame):
+        target = folder / (frame.name if from_video and not collect else FRAME)
+        kept.append(
+            (KeptFile(target, read_frame(frame).encoded()), lambda path: to_scene.relink_frame(scene, Path(path)))
+        )
+    surface, before_surface = from_scene.surface_of(scene), len(kept)
+    for made in (surface, *(child for child in surface.children if child.oneframe.role == "STRUCTURE")):
+        source = from_scene.absolute_path(made.oneframe.mesh_path)
+        if is_kept(source):
+            target = folder / (SURFACE if made == surface else structure_file(made.name))
+            kept.append((kept_mesh(source, target), _relinked(made)))
+    if replace:
+        kept = [(file.beside(), relink) for file, relink in kept]
+    files = [file for file, _ in kept]
+    record, mesh = made_by(scene), from_scene.absolute_path(surface.oneframe.mesh_path)
+    if is_kept(mesh):
+        mesh = files[before_surface].path
+    if record is not None and mesh.resolve().parent == folder.resolve():
+        files.append(KeptFile(made_by_file(mesh), (json.dumps(record, indent=2) + "\n").encode()))
+    if not replace:
+        check_new(files, "choose another folder")
+    keep_files(files, inputs)
+    for file, relink in kept:
+        relink(str(file.path.resolve()))
+    if from_video:
+        scene.oneframe_video.taken_path = scene.oneframe.frame_path
+    return [each.path for each in files]
+
+
+def _relinked(made: bpy.types.Object) -> Callable[[str], None]:
+    def relink(path: str) -> None:
+        made.oneframe.mesh_path = path
+
+    return relink

@@ -131,9 +131,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         default=20,
         update=events.redraw,
     )
-    queue_saves: int = prop(
-        IntProperty, description="Saves by steps through a queue in this session: undo counts back", options={"HIDDEN"}
-    )
     case_text: str = prop(StringProperty, description="The case as its file has it (TOML)", options={"HIDDEN"})
     frame_path: str = prop(StringProperty, "Frame", "The frame's image file", subtype="FILE_PATH")
     frame_size: Sequence[int] = prop(IntVectorProperty, "Frame Size", "Width and height of the frame in pixels", size=2)
@@ -166,22 +163,13 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         min=0.05,
         max=50.0,
     )
-    live_solve: bool = prop(
-        BoolProperty,
-        "Live",
-        "Solve for the pose after every change of the landmarks",
-        default=True,
-        update=events.landmarks_changed,
-    )
+    show_files: bool = prop(BoolProperty, "Files", "Show what frame, K and surface are loaded with", options={"HIDDEN"})
     show_landmarks: bool = prop(
         BoolProperty, "Show Landmarks", "Draw landmarks, residuals and the pose's uncertainty", default=True
     )
     dataset: ONEFRAME_PG_dataset = prop(PointerProperty, type=ONEFRAME_PG_dataset)
     dataset_out: str = prop(
         StringProperty, "Folder", "Folder of the dataset; a stopped run continues there", subtype="DIR_PATH"
-    )
-    preview_poses: int = prop(
-        IntProperty, "Poses", "Number of poses to preview, from the first", default=50, min=1, max=2000
     )
     preview_view: int = prop(IntProperty, "View", "Number of the view to preview, counted from 0", min=0)
 

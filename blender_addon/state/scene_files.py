@@ -1,16 +1,18 @@
-"""The files that a scene was made of: which they are, whether they last, and whether they have changed."""
+"""The files of a scene: which they are, whether they last, and whether they have changed; the latest ones opened."""
 
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
 from pathlib import Path
 
 import bpy
 
+from ..class_registration import at_end
 from ..pipeline.errors import InputError
+from ..pipeline.files.content import write_bytes_atomically
 from . import from_scene
-from .known_case import further_frames
+from .case_of_file import further_frames
 
 WATCH_S = 2.0
 
@@ -80,3 +82,45 @@ def _stamp(path: Path, _period: int) -> Stamp:
 def forget_stamps() -> None:
     """Look again at files of which one was just written."""
     _stamp.cache_clear()
+
+
+MOST = {"cases": 6, "films": 60}
+"""Kind of file -> how many are remembered."""
+
+
+def own_folder(name: str) -> Path:
+    """A folder of the extension for the user's files; in a checkout, one that lasts for this session."""
+    package = __package__.rpartition(".")[0] if __package__ else ""
+    try:
+        return Path(bpy.utils.extension_path_user(package, path=name, create=True))
+    except ValueError:  # not an extension
+        folder = Path(bpy.app.tempdir) / f"oneframe_{name}"
+        folder.mkdir(exist_ok=True)
+        return folder
+
+
+@lru_cache(maxsize=2)
+def recent(kind: str) -> tuple[Path, ...]:
+    """The files of a kind that were opened, the latest first; those that are gone too."""
+    file = own_folder("recent") / f"{kind}.txt"
+    names = file.read_text("utf-8", errors="surrogateescape").splitlines() if file.exists() else []
+    return tuple(map(Path, names))
+
+
+def remember(kind: str, path: Path, instead_of: Collection[Path] = ()) -> None:
+    """Remember a file as the latest of its kind, instead of others.
+
+    Raises
+    ------
+    OSError
+        The list cannot be written.
+    """
+    if is_temporary(path):
+        return
+    others = [each for each in recent(kind) if each != path and each not in instead_of]
+    text = "".join(f"{each}\n" for each in (path, *others)[: MOST[kind]])
+    write_bytes_atomically(own_folder("recent") / f"{kind}.txt", text.encode("utf-8", errors="surrogateescape"))
+    recent.cache_clear()
+
+
+PARTS = (at_end(recent.cache_clear),)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import bpy
 from bpy.props import CollectionProperty, StringProperty
-from bpy_extras.io_utils import ExportHelper, ImportHelper
+from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
@@ -107,6 +107,8 @@ class OpensFile(ReportingFile, ImportHelper):
     filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if self.filepath:
+            return self.execute(context)  # dropped, or chosen from a list
         open_beside(self, context.scene)
         return ImportHelper.invoke(self, context, event)
 
@@ -130,18 +132,6 @@ class ChosenFiles(bpy.types.Operator):
         """All of them; none if the operator was called without."""
         folder = Path(bpy.path.abspath(self.directory))
         return [folder / entry.name for entry in self.files if entry.name]
-
-
-class SavesFile(ReportingFile, ExportHelper):
-    """Mixin for operators that write a file: their dialog begins beside the case, and not where another one's went."""
-
-    usual_name = ""
-
-    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        self.filepath = self.filepath or str(usual_folder(context.scene) / self.usual_name)
-        return ExportHelper.invoke(self, context, event)
 
 
 class NeedsAlignment(Available):

@@ -1,4 +1,4 @@
-"""Operators that open a video, score it again, and show it or the case's own frame."""
+"""Operators that open a video, and show it or the case's own frame."""
 
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,8 @@ from ..pipeline.errors import InputError
 from ..pipeline.video import SUFFIXES
 from ..pipeline.video.frame_folder import film_notes
 from ..state import from_scene, workbench
-from ..state.recent import remember
-from ..ui.background_operator import InBackground, OpensInBackground, Work
+from ..state.scene_files import remember
+from ..ui.background_operator import OpensInBackground, Work
 from ..ui.operator import Available, Messages, Needs, Reporting
 from . import session, shown_frame, timeline
 from .session import FilmSession
@@ -58,41 +58,15 @@ class ONEFRAME_OT_open_video(OpensInBackground):
         settings.path, settings.every, settings.from_s, settings.to_s = self._key
         remember("films", Path(settings.path))
         settings.visible = True
-        return _begin(context, scene, result)
-
-
-class ONEFRAME_OT_score_video(InBackground):
-    """Score the video of this scene, whose file holds its path only"""
-
-    bl_label = "Score Again"
-    bl_options = {"REGISTER"}
-    doing = "Scoring the video"
-
-    needs = (lambda context: session.key_of(context.scene) is not None, "Open a video first")
-
-    def work(self, context: bpy.types.Context) -> Work:
-        key = session.key_of(context.scene)
-        if key is None:
-            raise InputError("expected a video, found none; open one")
-        self._key = key
-        return session.scorer(key)
-
-    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
-        if session.key_of(context.scene) != self._key:
-            raise InputError("the video has changed meanwhile; start again")
-        context.scene.oneframe_video.visible = True
-        return _begin(context, context.scene, result)
-
-
-def _begin(context: bpy.types.Context, scene: bpy.types.Scene, film: FilmSession) -> Messages:
-    session.keep(scene, film)
-    timeline.lay_out(scene, film)
-    shown_frame.show(scene, film.shown)
-    timeline.settle_soon()
-    frames, info = film.scores.frames, film.scores.info
-    found = f"{len(film.best)} best frames" if film.best else "no frame shows anything sharply"
-    title = f"{film.path.name}: {len(frames)} frames, {info.size_wh[0]} x {info.size_wh[1]} px; {found}"
-    return [title, *film_notes(film.scores)]
+        film: FilmSession = result
+        session.keep(scene, film)
+        timeline.lay_out(scene, film)
+        shown_frame.show(scene, film.shown)
+        timeline.settle_soon()
+        frames, info = film.scores.frames, film.scores.info
+        best = f"{len(film.best)} best frames" if film.best else "no frame shows anything sharply"
+        title = f"{film.path.name}: {len(frames)} frames, {info.size_wh[0]} x {info.size_wh[1]} px; {best}"
+        return [title, *film_notes(film.scores)]
 
 
 class ONEFRAME_OT_show_video(NeedsFilm, Reporting):

@@ -1,12 +1,17 @@
-"""The film's frame in the view: behind the camera in place of the case's own, which stays that of the case."""
+"""The film's frame in the view: behind the camera in place of the case's own, which stays that of the case.
+
+As long as there is no K, no camera shows it: then it is drawn in the free part of the view.
+"""
 
 import time
 from pathlib import Path
 
 import bpy
 import cv2
+import gpu
 import numpy as np
 from bpy.app.handlers import persistent
+from gpu_extras.presets import draw_texture_2d
 
 from ..class_registration import at_end, listening, start_timer, timers
 from ..pipeline.blender.alignment import alignment_scene
@@ -15,8 +20,11 @@ from ..pipeline.errors import InputError
 from ..pipeline.images.pixel_values import to_uint8
 from ..state import from_scene, to_scene, workbench
 from ..state.events import redraw
+from ..ui.pane import Pane
+from ..ui.strokes import Strokes
+from ..view.zoom import free_rectangle
 from . import session, timeline
-from .session import FilmSession
+from .session import AHEAD, FilmSession
 
 IMAGE = "OneFrame film"
 _FILE = "oneframe_film.bmp"
@@ -45,8 +53,12 @@ def show(scene: bpy.types.Scene, at: int) -> None:
 def put(scene: bpy.types.Scene, film: FilmSession) -> None:
     """Put the film's picture behind the frame's camera; without a camera, the view draws it."""
     redraw()
+    if not scene.oneframe_video.visible:
+        return
     camera_object = from_scene.present_camera(scene)
-    if camera_object is not None and scene.oneframe_video.visible:
+    if camera_object is None:
+        _image(film.picture)
+    else:
         alignment_scene.show_frame(camera_object, _image(_undistorted(scene, film)), outside=1.0)
 
 
@@ -131,6 +143,9 @@ def _after_frame_change(scene: bpy.types.Scene, *_: object) -> None:
         at = timeline.position(film, scene.frame_current)
         if at != film.shown or not is_shown(scene):
             show(scene, at)
+        screen = bpy.context.screen
+        if screen is not None and screen.is_animation_playing:
+            film.fetcher.want(min(at + AHEAD, len(film.times_s) - 1))
 
 
 @persistent
@@ -166,6 +181,32 @@ def _remove() -> None:
     image = bpy.data.images.get(IMAGE)
     if image is not None:
         bpy.data.images.remove(image)
+
+
+class FrameAlone(Pane):
+    """The film's frame, or else the case's, in the free part of a 3D view."""
+
+    order = -1
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return workbench.is_workbench(context.scene) and from_scene.present_camera(context.scene) is None
+
+    @classmethod
+    def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
+        scene, image = context.scene, bpy.data.images.get(IMAGE)
+        if session.of(scene) is None or not scene.oneframe_video.visible:
+            path = from_scene.absolute_path(scene.oneframe.frame_path) if scene.oneframe.frame_path else None
+            files = ((from_scene.absolute_path(each.filepath), each) for each in bpy.data.images if each.filepath)
+            image = next((each for file, each in files if file == path), None)
+        if image is None or not image.size[0]:
+            return
+        low, high = free_rectangle(context.area)
+        size = np.array(image.size) * float(np.min((high - low) / image.size))
+        left, below = (low + high - size) / 2
+        draw_texture_2d(
+            gpu.texture.from_image(image), (left, below), *size, is_scene_linear_with_rec709_srgb_target=True
+        )
 
 
 PARTS = (

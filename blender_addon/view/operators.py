@@ -52,16 +52,6 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     contour: bool = prop(
         BoolProperty, "Contour", "Draw outlines and creases of the surface over the frame", default=True, update=redraw
     )
-    crease_deg: float = prop(
-        FloatProperty,
-        "Crease",
-        "Least change of the surface's normal within 6 px of the frame that counts as a crease, in degrees",
-        min=5,
-        max=120,
-        default=60,
-        precision=0,
-        step=500,
-    )
     contour_color: Sequence[float] = prop(
         FloatVectorProperty,
         "Contour Colour",
@@ -116,7 +106,7 @@ PARTS = (
         Key("wm.context_toggle", "THREE", properties=CONTOUR),
         Key("oneframe.zoom_frame", "WHEELINMOUSE", properties=(("factor", 1.25),)),
         Key("oneframe.zoom_frame", "WHEELOUTMOUSE", properties=(("factor", 0.8),)),
-        Key("oneframe.zoom_frame", "SEVEN", properties=(("magnification", 1.0),)),
+        Key("oneframe.zoom_frame", "SEVEN", properties=(("to_pixels", True),)),
         Key("oneframe.fit_frame", "HOME"),
     ),
 )

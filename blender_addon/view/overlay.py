@@ -13,7 +13,7 @@ from mathutils import Matrix
 from ..class_registration import at_end
 from ..pipeline.blender.bridge.camera import cam_from_model_of
 from ..pipeline.transforms import inverse_rigid
-from ..state import another_frame, from_scene
+from ..state import frame_in_view, from_scene
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.pane import Pane
 from ..ui.strokes import Strokes
@@ -40,8 +40,6 @@ class Composite:
         Whether the frame lies over all of its rectangle, and not over the surface alone.
     contour, structures
         Whether to draw the picture's lines, and its structures.
-    target_encodes
-        Whether the target encodes linear values as sRGB, as the overlays of a 3D view do.
     """
 
     picture: SurfacePicture
@@ -51,7 +49,6 @@ class Composite:
     everywhere: bool = False
     contour: bool = False
     structures: bool = True
-    target_encodes: bool = True
 
     def draw(self, view: ONEFRAME_PG_view, low: tuple[float, float], high: tuple[float, float]) -> None:
         """Draw the rectangle between two corners (px of the active viewport) with the scene's settings ``view``."""
@@ -75,7 +72,6 @@ class Composite:
         shader.uniform_bool("everywhere", (self.everywhere,))
         shader.uniform_bool("contour", (self.contour,))
         shader.uniform_bool("inside", (self.structures,))
-        shader.uniform_bool("target_encodes", (self.target_encodes,))
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("ALPHA")
         placed_rectangle(shader, low, high, gpu.state.viewport_get()[2:]).draw(shader)
@@ -106,7 +102,7 @@ class Overlay(Pane):
             _draw_over_frame(context, scene)
         elif shown_structures(surface):
             picture = picture_of(region)
-            picture.draw(_projection_of(context, 0.0), surface, None)
+            picture.draw(_projection_of(context, 0.0), surface, contour=False)
             Composite(picture).draw(scene.oneframe_view, (0, 0), (region.width, region.height))
 
 
@@ -118,7 +114,7 @@ def _projection_of(context: bpy.types.Context, frame_mm_per_px: float) -> Projec
 
 def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None:
     view, region, surface = scene.oneframe_view, context.region, from_scene.surface_of(scene)
-    other, contour = another_frame.seen(scene), view.contour
+    other, contour = frame_in_view.other(scene), view.contour
     # of another frame, Blender's own surface, at the pose of the case's, is covered
     frame_alpha = 1.0 if other is not None else 0.0 if surface.display_type == "WIRE" else 1 - view.opacity
     if not frame_alpha and not contour and not shown_structures(surface):
@@ -132,7 +128,7 @@ def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None
         projection = replace(projection, view_from_world=projection.view_from_world @ moved)
     contour = contour and is_placed
     if is_placed:
-        picture.draw(projection, surface, view.crease_deg if contour else None)
+        picture.draw(projection, surface, contour=contour)
     width, height = frame_view.camera.size_wh
     corners = frame_view.region_from_px([[-0.5, height - 0.5], [width - 0.5, -0.5]])
     low, high = np.clip(corners, 0, [region.width, region.height])

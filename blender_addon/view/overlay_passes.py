@@ -3,6 +3,9 @@
 Three passes: the surface's geometry (normal and depth in view axes); edges in the geometry (steps of the depth, changes
 of the normal); the ridges of the edge strength as lines one pixel wide, at any zoom. Structures, which lie inside the
 surface, have a texture of their own, where they are fainter behind the surface.
+
+Meshes are uploaded to the GPU once, so that moving an object changes only a matrix. Blender reports when a mesh may
+have changed (edits, undo, opening a file); it is then uploaded again.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,17 +15,95 @@ from dataclasses import dataclass
 import bpy
 import gpu
 import numpy as np
+from bpy.app.handlers import persistent
+from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from ..ui.rectangle import rectangle
-from .overlay_mesh import DrawnMesh, drawn_mesh
-from .overlay_shaders import edges_shader, lines_shader, surface_shader
+from ..class_registration import at_end, listening
+from .overlay_shaders import edges_shader, lines_shader, rectangle, surface_shader
+
+SHARP = np.cos(np.radians(40.0))
+"""Cosine of an angle: corners whose face normal differs by more from the vertex normal get the face normal."""
+
+
+@dataclass(frozen=True)
+class DrawnMesh:
+    """A mesh on the GPU, its batch for :func:`.surface_shader`, and the median length of its edges, mm."""
+
+    batch: gpu.types.GPUBatch
+    edge_mm: float
+
+
+_drawn: dict[int, DrawnMesh] = {}
+
+
+def drawn_mesh(mesh: bpy.types.Mesh) -> DrawnMesh | None:
+    """The mesh on the GPU, uploaded if necessary; ``None`` for a mesh without faces."""
+    key = mesh.session_uid
+    # Edit mode works on a copy: this mesh is unchanged, and cannot be read
+    if key not in _drawn and not mesh.is_editmode and (faces := _triangles(mesh)).size:
+        _drawn[key] = _uploaded(mesh, faces)
+    return _drawn.get(key)
+
+
+def _triangles(mesh: bpy.types.Mesh) -> np.ndarray:
+    """``(N, 3)`` vertices of the triangles."""
+    mesh.calc_loop_triangles()
+    faces = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", faces)
+    return faces.reshape(-1, 3)
+
+
+def _uploaded(mesh: bpy.types.Mesh, faces: np.ndarray) -> DrawnMesh:
+    vertices: np.ndarray = np.empty((len(mesh.vertices), 3), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", vertices.reshape(-1))
+    normals: np.ndarray = np.empty_like(vertices)
+    mesh.vertex_normals.foreach_get("vector", normals.reshape(-1))
+    # of a sample, for speed
+    corners = vertices[faces[:: len(faces) // 10_000 + 1]]
+    edge_mm = float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
+    vertices, normals, faces = _split_at_sharp_edges(vertices, normals, faces)
+    fields = {"position": vertices, "normal": normals}
+    return DrawnMesh(batch_for_shader(surface_shader("BONE"), "TRIS", fields, indices=faces), edge_mm)
+
+
+def _split_at_sharp_edges(
+    vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give each corner at a sharp edge a separate vertex with the normal of its face."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    face_normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(face_normals, axis=1, keepdims=True)
+    face_normals = np.divide(face_normals, length, out=np.zeros_like(face_normals), where=length > 0)
+    cosines = np.stack([np.einsum("ij,ij->i", face_normals, normals[faces[:, corner]]) for corner in range(3)], axis=1)
+    sharp = (cosines < SHARP) & (length > 0)
+    split = faces[sharp]
+    faces = faces.copy()
+    faces[sharp] = len(vertices) + np.arange(len(split), dtype=np.int32)
+    face, _ = np.nonzero(sharp)
+    return np.concatenate([vertices, vertices[split]]), np.concatenate([normals, face_normals[face]]), faces
+
+
+@persistent
+def _after_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    for update in depsgraph.updates if depsgraph.id_type_updated("MESH") else ():
+        if isinstance(update.id, bpy.types.Mesh):
+            _drawn.pop(update.id.original.session_uid, None)
+
+
+@persistent
+def _after_undo(*_: object) -> None:
+    _drawn.clear()
+
 
 MAX_SLOPE = 4.0
 """Depth per lateral distance; steeper steps are occluding contours: surface seen at less than 14 degrees."""
 
 MIN_STEP_EDGES = 2.0
 """Least depth of a step, in edge lengths of the mesh; smaller steps are its roughness."""
+
+CREASE_DEG = 60.0
+"""Least change of the surface's normal that counts as a crease."""
 
 CREASE_RADIUS_PX = 3.0
 """Radius of the disc within which a crease changes the normal, in pixels of the frame; finer changes are roughness."""
@@ -84,7 +165,7 @@ class SurfacePicture:
     def __init__(self, width: int, height: int) -> None:
         self.size = (width, height)
         self._key: tuple = ()
-        self._lines_key: float | None = None
+        self._has_lines = False
         self.structures = gpu.types.GPUTexture(self.size, format="RGBA8")
         self.geometry = gpu.types.GPUTexture(self.size, format="RGBA32F")
         self._edges = gpu.types.GPUTexture(self.size, format="RGBA16F")
@@ -96,8 +177,8 @@ class SurfacePicture:
         self._edges_target = gpu.types.GPUFrameBuffer(color_slots=(self._edges,))
         self._lines_target = gpu.types.GPUFrameBuffer(color_slots=(self.lines,))
 
-    def draw(self, projection: Projection, surface: bpy.types.Object, crease_deg: float | None) -> None:
-        """Update the textures, and the lines unless ``crease_deg``, the least angle of a crease, is ``None``."""
+    def draw(self, projection: Projection, surface: bpy.types.Object, *, contour: bool) -> None:
+        """Update the textures, and the lines if the contour is wanted."""
         mesh = drawn_mesh(surface.data)
         structures = [(child, drawn_mesh(child.data)) for child in shown_structures(surface)]
         key = (
@@ -109,11 +190,10 @@ class SurfacePicture:
             if key != self._key:
                 self._draw_surface(projection, surface, mesh)
                 self._draw_structures(projection, structures)
-                self._key, self._lines_key = key, None
-            if crease_deg is not None and self._lines_key != crease_deg:
-                min_step_mm = 0.0 if mesh is None else MIN_STEP_EDGES * mesh.edge_mm
-                self._find_lines(projection, crease_deg, min_step_mm)
-                self._lines_key = crease_deg
+                self._key, self._has_lines = key, False
+            if contour and not self._has_lines:
+                self._find_lines(projection, 0.0 if mesh is None else MIN_STEP_EDGES * mesh.edge_mm)
+                self._has_lines = True
 
     def _draw_surface(self, projection: Projection, surface: bpy.types.Object, mesh: DrawnMesh | None) -> None:
         with self._surface_target.bind():
@@ -151,7 +231,7 @@ class SurfacePicture:
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
 
-    def _find_lines(self, projection: Projection, crease_deg: float, min_step_mm: float) -> None:
+    def _find_lines(self, projection: Projection, min_step_mm: float) -> None:
         radius_px = max(CREASE_RADIUS_PX * projection.magnification, 2.0)
         with self._edges_target.bind():
             shader = edges_shader()
@@ -166,7 +246,7 @@ class SurfacePicture:
         with self._lines_target.bind():
             shader = lines_shader()
             shader.bind()
-            shader.uniform_float("crease_rad", np.radians(crease_deg))
+            shader.uniform_float("crease_rad", np.radians(CREASE_DEG))
             shader.uniform_int("ridge_px", min(max(round(0.5 * radius_px), 1), 32))
             shader.uniform_sampler("edges", self._edges)
             placed_rectangle(shader, (0, 0), self.size, self.size).draw(shader)
@@ -206,3 +286,12 @@ def _without_blending() -> Iterator[None]:
     gpu.state.blend_set(blend)  # type: ignore[arg-type]  # as it was read
     gpu.state.depth_test_set(depth)  # type: ignore[arg-type]  # as it was read
     gpu.state.depth_mask_set(mask)
+
+
+PARTS = (
+    at_end(_drawn.clear),
+    listening(bpy.app.handlers.depsgraph_update_post, _after_update),
+    listening(bpy.app.handlers.undo_post, _after_undo),
+    listening(bpy.app.handlers.redo_post, _after_undo),
+    listening(bpy.app.handlers.load_post, _after_undo),
+)

@@ -40,17 +40,15 @@ class ONEFRAME_PT_view(AlignmentPanel, AdvancedPanel):
         row.prop(view, "contour", icon="MOD_EDGESPLIT", toggle=True)
         draw_key(row, "wm.context_toggle", **dict(CONTOUR))
         if view.contour:
-            row = layout.row(align=True)
             row.prop(view, "contour_color", text="")
-            row.prop(view, "crease_deg", text="Crease (°)")
         if frame_image_of(context.scene) is None:
             draw_text(layout, "No frame is loaded, or its file has moved. Load the frame.", icon="INFO")
         self._draw_zoom(layout)
 
     def _draw_zoom(self, layout: bpy.types.UILayout) -> None:
         row = layout.row(align=True)
-        row.operator("oneframe.zoom_frame", text="1 : 1").magnification = 1.0
-        draw_key(row, "oneframe.zoom_frame", magnification=1.0)
+        row.operator("oneframe.zoom_frame", text="1 : 1").to_pixels = True
+        draw_key(row, "oneframe.zoom_frame", to_pixels=True)
         row.operator("oneframe.fit_frame", text="Fit")
         draw_key(row, "oneframe.fit_frame")
         column = layout.column(align=True)

@@ -5,8 +5,7 @@ Zoom and pan belong to the view: nothing here moves an object.
 
 import bpy
 import numpy as np
-from bpy.props import FloatProperty
-from numpy.typing import ArrayLike
+from bpy.props import BoolProperty, FloatProperty
 
 from ..class_registration import prop, start_timer
 from ..state import from_scene
@@ -42,59 +41,39 @@ class ONEFRAME_OT_zoom_frame(FrameTool):
     bl_options = {"REGISTER"}
 
     factor: float = prop(FloatProperty, "Factor", "Change of the zoom", default=1.25, min=0.01, max=100)
-    magnification: float = prop(
-        FloatProperty,
-        "Magnification",
-        "Screen pixels per pixel of the frame; 0 to use the factor",
-        min=0,
-        max=MAGNIFICATIONS[1],
-    )
+    to_pixels: bool = prop(BoolProperty, "1 : 1", "A pixel of the screen for each of the frame, whatever the factor")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        # Blender's own zooms to the middle, unless a preference says otherwise
         region = window_region(context.area)
-        self._pointer: tuple[float, float] = (event.mouse_x - region.x, event.mouse_y - region.y)
-        if context.region.type != "WINDOW":
-            self._pointer = (region.width / 2, region.height / 2)
-        return self._zoom(context, region)
+        at = np.array([event.mouse_x - region.x, event.mouse_y - region.y], float)
+        return self._zoom(context, at)
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         region = window_region(context.area)
-        self._pointer = (region.width / 2, region.height / 2)
-        return self._zoom(context, region)
+        return self._zoom(context, np.array([region.width, region.height]) / 2)
 
-    def _zoom(self, context: bpy.types.Context, region: bpy.types.Region) -> OperatorResult:
-        region_3d = context.space_data.region_3d
-        current = FrameView.of(context.scene, region, region_3d).magnification
-        zoom_view(context.scene, region, region_3d, self._pointer, self.magnification or self.factor * current)
-        context.area.tag_redraw()
+    def _zoom(self, context: bpy.types.Context, at: np.ndarray) -> OperatorResult:
+        now = FrameView.of(context.scene, window_region(context.area), context.space_data.region_3d).magnification
+        zoom_view(context.scene, context.area, at, at, 1 / now if self.to_pixels else self.factor)
         return {"FINISHED"}
 
 
-def zoom_view(
-    scene: bpy.types.Scene,
-    region: bpy.types.Region,
-    region_3d: bpy.types.RegionView3D,
-    pointer: ArrayLike,
-    magnification: float,
-    *,
-    to: ArrayLike | None = None,
-) -> None:
-    """Zoom a camera view to ``magnification`` region pixels per frame pixel.
-
-    What is at ``pointer`` (region px) stays there, or moves ``to`` another place.
-    """
+def zoom_view(scene: bpy.types.Scene, area: bpy.types.Area, pointer: np.ndarray, to: np.ndarray, factor: float) -> None:
+    """Zoom a camera view by a factor; what is at ``pointer``, px of the region, comes ``to`` another place."""
+    region, region_3d = window_region(area), area.spaces.active.region_3d
     before = FrameView.of(scene, region, region_3d)
     pixel = before.px_from_region(pointer)
-    clipped = float(np.clip(magnification, *MAGNIFICATIONS))
+    clipped = float(np.clip(factor * before.magnification, *MAGNIFICATIONS))
     zoom = _zoom_factor(region_3d.view_camera_zoom) * clipped / before.magnification
     region_3d.view_camera_zoom = float(np.clip(50 * (2 * np.sqrt(zoom) - np.sqrt(2)), -30, 600))
     region_3d.update()
-    shift = FrameView.of(scene, region, region_3d).region_from_px(pixel) - np.asarray(pointer if to is None else to)
+    shift = FrameView.of(scene, region, region_3d).region_from_px(pixel) - to
     # Blender's camera offset is in half widths of the region, at zoom factor 1
-    zoom = _zoom_factor(region_3d.view_camera_zoom)
-    size = np.array([region.width, region.height])
-    region_3d.view_camera_offset = np.array(region_3d.view_camera_offset) + shift / (2 * zoom * size)
+    half_widths = shift / (2 * _zoom_factor(region_3d.view_camera_zoom) * np.array([region.width, region.height]))
+    region_3d.view_camera_offset = np.array(region_3d.view_camera_offset) + half_widths
     region_3d.update()
+    area.tag_redraw()
 
 
 def _zoom_factor(view_camera_zoom: float) -> float:
@@ -134,15 +113,12 @@ def uncovered_rectangle(area: bpy.types.Area) -> tuple[np.ndarray, np.ndarray]:
 
 def fit_frame(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     """Show the whole frame as large as the free part of a view that looks through the frame's camera allows."""
-    region, region_3d = window_region(area), area.spaces.active.region_3d
     margin = MARGIN_PX * bpy.context.preferences.system.ui_scale
     low, high = free_rectangle(area)
-    view = FrameView.of(scene, region, region_3d)
-    width, height = view.camera.size_wh
-    middle = np.array([(width - 1) / 2, (height - 1) / 2])
-    magnification = float(np.min((high - low - 2 * margin) / [width, height]))
-    zoom_view(scene, region, region_3d, view.region_from_px(middle), magnification, to=(low + high) / 2)
-    area.tag_redraw()
+    view = FrameView.of(scene, window_region(area), area.spaces.active.region_3d)
+    size = np.array(view.camera.size_wh)
+    factor = float(np.min((high - low - 2 * margin) / size)) / view.magnification
+    zoom_view(scene, area, view.region_from_px((size - 1) / 2), (low + high) / 2, factor)
 
 
 def fit_soon(area: bpy.types.Area) -> None:

@@ -1,8 +1,6 @@
 """The CT of a scene: the scene stores where it is, the voxels are in memory, and are read again from their file."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 from bpy.props import FloatProperty, IntProperty, StringProperty
@@ -10,8 +8,6 @@ from bpy.props import FloatProperty, IntProperty, StringProperty
 from ..class_registration import at_end, attached, prop
 from ..pipeline.errors import InputError
 from ..pipeline.volume.bone.threshold import DEFAULT_HU
-from ..pipeline.volume.reading.label_map import read_labels
-from ..pipeline.volume.reading.volume_reader import read_volume
 from ..pipeline.volume.volume import LabelMap, Volume
 from ..state import from_scene
 
@@ -82,19 +78,6 @@ def keep(scene: bpy.types.Scene, ct: LoadedCT) -> None:
     _loaded.clear()
     if key is not None:
         _loaded[key] = ct
-
-
-def reader(key: Key) -> Callable[[Callable[[float], None]], LoadedCT]:
-    """A function that reads a CT, and its labels, for a thread."""
-    path, series, labels_path = key
-
-    def read(progress: Callable[[float], None]) -> LoadedCT:
-        volume = read_volume(Path(path), series=series or None)
-        progress(0.7)
-        labels = read_labels(Path(labels_path), volume) if labels_path else None
-        return LoadedCT(volume, labels)
-
-    return read
 
 
 PARTS = (attached(bpy.types.Scene, "oneframe_ct", ONEFRAME_PG_ct), at_end(_loaded.clear))

@@ -23,7 +23,8 @@ class ONEFRAME_PT_ct(AdvancedPanel):
         ct = ct_of(scene)
         if ct is None:
             draw_text(layout, "The CT is not in memory.", icon="INFO")
-            layout.operator("oneframe.read_ct", icon="FILE_REFRESH")
+            again = layout.operator("oneframe.open_ct", text="Read CT Again", icon="FILE_REFRESH")
+            again.filepath, again.series = scene.oneframe_ct.path, scene.oneframe_ct.series
             return
         self._draw(context, layout, ct)
 

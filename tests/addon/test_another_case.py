@@ -1,14 +1,11 @@
 """Nothing that a case remembers outlives its frame or surface: neither its file nor what lies beside that."""
 
-import shutil
-
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.dataset.operators import output_folder
 from oneframe.case.case_file import read_case
-from oneframe.commands.__main__ import dispatch
 from tests.video.surgical_film import write_film
 
 NAMED = '\n[dataset]\nposes = "poses.npy"\n'
@@ -43,16 +40,10 @@ def take_frame(film):
     assert bpy.ops.oneframe.take_frame() == {"FINISHED"}
 
 
-def drop(folder):
-    files = [{"name": name} for name in ("frame.png", "surface.ply")]
-    assert bpy.ops.oneframe.drop_files(directory=str(folder), files=files) == {"FINISHED"}
-
-
 WAYS = {
     "frame": lambda folders: load("frame", folders / "second" / "frame.png"),
     "frame of a video": lambda folders: take_frame(folders / "film.avi"),
     "surface": lambda folders: load("surface", folders / "second" / "surface.ply"),
-    "dropped": lambda folders: drop(folders / "second"),
 }
 
 
@@ -73,7 +64,7 @@ def test_another_frame_or_surface_ends_the_tie_to_file_and_dataset(opened, way):
     other = opened / "other.toml"
     bpy.ops.oneframe.save_case(filepath=str(other))
     case = read_case(other)
-    assert case.object_name == (None if way in ("surface", "dropped") else "left ear")
+    assert case.object_name == (None if way == "surface" else "left ear")
     assert opened / case.dataset["poses"] == opened / "first" / "poses.npy"
 
 
@@ -107,18 +98,3 @@ def test_a_file_that_has_become_another_case_meanwhile_is_not_replaced(opened):
     with pytest.raises(RuntimeError, match=r"found one of another frame \(frame.png\); choose another name"):
         bpy.ops.oneframe.save_case(filepath=str(first))
     assert first.read_text() == text
-
-
-def test_files_beside_another_case_stay(opened):
-    """A copy under a fixed name, and the plan of the drill, which is of another surface."""
-    folder = opened / "kept"
-    line = ["case", "--surface", opened / "first" / "surface.ply", "--frame", opened / "first" / "frame.png"]
-    dispatch([*map(str, line), "--camera", str(opened / "first" / "case.toml"), "--out", str(folder)])
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    shutil.copy(opened / "film.avi", opened / "second")
-    take_frame(opened / "second" / "film.avi")
-    with pytest.raises(
-        RuntimeError, match=r"frame.png: expected no such file or that of this case.*choose another folder"
-    ):
-        bpy.ops.oneframe.save_case(filepath=str(folder / "another.toml"), collect=True)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

@@ -18,6 +18,7 @@ from oneframe.case.case_history import earlier_cases
 from oneframe.case.pose_record import PoseRecord
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
+from tests.addon.conftest import pin
 from tests.video.surgical_film import write_film
 
 POINTS = [[1.25, -7.5, 41.0], [10.25, -7.5, 41.0], [1.25, -17.5, 41.0], [15.25, -17.5, 38.0], [8.0, -12.0, 41.0]]
@@ -31,7 +32,7 @@ def aligned(addon, folder):
     pose = from_scene.cam_from_model(scene)
     for number, point in enumerate(np.array(POINTS) - np.mean(POINTS, axis=0)):
         pixel = from_scene.camera(scene).project((pose[:3, :3] @ point + pose[:3, 3])[None])[0]
-        bpy.ops.oneframe.landmark_pin(point=point.tolist(), pixel=(pixel + 0.3 * number).tolist())
+        pin(scene, point, pixel + 0.3 * number)
     assert pose_record(scene).method in ("pins", "landmarks")
     return scene
 

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from blender_addon.dataset import background_job, operators, pose_preview
+from blender_addon.dataset import background_job
+from blender_addon.dataset.view_preview import preview
 from blender_addon.state import from_scene
+from blender_addon.state.scene_files import forget_stamps
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
-from oneframe.transforms import camera_centre, rigid, transform_points
+from oneframe.transforms import rigid
 from tests.blender.dataset.job_runs import finished_views
 from tests.tree import tree
 from tests.waiting import wait_until
@@ -48,33 +50,9 @@ def ended(job) -> bool:
     return not job.running
 
 
-def datablocks() -> set[str]:
-    kinds = ("scenes", "objects", "meshes", "materials", "images", "cameras", "node_groups", "worlds", "collections")
-    return {f"{kind} {block.name}" for kind in kinds for block in getattr(bpy.data, kind)}
-
-
 def refused(operator, message, *arguments, **settings):
     with pytest.raises(RuntimeError, match=message):
         operator(*arguments, **settings)
-
-
-def test_previewed_poses_are_those_of_the_run(opened, case_path, tmp_path):
-    opened.oneframe.preview_poses = 50
-    before = datablocks()
-    bpy.ops.oneframe.preview_poses()
-    planned = pose_preview.shown()
-    assert (len(planned.lines), planned.count) == (6, 6)
-    assert pose_preview.is_current(opened)
-    with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
-        camera = renderer.camera
-        (width, height), views = camera.size_wh, [renderer.plan(index) for index in range(6)]
-    for lines, observed, view in zip(planned.lines, planned.observed, views, strict=True):
-        # a frustum's first lines go from the centre of projection to the corners of the view
-        assert np.allclose(lines[0, 0], camera_centre(view.cam_from_model), atol=1e-9)
-        pixels = camera.project(transform_points(view.cam_from_model, lines[:4, 1]))
-        assert np.allclose(pixels, np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5, atol=1e-6)
-        assert observed == view.statistics.observed_fraction
-    assert {name for name in datablocks() - before if "Render Result" not in name and "Viewer" not in name} == set()
 
 
 def test_listed_poses_replace_the_sampler(addon, write_tiny_case, tmp_path):
@@ -84,16 +62,14 @@ def test_listed_poses_replace_the_sampler(addon, write_tiny_case, tmp_path):
     path.write_text(path.read_text() + '\n[dataset]\nposes = "poses.npy"\n')
     bpy.ops.oneframe.open_case(filepath=str(path))
     scene = bpy.context.scene
-    bpy.ops.oneframe.preview_poses()
-    assert (len(pose_preview.shown().lines), pose_preview.shown().count) == (2, 2)
-    shift = pose_preview.shown().lines[1, 0, 0] - pose_preview.shown().lines[0, 0, 0]
-    assert np.allclose(shift, -pose[:3, :3].T @ [1.0, 0, 5.0])
     scene.oneframe.preview_view = 1
     bpy.ops.oneframe.preview_view()
+    assert not preview(scene)[2]
+    os.utime(tmp_path / "case" / "poses.npy", ns=(0, 0))
+    forget_stamps()
+    assert preview(scene)[2]
     scene.oneframe.preview_view = 2
     refused(bpy.ops.oneframe.preview_view, "0 to 1")
-    os.utime(tmp_path / "case" / "poses.npy", ns=(0, 0))
-    assert not pose_preview.is_current(scene)
 
 
 def change_pose(scene):
@@ -104,32 +80,15 @@ def change_pose(scene):
 
 def touch_mesh(scene):
     path = Path(scene.oneframe.surface.oneframe.mesh_path)
-    path.write_bytes(path.read_bytes())
     os.utime(path, ns=(0, 0))
-
-
-CHANGES = [
-    (change_pose, True),
-    (touch_mesh, True),
-    (lambda scene: setattr(scene.oneframe.dataset, "max_incidence_deg", 60), True),
-    (lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"), False),
-]
-
-
-def test_poses_are_shown_only_while_they_are_up_to_date(opened):
-    for change, outdated in CHANGES:
-        bpy.ops.oneframe.preview_poses()
-        change(opened)
-        assert pose_preview.is_current(opened) is not outdated, change
-    bpy.ops.oneframe.hide_poses()
-    assert pose_preview.shown() is None
+    forget_stamps()
 
 
 def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
     opened.oneframe.preview_view = 2
     scene, camera, frame = opened.name, opened.camera, opened.frame_current
     bpy.ops.oneframe.preview_view()
-    image, summary, outdated = operators.preview(opened)
+    image, summary, outdated = preview(opened)
     assert not outdated
     assert summary.startswith("view 2: surface covers ")
     with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
@@ -139,8 +98,16 @@ def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
     found = found.reshape(*expected.shape[:2], 4)[::-1, :, :3]
     assert np.abs(found - expected).max() <= 0.5001 / 255
     assert (bpy.context.scene.name, opened.camera, opened.frame_current) == (scene, camera, frame)
-    opened.oneframe.preview_view = 3
-    assert operators.preview(opened)[2]
+    for change in (
+        lambda scene: setattr(scene.oneframe, "preview_view", 3),
+        change_pose,
+        touch_mesh,
+        lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"),
+    ):
+        change(opened)
+        assert preview(opened)[2]
+        bpy.ops.oneframe.preview_view()
+        assert not preview(opened)[2]
     opened.oneframe.preview_view = 6
     refused(bpy.ops.oneframe.preview_view, "expected a view of the dataset, 0 to 5")
 
@@ -254,7 +221,7 @@ def other_seed(scene):
 def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, case_path):
     options, text = opened.oneframe.dataset, case_path.read_bytes()
     options.distance_min, options.distance_max = 2.0, 1.0
-    for operator in (bpy.ops.oneframe.render_dataset, bpy.ops.oneframe.preview_poses, bpy.ops.oneframe.preview_view):
+    for operator in (bpy.ops.oneframe.render_dataset, bpy.ops.oneframe.preview_view):
         refused(operator, "expected Nearest .* <= Farthest")
     options.distance_min = 0.9
     opened.oneframe.surface.scale = (1.1, 1.1, 1.1)

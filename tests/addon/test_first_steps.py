@@ -1,21 +1,19 @@
 """The first minutes: dropped files, the sample case, and the sentence that says what comes next."""
 
 import re
-import shutil
 from dataclasses import replace
 
 import bpy
 import numpy as np
 import pytest
 
-from blender_addon.frames.found import film_of_case
+from blender_addon.frames.film_poses import film_of_case
 from blender_addon.setup import open_case as sample
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.setup.open_case import task_lines
 from blender_addon.state import from_scene, to_scene
-from blender_addon.state.recent import recent
-from blender_addon.state.scene_files import forget_stamps
+from blender_addon.state.scene_files import forget_stamps, recent
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.pose_record import PoseRecord
@@ -23,20 +21,11 @@ from oneframe.transforms import transform_points
 from tests.video.surgical_film import write_film
 
 
-def drop(folder, *names):
-    bpy.ops.oneframe.drop_files(directory=str(folder), files=[{"name": name} for name in names])
-    return bpy.context.scene.oneframe
-
-
-@pytest.mark.parametrize("way", ["open", "drop"])
-def test_a_case_without_a_pose_opens_at_a_guess_and_is_saved_with_a_pose(addon, folder, way):
+def test_a_case_without_a_pose_opens_at_a_guess_and_is_saved_with_a_pose(addon, folder):
     path = folder / "case.toml"
     text = path.read_text().replace("[pose]", "[dataset]\n[pose]")
     path.write_text(re.sub(r"\[pose\]\ncam_from_mesh = .*", "count = 7", text))
-    if way == "open":
-        bpy.ops.oneframe.open_case(filepath=str(path))
-    else:
-        drop(folder, "case.toml")
+    bpy.ops.oneframe.open_case(filepath=str(path))
     scene = bpy.context.scene
     assert pose_record(scene) == PoseRecord("initial guess")
     assert unsaved_parts(scene) == ()
@@ -49,46 +38,22 @@ def test_a_case_without_a_pose_opens_at_a_guess_and_is_saved_with_a_pose(addon, 
     assert unsaved_parts(scene) == ()
 
 
-def test_files_dropped_together_are_a_case(addon, folder):
-    """In any order of the list; structures are told from the surface by their names."""
-    for name in ("ossicles", "facial_nerve"):
-        shutil.copy(folder / "surface.ply", folder / f"{name}.ply")
-    shutil.copy(folder / "case.toml", folder / "k.toml")
-    (folder / "k.toml").write_text("\n".join((folder / "case.toml").read_text().split("[surface]")[0].split("\n")))
-    text = (folder / "k.toml").read_text().replace('[frame]\nimage = "frame.png"\n', "").replace('units = "mm"\n', "")
-    (folder / "k.toml").write_text(text)
-    settings = drop(folder, "ossicles.ply", "surface.ply", "k.toml", "facial_nerve.ply", "frame.png")
-    assert settings.frame_path == str(folder / "frame.png")
-    assert settings.camera.fx == "320"
-    assert settings.surface.oneframe.mesh_path == str(folder / "surface.ply")
-    assert {child.name for child in settings.surface.children} == {"ossicles", "facial_nerve"}
-
-
-def test_what_cannot_be_opened_is_reported(addon, folder):
-    before = bpy.context.scene
-    for names, message in (
-        ([], "expected files, found none"),
-        (["surface.ply", "other.ply"], "expected one surface, found surface.ply, other.ply"),
-        (["ossicles.ply"], "drop the surface first"),
-        (["notes.docx"], "notes.docx: expected a case, an image, K, a mesh or landmarks"),
-        (["missing.png"], "missing.png"),
-    ):
-        with pytest.raises(RuntimeError, match=message):
-            drop(folder, *names)
-        assert bpy.context.scene == before
-
-
-def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon, folder):
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    with bpy.context.temp_override(window=window, area=area):
-        case, files = bpy.types.ONEFRAME_FH_case, bpy.types.ONEFRAME_FH_files
-        assert case.poll_drop(bpy.context)
-        assert not files.poll_drop(bpy.context)
-        drop(folder, "case.toml")
-        assert files.poll_drop(bpy.context)
-    assert ".toml" not in files.bl_file_extensions.split(";")
-    assert {".png", ".ply", ".yaml", ".csv"} <= set(files.bl_file_extensions.split(";"))
+def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(in_view, folder):
+    names = [name for name in dir(bpy.types) if name.startswith("ONEFRAME_FH_")]
+    handlers = {name: getattr(bpy.types, name) for name in names}
+    assert {name for name, kind in handlers.items() if kind.poll_drop(bpy.context)} == {
+        "ONEFRAME_FH_case",
+        "ONEFRAME_FH_ct",
+    }
+    case = handlers.pop("ONEFRAME_FH_case")
+    # as a drop calls it
+    room, _, name = case.bl_import_operator.partition(".")
+    getattr(getattr(bpy.ops, room), name)("INVOKE_DEFAULT", filepath=str(folder / "case.toml"))
+    assert bpy.context.scene.oneframe.surface is not None
+    assert all(kind.poll_drop(bpy.context) for kind in handlers.values())
+    kinds = {kind for handler in handlers.values() for kind in handler.bl_file_extensions.split(";")}
+    assert ".toml" not in kinds
+    assert {".png", ".ply", ".yaml", ".csv", ".nrrd"} <= kinds
 
 
 def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):

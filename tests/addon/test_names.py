@@ -10,8 +10,8 @@ from oneframe.dataset.options import OPTIONS
 ROOT = Path(__file__).resolve().parents[2]
 ADDON, PIPELINE, DOCS = ROOT / "blender_addon", ROOT / "pipeline", ROOT / "docs"
 KEYS = {"N", "Home", "Tab", "Esc", "Enter", "Space"}
-OTHERS = {"Box Select", "OneFrame", "Open in OneFrame", "Off By", "Cancel"}
-"""In Blender's toolbar, tabs and menu of dropped files; a ring in the view; of figures; by turns on a button."""
+OTHERS = {"Box Select", "OneFrame", "Off By", "Cancel"}
+"""In Blender's toolbar, tabs; a ring in the view; of figures; by turns on a button."""
 
 
 @cache

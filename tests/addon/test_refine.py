@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blender_addon.landmarks import solve
-from blender_addon.landmarks.uncertainty_drawing import current_uncertainty
+from blender_addon.landmarks.drawing import current_uncertainty
 from blender_addon.refine import operator
 from blender_addon.refine.status_line import status
 from blender_addon.setup.alignment_record import pose_record
@@ -19,7 +19,8 @@ from oneframe.alignment.align_case import align_case
 from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.blender.alignment import surface_object
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.case_file import read_case
+from oneframe.case.case_file import Case, read_case
+from oneframe.case.case_writer import write_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.images.png import encode_png
 from oneframe.projection.z_buffer import rasterise_depth
@@ -27,6 +28,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from tests.addon.conftest import pin
 from tests.addon.test_setup import exchange_edited
 from tests.alignment.test_refinement import hills
 from tests.remembered import refinement, remembered
@@ -34,18 +36,6 @@ from tests.remembered import refinement, remembered
 CAMERA = PinholeCamera(180, 135, fx=975.0, fy=978.0, cx=91.5, cy=65.5)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
 START = TRUE_POSE @ rigid(rotation_from_vector(np.radians([1.5, -1.0, 1.0])), np.array([1.0, -1.0, 2.0]))
-CASE = """
-units = "mm"
-[frame]
-image = "frame.png"
-[camera]
-size = [180, 135]
-K = [[975.0, 0, 91.5], [0, 978.0, 65.5], [0, 0, 1]]
-[surface]
-mesh = "surface.ply"
-[pose]
-cam_from_mesh = {pose}
-"""
 
 
 def photograph(mesh: TriangleMesh) -> np.ndarray:
@@ -68,7 +58,8 @@ def case_folder(tmp_path_factory):
     (folder / "mirrored.png").write_bytes(encode_png(mirrored))
     (folder / "flat.png").write_bytes(encode_png(np.full((135, 180, 3), 128, np.uint8)))
     for name, pose in (("start", START), ("true", TRUE_POSE)):
-        (folder / f"{name}.toml").write_text(CASE.format(pose=pose.tolist()))
+        path = folder / f"{name}.toml"
+        write_case(path, Case(path, 1.0, folder / "frame.png", CAMERA, None, folder / "surface.ply", pose))
     return folder
 
 
@@ -137,7 +128,7 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, cas
     assert "Preview of a refused pose, off by ≥ " in status(opened)[0]
     set_cam_from_model(opened, start)
     bpy.ops.ed.undo_push(message="refused")
-    assert bpy.ops.oneframe.take_refused() == {"FINISHED"}
+    assert bpy.ops.oneframe.refine(take_refused=True) == {"FINISHED"}
     bpy.ops.ed.undo_push(message="taken")
     assert np.array_equal(from_scene.cam_from_model(opened), found)
     assert operator.is_taken(opened)
@@ -163,8 +154,8 @@ def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, cas
     assert not operator.is_taken(bpy.context.scene)
     assert pose_record(bpy.context.scene).refused == case.alignment.refused
     # a plain picture finds none that could be taken
-    with pytest.raises(RuntimeError, match="expected a refinement that was refused at this pose"):
-        bpy.ops.oneframe.take_refused()
+    with pytest.raises(RuntimeError, match="Refused"):
+        bpy.ops.oneframe.refine(take_refused=True)
 
 
 def test_a_refined_pose_stays_when_landmarks_change(opened, case_folder):
@@ -254,7 +245,7 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
     assert pose_record(opened) == PoseRecord(), "given, nobody knows how it was found"
     point = frame_view.surface_point_at(opened, np.array([56.0, 39.0]))
-    bpy.ops.oneframe.landmark_pin(point=point, pixel=(64.0, 43.0))
+    pin(opened, point, np.array([64.0, 43.0]))
     pulled = pose_record(opened)
     assert (pulled.method, pulled.pairs) == ("pins", 1)
     assert pulled.rms_px < 0.02

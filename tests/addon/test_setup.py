@@ -6,19 +6,16 @@ import json
 import bpy
 import numpy as np
 import pytest
-from bpy_extras.object_utils import world_to_camera_view
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from blender_addon.colour.operators import is_outdated
 from blender_addon.refine.status_line import status
 from blender_addon.setup.alignment_record import doubts
 from blender_addon.setup.case_in_scene import unsaved_parts
 from blender_addon.state import from_scene, pose_evidence, to_scene
-from blender_addon.state.pose import pivot_of
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.view.overlay_passes import world_from_structure
 from oneframe.blender.alignment.surface_object import edited_mesh, mesh_from_model_of
-from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
@@ -129,28 +126,6 @@ def test_a_case_that_is_opened_and_saved_is_the_same(opened, case_path, tmp_path
         assert np.array_equal(from_scene.cam_from_mesh(bpy.context.scene), saved)
 
 
-CAMERAS = [
-    PinholeCamera(1920, 1080, 12800.0, 12650.0, 700.3, 611.8),
-    PinholeCamera(480, 640, 60.0, 61.0, 250.0, 300.0),
-    PinholeCamera(640, 480, 900.0, 450.0, 320.0, 239.5),
-]
-"""Of a microscope, wide and upright, with oblong pixels."""
-
-
-def test_blenders_camera_projects_points_as_k_and_pose_do(opened, rng):
-    for camera in CAMERAS:
-        to_scene.set_camera(bpy.context, camera, None)
-        pose = updated_pose(opened)
-        pixels = rng.uniform([-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5], (50, 2))
-        points_cam = camera.rays_cam(pixels) * rng.uniform(200, 400, (50, 1))
-        settings = opened.oneframe
-        for point, pixel in zip((points_cam - pose[:3, 3]) @ pose[:3, :3], pixels, strict=True):
-            world = settings.surface.matrix_world @ Vector(point)
-            x, y, _ = world_to_camera_view(opened, settings.camera_object, world)
-            shown = np.array([x * camera.width - 0.5, (1 - y) * camera.height - 0.5])
-            assert np.abs(shown - pixel).max() < 0.02
-
-
 @pytest.mark.parametrize("order", ["fcs", "csf", "scf"])
 def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, order):
     folder = case_path.parent
@@ -175,22 +150,6 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
     assert made.camera.contains(pixels).all()
     facing = -(loaded.surface.mesh.face_normals @ loaded.frame.cam_from_model[2, :3])
     assert facing.mean() > 0.5
-
-
-def test_a_quarter_turn_rolls_about_the_view_ray_and_four_are_none(opened):
-    pivot, _ = pivot_of(opened)
-    poses = [updated_pose(opened)]
-    for _ in range(4):
-        bpy.ops.oneframe.quarter_turn()
-        poses.append(updated_pose(opened))
-    places = [pose[:3, :3] @ pivot + pose[:3, 3] for pose in poses]
-    assert np.allclose(places, places[0], atol=1e-9)
-    # clockwise in an image whose y axis points down: right becomes down
-    assert np.allclose(poses[1][:2, :3], [-poses[0][1, :3], poses[0][0, :3]], atol=1e-12)
-    assert np.allclose(poses[2][:2, :3], -poses[0][:2, :3], atol=1e-12)
-    assert np.allclose(poses[4], poses[0], atol=1e-9)
-    bpy.ops.oneframe.quarter_turn(anticlockwise=True)
-    assert np.allclose(updated_pose(opened), poses[3], atol=1e-9)
 
 
 def test_what_is_in_doubt_is_said_until_it_is_put_right(addon, case_path):

@@ -17,6 +17,7 @@ from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, Pro
 from oneframe.blender.bridge.data_blocks import absolute_path
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.images.image_reader import read_image
+from oneframe.images.pixel_values import codes_from_linear
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
 OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")
@@ -26,17 +27,6 @@ OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")
 def scene(addon, write_tiny_case, tmp_path):
     bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
     return bpy.context.scene
-
-
-@pytest.fixture
-def in_view(scene):
-    """The 3D view, looking through the frame's camera."""
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    area.spaces.active.region_3d.view_perspective = "CAMERA"
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    with bpy.context.temp_override(window=window, area=area, region=region):
-        yield area.spaces.active
 
 
 @pytest.fixture
@@ -67,10 +57,10 @@ def projection_through(camera: PinholeCamera, times: int = 1):
     return Projection(times * width, times * height, Matrix.Identity(4), clip_from_view, 1 / camera.fx)
 
 
-def drawn(surface, projection, crease_deg=None):
+def drawn(surface, projection):
     """``(H, W)`` depth in mm, and ``(H, W, 4)`` lines, 0..1, top row first."""
     picture = SurfacePicture(projection.width, projection.height)
-    picture.draw(projection, surface, crease_deg)
+    picture.draw(projection, surface, contour=True)
     shape = (projection.height, projection.width, 4)
     geometry, lines = (np.array(each.read(), float).reshape(shape)[::-1] for each in (picture.geometry, picture.lines))
     return geometry[..., 3], lines / 255
@@ -100,7 +90,7 @@ def test_contour_of_a_ball_is_its_outline(gpu_context):
     times, radius, centre_cam = 6, 5.0, np.array([0.8, -0.6, 150.0])
     found = ball(radius)
     found.matrix_world = Matrix.Translation(centre_cam * [1, -1, -1])
-    depth_mm, lines = drawn(found, projection_through(CAMERA, times), 60.0)
+    depth_mm, lines = drawn(found, projection_through(CAMERA, times))
     v, u = np.mgrid[: times * CAMERA.height, : times * CAMERA.width]
     pixels = (np.stack([u, v], -1) + 0.5) / times - 0.5
     rays = CAMERA.rays_cam(pixels.reshape(-1, 2))
@@ -128,7 +118,7 @@ def test_creases_of_a_box_are_its_edges(gpu_context):
     found = new_object(lambda shape: bmesh.ops.create_cube(shape, size=2 * half))
     rotation = Matrix.Rotation(0.6, 4, "X") @ Matrix.Rotation(0.75, 4, "Y")
     found.matrix_world = Matrix.Translation((0.3, -0.5, -150.0)) @ rotation
-    _, lines = drawn(found, projection_through(CAMERA, times), 60.0)
+    _, lines = drawn(found, projection_through(CAMERA, times))
     edges = [
         np.array([[vertex[axis] for axis in range(3)] for vertex in ends])
         for ends in (
@@ -160,22 +150,23 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     height, width = image.shape[:2]
     camera = PinholeCamera(width, height, 320.0, 318.0, 30.0, 25.5)
     seen = FrameView(camera, np.array([1.0, -1.0]), np.array([0.5, height - 0.5]))
-    target = gpu.types.GPUTexture((width, height), format="RGBA8")
+    target = gpu.types.GPUTexture((width, height), format="RGBA32F")
     buffer = gpu.types.GPUFrameBuffer(color_slots=(target,))
     picture = SurfacePicture(width, height)
     with buffer.bind():
-        composite = Composite(picture, seen, frame_image_of(scene), 1.0, everywhere=True, target_encodes=False)
+        composite = Composite(picture, seen, frame_image_of(scene), 1.0, everywhere=True)
         composite.draw(scene.oneframe_view, (0, 0), (width, height))
     shown = np.array(target.read(), float).reshape(height, width, 4)[::-1, :, :3]
     # the outermost pixels are mixed with the opposite border by some cards' anisotropic filters
-    np.testing.assert_allclose(shown[1:-1, 1:-1], image[1:-1, 1:-1] * 255, atol=1.01)
+    codes = 255 * codes_from_linear(shown)
+    np.testing.assert_allclose(codes[1:-1, 1:-1], image[1:-1, 1:-1] * 255, atol=1.01)
 
 
 def frame_path(scene):
     return absolute_path(scene.oneframe.frame_path)
 
 
-def test_view_operators_are_cyclic_and_move_nothing(in_view, scene):
+def test_view_operators_are_cyclic_and_move_nothing(scene, in_view):
     before, view, surface = poses(scene), scene.oneframe_view, scene.oneframe.surface
 
     def state():
@@ -214,7 +205,7 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     picture = SurfacePicture(projection.width, projection.height)
 
     def alpha():
-        picture.draw(projection, plate, None)
+        picture.draw(projection, plate, contour=False)
         shape = (projection.height, projection.width, 4)
         return np.array(picture.structures.read(), float).reshape(shape)[::-1] / 255
 
@@ -246,7 +237,7 @@ def test_lines_over_the_view_fit_and_lose_nothing(text, room):
     assert all(strokes.width_of(line) <= room or " " not in line.strip() for line in lines)
 
 
-def test_view_operators_are_disabled_in_other_views(in_view, scene):
+def test_view_operators_are_disabled_in_other_views(scene, in_view):
     in_view.region_3d.view_perspective = "PERSP"
     for operator in OPERATORS:
         assert not getattr(bpy.ops.oneframe, operator).poll()
@@ -256,7 +247,7 @@ def test_view_operators_are_disabled_in_other_views(in_view, scene):
     assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "show_frame"))
 
 
-def test_a_hint_shows_what_would_act_now(in_view, scene):
+def test_a_hint_shows_what_would_act_now(scene, in_view):
     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     assert not binding("oneframe.refine")
     bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)

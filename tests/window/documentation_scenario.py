@@ -31,7 +31,6 @@ WRONG = 6, (20.0, -14.0)
 DISTURBED = rigid(rotation_from_vector(np.radians([0.3, 0.2, 3.0])), [-0.5, -0.6, 6.0])
 """Error of the rough pose that the contour shows."""
 FILM = ("clear", "tool", "clear", "hand", "blur", "clear", "glare", "clear", "blood", "clear")
-TOOLBAR_PX, SIDEBAR_PX = 60, 270
 
 
 def scenario(user: User) -> Action:
@@ -40,11 +39,11 @@ def scenario(user: User) -> Action:
     yield from user.open_sidebar("OneFrame")
     # the navigation gizmo would cover labels
     user.area.spaces.active.show_gizmo_navigate = False
-    yield from look_at_frame(user, beside_panels=True)
+    yield from whole_frame(user)
     yield from window_picture(user, "sidebar")
     yield from landmarks(user)
     yield from contour(user)
-    yield from colour_and_poses(user)
+    yield from colour(user)
     yield from video(user)
 
 
@@ -77,32 +76,21 @@ def contour(user: User) -> Action:
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = False
     space.overlay.show_text = space.overlay.show_axis_x = space.overlay.show_axis_y = False
     yield 0.5
-    yield from look_at_frame(user, beside_panels=False)
+    yield from whole_frame(user)
     yield from frame_picture(user, "contour")
     surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, true)
 
 
-def colour_and_poses(user: User) -> Action:
-    """The frame's colours seen from the side, blue where the frame saw nothing; the poses as cameras."""
+def colour(user: User) -> Action:
+    """The frame's colours seen from the side, blue where the frame saw nothing."""
     scene, view = bpy.context.scene, user.view
-    surface, camera = from_scene.surface_of(scene), from_scene.camera_object_of(scene)
+    camera = from_scene.camera_object_of(scene)
     with user.context():
         assert operators.oneframe.project_colour(mode="texture") == {"FINISHED"}
         bpy.ops.view3d.view_camera()
     tilted(view, camera, 35)
     view.view_distance *= 1.15
     yield from view_picture(user, "colour", width=1100)
-    for structure in surface.children:
-        structure.hide_viewport = False
-    with user.context():
-        operators.oneframe.preview_poses()
-    user.area.spaces.active.lens = 50
-    here, there = surface.matrix_world.translation, camera.matrix_world.translation
-    view.view_location, view.view_distance = here.lerp(there, 0.52), 1.55 * (there - here).length
-    tilted(view, camera, 62)
-    yield from view_picture(user, "poses", width=800)
-    with user.context():
-        operators.oneframe.hide_poses()
 
 
 def tilted(view: bpy.types.RegionView3D, camera: bpy.types.Object, angle_deg: float) -> None:
@@ -123,7 +111,7 @@ def video(user: User) -> Action:
     with user.context():
         operators.oneframe.show_frame()
     yield from user.open_sidebar("OneFrame")
-    yield from look_at_frame(user, beside_panels=True)
+    yield from whole_frame(user)
     with user.context():
         operators.oneframe.open_video(filepath=str(path))
         scene.frame_set(18)
@@ -134,23 +122,10 @@ def video(user: User) -> Action:
     yield from window_picture(user, "video", timeline)
 
 
-def look_at_frame(user: User, beside_panels: bool) -> Action:
-    """Show the whole frame as large as possible, or as large as fits between toolbar and sidebar."""
-    region, view = user.region(), user.view
-    left, right = (TOOLBAR_PX, region.width - SIDEBAR_PX) if beside_panels else (0, region.width)
-    view.view_camera_offset = 0, 0
-    seen = FrameView.of(bpy.context.scene, region, view)
-    width, height = seen.camera.size_wh
+def whole_frame(user: User) -> Action:
+    """Show the whole frame beside toolbar and sidebar."""
     with user.context():
-        wanted = min((right - left) / width, region.height / height)
-        operators.oneframe.zoom_frame("EXEC_DEFAULT", magnification=wanted)
-    yield from user.redraw()
-    places = []
-    for offset in (0.0, 0.01):
-        view.view_camera_offset = offset, 0
-        yield from user.redraw()
-        places.append(FrameView.of(bpy.context.scene, region, view).region_from_px([width / 2, height / 2])[0])
-    view.view_camera_offset = 0.01 * ((left + right) / 2 - places[0]) / (places[1] - places[0]), 0
+        operators.oneframe.fit_frame()
     yield from user.redraw()
 
 

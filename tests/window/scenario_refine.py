@@ -39,9 +39,8 @@ def scenario(user):
     yield 0.3
     assert np.array_equal(pose(), start)
     assert pose_record(scene).method == "another frame"
-    yield from user.move(user.middle())
-    user.call("take_refused", "INVOKE_DEFAULT", True)
-    yield from user.until(lambda: np.array_equal(pose(), refused), "the refused pose once more")
+    again = yield from preview(user, start)
+    assert np.array_equal(again, refused)
     yield from user.key("RET", user.middle(), ctrl=True)
     yield from user.until(lambda: pose_record(bpy.context.scene).refused, "the refused pose taken")
 

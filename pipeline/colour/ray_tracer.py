@@ -20,7 +20,7 @@ from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, filtered_image, footprint_scale, smoothed
 from .footprint_filter import squares_for
-from .lens_shading import lit_by_lamp, shown_codes
+from .lens_shading import LensShading, lit_by_lamp, shown_codes
 from .shading import ColouredSurface, SurfaceColour, source_of
 from .vertex_colours import NEUTRAL, VertexColours
 
@@ -68,7 +68,7 @@ class _Painter:
                 met.uv, met.inverse_depth, affine, self._surface[..., None], tolerance, ROUNDING_PX
             )
             seen = seen & self._facing[met.face] & shown
-        if self.vertices is not None:
+        if self.vertices is not None and weights is not None:
             seen = seen & self.vertices.least[self._mesh.faces[met.face]].all(axis=1)
             return lookup.interpolated(self.vertices.rgb, self._mesh.faces, met.face, weights), seen, nothing
         if self.source is None:
@@ -176,7 +176,7 @@ class RayTracer:
         if self._surface.unseen is not None and weights is not None:
             rgb[left] = lookup.interpolated(self._surface.unseen, mesh.faces, met.face[left], weights[left])
         if self._surface.light is not None and weights is not None:
-            self._light(rgb, met, weights, cam_from_model)
+            self._light(self._surface.light, rgb, met, weights, cam_from_model)
         return rgb, source, border
 
     def _affine(self, painter: _Painter, cam_from_model: np.ndarray) -> np.ndarray:
@@ -186,9 +186,11 @@ class RayTracer:
         view = painter.source.camera.k @ (painter.source.cam_from_model @ inverse_rigid(cam_from_model))[:3]
         return np.column_stack([view[:, :3] @ np.linalg.inv(self._camera.k), view[:, 3]])
 
-    def _light(self, rgb: np.ndarray, met: _Met, weights: np.ndarray, cam_from_model: np.ndarray) -> None:
+    def _light(
+        self, light: LensShading, rgb: np.ndarray, met: _Met, weights: np.ndarray, cam_from_model: np.ndarray
+    ) -> None:
         """Put colours into the light at the lens."""
-        mesh, light = self._mesh, self._surface.light
+        mesh = self._mesh
         away = self._camera.rays_cam(met.uv) / met.inverse_depth[:, None]
         points = camera_centre(cam_from_model) + away @ cam_from_model[:3, :3]
         normals = lookup.shading_normals(mesh.smooth_normals, mesh.face_cross, mesh.faces, met.face, weights, met.front)

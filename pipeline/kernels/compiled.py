@@ -8,7 +8,7 @@ from ..errors import InputError
 try:
     import numba
 except ImportError:
-    numba = None
+    numba = None  # type: ignore[assignment]
 
 Loop = TypeVar("Loop", bound=Callable[..., Any])
 
@@ -22,10 +22,10 @@ def compiled(loop: Loop) -> Loop:
     if numba is None:
         return loop
     try:
-        return numba.njit(loop, nogil=True, cache=True)
+        return numba.njit(loop, nogil=True, cache=True)  # type: ignore[return-value]
     except RuntimeError:
         # no folder for a cache
-        return numba.njit(loop, nogil=True)
+        return numba.njit(loop, nogil=True)  # type: ignore[return-value]
 
 
 def require_compiler() -> None:

@@ -47,8 +47,8 @@ def text_mask(text: str, size_px: float) -> np.ndarray:
     u = triangles[..., 0] * size_px * SAMPLES - 0.5
     v = (ASCENT - triangles[..., 1]) * size_px * SAMPLES - 0.5
     points = np.stack([u, v, np.ones_like(u), u, v], axis=-1).reshape(-1, 5)
-    letter, covered = (np.full((height * SAMPLES, width * SAMPLES), value) for value in (-1, 0.0))
-    nearest_at_centres(points, np.arange(len(points)).reshape(-1, 3), covered, letter)
+    covered = np.zeros((height * SAMPLES, width * SAMPLES))
+    nearest_at_centres(points, np.arange(len(points)).reshape(-1, 3), covered, np.zeros(covered.shape, np.int64))
     mask = (covered > 0).astype(np.float32).reshape(height, SAMPLES, width, SAMPLES).mean(axis=(1, 3))
     mask.setflags(write=False)
     return mask

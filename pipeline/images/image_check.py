@@ -88,7 +88,9 @@ def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) ->
             width, height, orientation = (_checked_png if kind == "PNG" else _checked_jpeg)(data)
     except (ValueError, struct.error, IndexError, KeyError, zlib.error) as error:
         reason = error if type(error) is ValueError else "its header is cut off or damaged"
-        raise InputError(f"{where}: expected an image, {reason}; save it as PNG in sRGB, or copy it again") from None
+        is_damaged = "damaged" in str(reason) or "cut off" in str(reason)
+        advice = "copy it again, or save it as PNG" if is_damaged else "save it as PNG of 8 or 16 bits, in sRGB"
+        raise InputError(f"{where}: expected an image, {reason}; {advice}") from None
     if orientation in _REORIENTED:
         raise InputError(
             f"{where}: expected an upright image, found an EXIF orientation: some programs show it "

@@ -218,10 +218,9 @@ def film_notes(scores: FilmScores) -> list[str]:
             f"note: {len(frames)} of {info.frames} frames are used: the file is damaged or cut off, or the others have "
             f"another size"
         )
-    elif info.cut_off:
-        lines.append(f"note: {info.cut_off}")
-    elif scores.broken:
+    elif scores.broken and not info.cut_off:
         lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
+    lines += [f"note: {note}" for note in info.notes]
     combed = float(np.mean([each.comb > COMBED for each in frames]))
     if combed > INTERLACED_SHARE:
         lines.append(

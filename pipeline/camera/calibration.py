@@ -137,8 +137,8 @@ def _check_whole(table: Mapping, size: tuple[float, float] | None, where: str) -
         if not PART.search(_plain(key)):
             continue
         for name, part in (_plain_keys(value) if isinstance(value, Mapping) else {_plain(key): value}).items():
-            nothing = (None, 0.0, 1.0 if FEWER.search(name) else 0.0, whole.get(name))
-            if not all(number in nothing for number in _numbers(part) or [_number(part)]):
+            nothing = {None, 0.0, 1.0 if FEWER.search(name) else 0.0, whole.get(name)}
+            if not {_number(part), *(_numbers(part) or ())} <= nothing:
                 raise InputError(
                     f"{where}: expected the K of the image itself, found {str(key)[:LONGEST]}: the image is a part of "
                     "what K is for, or has fewer pixels; subtract the offset of the part from cx and cy, divide K by "

@@ -77,7 +77,7 @@ def _colmap(lines: list[str], name: str) -> object:
         names = COLMAP_PARAMETERS[model]
         numbers = number_rows(" ".join(words))
         if numbers is None or len(numbers) != len(names):
-            raise InputError(f"{name}: expected {len(names)} numbers for {model}, found {' '.join(words)!r}")
+            raise InputError(f"{name}: expected {len(names)} numbers for {model}, found {len(words)}")
         values = dict(zip(names, numbers.tolist(), strict=True))
         focal = values.pop("f", 0.0)
         size = {"width": float(width), "height": float(height), "pixel_origin": "corner"}

@@ -36,7 +36,7 @@ def described(value: object) -> str:
     Text stays out: in files of other programs it may name a patient.
     """
     if isinstance(value, str):
-        return value if re.fullmatch(r"[a-z][a-z0-9_]{0,19}", value) else "a text"
+        return repr(value) if re.fullmatch(r"([a-z][a-z0-9_]{0,19})?", value) else "a text"
     if isinstance(value, list | tuple):
         is_short = len(value) <= 16 and all(isinstance(part, int | float) for part in value)
         return str(list(value)) if is_short else f"a list of {len(value)}"

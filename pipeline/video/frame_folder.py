@@ -76,7 +76,7 @@ def write_frames(
     tiles: list[np.ndarray] = []
     for rank, (score, (image_file, masked_file)) in enumerate(zip(chosen, files, strict=True), start=1):
         picture = _shown(read_video_frame(video, score.index), score)
-        mask = tissue_mask(picture, scores.inside, scores.circle)
+        mask = tissue_mask(picture, scores.inside)
         write_new(image_file, encode_png(picture))
         write_new(masked_file, _encoded_masked(picture, mask))
         written.append(ChosenFrame(score, image_file, masked_file, float(mask.mean())))
@@ -97,7 +97,7 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     path = _files(video, folder, score)[masked]
     check_outputs([path], {"video": video})
     picture = _shown(read_video_frame(video, score.index), score)
-    mask = tissue_mask(picture, scores.inside, scores.circle) if masked else None
+    mask = tissue_mask(picture, scores.inside) if masked else None
     write_new(path, encode_png(picture) if mask is None else _encoded_masked(picture, mask))
     return path
 
@@ -195,12 +195,6 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
         f"{video.name}: {width}x{height} px, {_counted(len(frames), 'frame')} from {frames[0].time_s:.2f} s to "
         f"{frames[-1].time_s:.2f} s"
     ]
-    if scores.circle is not None:
-        circle = scores.circle
-        lines.append(
-            f"circle of the view: centre {circle.u:.1f}, {circle.v:.1f}, radius {circle.radius:.1f} px; the rest "
-            "is masked"
-        )
     lines += film_notes(scores)
     if chosen < wanted:
         lines.append(

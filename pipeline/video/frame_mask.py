@@ -9,8 +9,7 @@ import numpy as np
 
 from ..images.highlights import highlights
 from .film_reader import SMALL_WIDTH
-from .frame_measures import foreign, view_of
-from .view_circle import Circle, view_circle
+from .frame_measures import foreign, lit_part, view_of
 
 LARGEST_COLD_SHARE = 0.3
 """Of a frame that is cold beyond this share, colour tells nothing."""
@@ -22,14 +21,12 @@ _SEED = 7
 
 
 def single_mask(image: np.ndarray) -> np.ndarray:
-    """As :func:`tissue_mask`, of a frame without its film: the circle of the view is looked for in the frame itself."""
-    view = view_of(image)
-    circle = view_circle(view.mean(axis=2))
-    across, down = image.shape[1] / view.shape[1], image.shape[0] / view.shape[0]
-    return tissue_mask(image, None, circle and circle.scaled(across, down))
+    """As :func:`tissue_mask`, of a frame without its film: the black around the view is looked for in it alone."""
+    scale = min(1.0, SMALL_WIDTH / image.shape[1])
+    return tissue_mask(image, lit_part(cv2.resize(image, None, fx=scale, fy=scale).mean(axis=2)))
 
 
-def tissue_mask(image: np.ndarray, inside: np.ndarray | None, circle: Circle | None) -> np.ndarray:
+def tissue_mask(image: np.ndarray, inside: np.ndarray | None) -> np.ndarray:
     """``(H, W)`` bool: where a frame shows tissue.
 
     Parameters
@@ -38,8 +35,6 @@ def tissue_mask(image: np.ndarray, inside: np.ndarray | None, circle: Circle | N
         ``(H, W, 3)`` uint8 RGB, at full size.
     inside
         What the optics let through, as in :class:`.FilmScores`.
-    circle
-        Circle of the view, px of the full frame.
     """
     height, width = image.shape[:2]
     cold, glare = foreign(view_of(image))
@@ -51,12 +46,9 @@ def tissue_mask(image: np.ndarray, inside: np.ndarray | None, circle: Circle | N
     margin = 2 * max(1, round(width / 600)) + 1
     white = highlights(image / np.float32(255))
     hidden = cv2.dilate(((covered > 0.4) | white).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0
-    if circle is not None:
-        hidden |= ~circle.mask((width, height), shrunk_px=1.0)
     if inside is not None:
         lit = cv2.resize(inside.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
-        # the circle's own edge is exact; elsewhere, as where the view is cut, that of the small view
-        hidden |= lit < (0.99 if circle is None else 0.5)
+        hidden |= lit < 0.99
     return ~hidden
 
 

@@ -109,7 +109,7 @@ def _repeats(detail: np.ndarray, rows: slice, margin: int) -> bool:
     """Whether what the left of these rows shows comes again half a picture to the right, and nowhere else."""
     side = len(detail)
     part = np.ascontiguousarray(detail[rows, margin : margin + side // 3])
-    likeness = cv2.matchTemplate(detail, part, cv2.TM_CCOEFF_NORMED).max(axis=0)
+    likeness = np.asarray(cv2.matchTemplate(detail, part, cv2.TM_CCOEFF_NORMED)).max(axis=0)
     distance = np.arange(len(likeness)) - margin
     is_half = np.abs(distance - side // 2) <= margin
     half, others = likeness[is_half].max(), likeness[~is_half & (np.abs(distance) > margin)].max()

@@ -223,7 +223,7 @@ BAD = {
     "eight coefficients": (as_json(K=K.tolist(), D=[0.1] * 8), r"found D = \[0.1, .*; undistort"),
     "fisheye": (
         as_json(K=K.tolist(), D=[0.1] * 4, distortion_model="equidistant"),
-        "expected OpenCV's distortion .* found distortion_model = equidistant; undistort",
+        "expected OpenCV's distortion .* found distortion_model = 'equidistant'; undistort",
     ),
     "a flag of fisheye": (as_json(K=K.tolist(), is_fisheye=True), "found is_fisheye = True; undistort"),
     "a key twice in JSON": ('{"fx": 9, "cx": 9, "cy": 9, "cx": 8}', "the key 'cx' twice"),

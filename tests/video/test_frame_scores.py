@@ -132,7 +132,7 @@ def test_of_a_film_that_shows_nothing_well_the_report_says_so(short_film, rng):
     for film, doubtful in ((noise, True), (short_film[:1], False)):
         frames = score_images(film)
         info = FilmInfo(len(frames), 25.0, (160, 120), (160, 120), True, 0.0)
-        lines = report_lines(Path("film.mp4"), FilmScores(info, frames, None, None, False), 1, 1)
+        lines = report_lines(Path("film.mp4"), FilmScores(info, frames, None, False), 1, 1)
         assert any("look at it before you use it" in line for line in lines) == doubtful
     assert "160x120 px, 1 frame from 0.00 s to 0.00 s" in lines[0]
 

@@ -8,11 +8,10 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end
-from ..pipeline.blender.dataset.job import light_of, own_instruments
+from ..pipeline.blender.dataset.job import light_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
 from ..pipeline.case.loaded_case import LoadedCase
-from ..pipeline.dataset.description import input_files
 from ..pipeline.dataset.option_arguments import merged_options
 from ..pipeline.dataset.options import LIGHTS, NONE, DatasetOptions
 from ..pipeline.errors import InputError
@@ -73,7 +72,6 @@ class ONEFRAME_OT_preview_view(AboutOptions):
             reference_view_of(loaded, options.engine, light_of(loaded, options)),
             options,
             listed,
-            own_instruments(input_files(loaded.case, options)),
         ) as renderer:
             view = renderer.make(index)
             messages = renderer.messages

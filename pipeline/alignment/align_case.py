@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..case.case_file import Case
-from ..case.loaded_case import LoadedCase, check_pose, frame_overlay, load_case
+from ..case.loaded_case import LoadedCase, check_pose, load_case
 from ..case.pose_record import UNKNOWN, PoseRecord
 from ..errors import InputError
+from ..files.numbers import format_two_digits
 from ..transforms import inverse_rigid
 from .landmarks.align_landmarks import (
     Alignment,
@@ -20,7 +21,11 @@ from .landmarks.align_landmarks import (
 from .landmarks.degeneracy import UndeterminedPose
 from .refinement.refine import refine_pose
 from .refinement.verdict import Refinement
-from .report import marked, pose_lines, pose_table, refinement_table, report_lines, report_table
+
+CONVENTION = (
+    "cam_from_mesh maps points of the mesh file (mm) to a camera with OpenCV axes: x right, y down, z forward; "
+    "pixel (0, 0) is the centre of the top-left pixel of the undistorted frame"
+)
 
 
 @dataclass(frozen=True)
@@ -37,49 +42,22 @@ class AlignedCase:
         The refinement against the image, from the pose of the landmarks; ``None`` if not requested.
     messages
         Messages about the files and the landmarks.
-    took_refused
-        Whether the pose is that of a refused refinement.
     """
 
     loaded: LoadedCase
     alignment: Alignment | None
     refinement: Refinement | None
     messages: tuple[str, ...]
-    took_refused: bool = False
-
-    @property
-    def by_landmarks(self) -> Alignment | None:
-        """The pose from landmarks, if it is that of the case."""
-        is_refined = self.took_refused or (self.refinement is not None and self.refinement.accepted)
-        return None if is_refined else self.alignment
 
     def lines(self) -> list[str]:
         """The report: the pose with all its digits, what it rests on, and what is doubtful."""
         refinement, alignment = self.refinement, self.alignment
-        lines = [] if alignment is None else report_lines(alignment)
+        lines = [] if alignment is None else _landmark_lines(alignment)
         lines += [f"note: {message}" for message in self.messages]
-        if refinement is not None and self.took_refused:
-            lines.append(f"warning: taken although refused: {refinement.objection}")
-        elif refinement is not None:
-            lines.append(refinement.message if refinement.accepted else f"note: {refinement.message}")
-        return lines if self.by_landmarks else [*lines, *pose_lines(self.loaded.case.cam_from_mesh)]
-
-    def table(self) -> dict[str, object]:
-        """The report for JSON."""
-        alignment, refinement = self.alignment, self.refinement
-        table: dict[str, object] = {} if alignment is None else report_table(alignment)
-        if not self.by_landmarks:
-            # residuals and uncertainty of the landmarks belong to their own pose
-            table = {"start": table} if table else {}
         if refinement is not None:
-            mesh_from_model = self.loaded.surface.mesh_from_model
-            table["refinement"] = refinement_table(refinement, mesh_from_model, taken=self.took_refused)
-        return {**table, **pose_table(self.loaded.case.cam_from_mesh)}
-
-    def picture(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 values 0..1: frame and overlay; landmarks and residuals if the pose is theirs."""
-        overlay, found = frame_overlay(self.loaded), self.by_landmarks
-        return overlay if found is None else marked(overlay, found)
+            lines.append(refinement.message if refinement.accepted else f"note: {refinement.message}")
+        by_landmarks = alignment is not None and not (refinement is not None and refinement.accepted)
+        return lines if by_landmarks else [*lines, *_pose_lines(self.loaded.case.cam_from_mesh)]
 
 
 def align_case(
@@ -87,7 +65,6 @@ def align_case(
     *,
     click_sigma_px: float,
     refine: bool,
-    take_refused: bool = False,
     tool: str,
     date: str,
 ) -> AlignedCase:
@@ -102,8 +79,6 @@ def align_case(
         Standard deviation of the click noise, along each image axis.
     refine
         Refine the pose against the image.
-    take_refused
-        Take the pose that the refinement has found even if it refuses it; the record in the case says so.
     tool, date
         For the record in the case.
 
@@ -118,7 +93,7 @@ def align_case(
     loaded = load_case(case, aligned=False)
     if not (case.posed or complete_landmarks(case.landmarks)):
         raise InputError(f"{case.path.name}: expected a pose or landmarks, found neither; align by landmarks first")
-    alignment, refinement, took_refused = None, None, False
+    alignment, refinement = None, None
     start = case.cam_from_mesh if case.posed else None
     mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
     # before the check of the pose, which would report landmarks of another mesh as a wrong pose
@@ -140,14 +115,46 @@ def align_case(
     if refine:
         frame, model_from_mesh = loaded.frame, inverse_rigid(loaded.surface.mesh_from_model)
         refinement = refine_pose(frame.image, frame.valid, case.camera, loaded.surface.mesh, frame.cam_from_model)
-        took_refused = take_refused and refinement.can_be_taken
-        if not refinement.accepted and not took_refused and alignment is None:
-            taken = " --take-refused takes what it has found." if refinement.can_be_taken else ""
-            raise InputError(f"{case.path.name}: {refinement.message}{taken}")
-        if refinement.accepted or took_refused:
+        if not refinement.accepted and alignment is None:
+            raise InputError(f"{case.path.name}: {refinement.message}")
+        if refinement.accepted:
             initial = loaded.case.alignment
             initial = PoseRecord("manual") if initial == UNKNOWN else initial
             record = refinement.record(initial, tool, date)
             loaded = loaded.posed(refinement.found @ model_from_mesh, record)
-    found = alignment.estimate.messages if alignment is not None and not took_refused else ()
-    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *found), took_refused)
+    about_pairs = () if alignment is None else alignment.estimate.messages
+    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages, *about_pairs))
+
+
+def _pose_lines(cam_from_mesh: np.ndarray) -> list[str]:
+    """A pose (4x4, mm) in both directions with all its digits."""
+    forth, back = _rows(cam_from_mesh), _rows(inverse_rigid(cam_from_mesh))
+    return [CONVENTION, "cam_from_mesh:", *forth, "mesh_from_cam:", *back]
+
+
+def _landmark_lines(alignment: Alignment) -> list[str]:
+    """The pose in both directions with all its digits, the residuals and the uncertainty; landmarks in ``mesh``."""
+    estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
+    lines = _pose_lines(estimate.cam_from_model)
+    width = max(len("landmark"), *(len(landmark.name) for landmark in alignment.landmarks))
+    lines.append(f"{'landmark':{width}}    du px    dv px   off px")
+    for landmark, apart, inlier in zip(alignment.landmarks, estimate.residuals_px, estimate.inliers, strict=True):
+        numbers = "".join(f"{value:9.2f}" for value in (*apart, np.linalg.norm(apart)))
+        lines.append(f"{landmark.name:{width}}{numbers}{'' if inlier else '   left out'}")
+    lines += [
+        f"residuals: rms {estimate.rms_px:.2f} px over {estimate.inliers.sum()} of {len(estimate.inliers)} landmarks, "
+        f"clicks taken as {uncertainty.sigma_px:.2f} px uncertain",
+        f"standard deviations about camera x, y, z: {_three(uncertainty.rotation_deg)} degrees",
+        f"standard deviations along camera x, y, z: {_three(uncertainty.translation_mm)} mm",
+        f"weakest: {uncertainty.weakest}",
+    ]
+    return lines
+
+
+def _rows(matrix: np.ndarray) -> list[str]:
+    # repr of a Python float is the shortest text that reads back to the same number
+    return [f"  {row}," for row in matrix.tolist()]
+
+
+def _three(values: np.ndarray) -> str:
+    return ", ".join(map(format_two_digits, values))

@@ -145,18 +145,6 @@ class PoseUncertainty:
         deviation = np.sqrt(covariance[number, number])
         return _DIRECTIONS[number].format(format_two_digits(deviation if number < 3 else np.degrees(deviation)))
 
-    def table(self, mesh_from_model: np.ndarray) -> dict[str, object]:
-        """For JSON, in the frame of the mesh file."""
-        return {
-            "of": "twist in camera axes about the pivot: translation (mm), then rotation (radians)",
-            "pivot": transform_points(mesh_from_model, self.pivot_model).tolist(),
-            "covariance": self.covariance.tolist(),
-            "degrees_of_freedom": self.dof,
-            **self.deviations(),
-            "weakest": self.weakest,
-            "weakest_twist": self.weakest_twist.tolist(),
-        }
-
     def deviations(self) -> dict[str, Any]:
         """The standard deviations that a :class:`.PoseRecord` keeps."""
         return {

@@ -17,6 +17,7 @@ from ..camera.pinhole import PinholeCamera
 from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
+from ..images.highlights import highlights
 from ..images.pixel_values import grown
 from ..light.exposure import matched_exposures
 from ..projection.rendered_view import RenderedView
@@ -33,9 +34,6 @@ from .texture_atlas import TextureAtlas, bake_atlas
 from .vertex_colours import VertexColours, colour_vertices
 
 STEP = 0.05
-WHITE = 0.96
-"""Code value of all channels from which a pixel is a highlight: the lamp's reflection, not the surface's colour."""
-
 Look = Callable[[ColouredSurface, PinholeCamera, np.ndarray], RenderedView]
 """How a surface looks from a pose (4x4, mm)."""
 
@@ -90,10 +88,10 @@ def limited_to_incidence(reference: ReferenceView, max_incidence_deg: float) -> 
 
 
 def without_highlights(reference: ReferenceView, frames: Sequence[PosedFrame]) -> ReferenceView:
-    """The same views, in which white pixels of their frames, and those beside, show nothing."""
+    """The same views, in which the highlights of their frames, and the pixels beside them, show nothing."""
     views = []
     for view, frame in zip(reference.views, frames, strict=True):
-        kept = view.valid & ~grown(frame.image.min(axis=2) >= WHITE, 1)
+        kept = view.valid & ~grown(highlights(frame.image, view.valid), 1)
         views.append(replace(view, valid=kept, inverse_depth=view.inverse_depth * kept))
     return replace(reference, views=tuple(views))
 

@@ -1,10 +1,9 @@
 """The command ``oneframe align``."""
 
 import datetime
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..errors import InputError
@@ -12,15 +11,13 @@ from ..process.command import option, positional, switch
 from ..process.own_process import own_output
 
 if TYPE_CHECKING:
-    from ..alignment.align_case import AlignedCase
     from ..case.case_file import Case
 
 ABOUT = "Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."
 EPILOG = """examples:
-  %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml --picture overlay.png
-  %(prog)s case.toml --json pose.json           (the landmarks of the case file)
+  %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml
+  %(prog)s case.toml --out aligned.toml         (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
-  %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
   %(prog)s case.toml --restore                  (the poses of its history; --restore 1: take the last one back)
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
@@ -42,15 +39,12 @@ class Arguments:
     refine: bool = switch(
         "refine the pose against the image, from the pose of the landmarks or, without any, of the case"
     )  # fmt: skip
-    take_refused: bool = switch("take the pose that the refinement has found even if it refuses it; look at --picture")
     restore: int | None = option(
         "N", "list the poses of the case's history, or make the case what it was at number N; what it is goes there",
         const=0,
     )  # fmt: skip
     out: Path | None = option("FILE", "write the case with the new pose and the landmarks")
     overwrite: bool = switch("let --out replace a case of another frame or surface")
-    json: Path | None = option("FILE", "write pose, residuals and covariance")
-    picture: Path | None = option("FILE", "write the frame with overlay and residuals (PNG)")
 
 
 def run(arguments: Arguments) -> None:
@@ -58,10 +52,10 @@ def run(arguments: Arguments) -> None:
     if arguments.restore is not None:
         _restore(arguments)
         return
-    if arguments.take_refused and not arguments.refine:
-        raise InputError("command line: --take-refused: expected --refine with it")
     from ..alignment.align_case import align_case
+    from ..case.case_writer import write_case
     from ..case.landmarks import read_landmarks
+    from ..files.outputs import made_folder, writing
 
     output, case = own_output(), _checked_case(arguments)
     if arguments.landmarks:
@@ -70,12 +64,14 @@ def run(arguments: Arguments) -> None:
         case,
         click_sigma_px=arguments.click_sigma_px,
         refine=arguments.refine,
-        take_refused=arguments.take_refused,
         tool=f"OneFrame {__version__}, align",
         date=datetime.date.today().isoformat(),
     )
     output.write("\n".join(aligned.lines()) + "\n")
-    _write(arguments, aligned, output)
+    if arguments.out:
+        with writing(made_folder(arguments.out)):
+            write_case(arguments.out, aligned.loaded.case)
+        output.write(f"aligned case: {arguments.out}\n")
 
 
 def _checked_case(arguments: Arguments) -> "Case":
@@ -87,32 +83,10 @@ def _checked_case(arguments: Arguments) -> "Case":
 
     case = read_case(arguments.case, posed=False)
     inputs = case.input_files() | ({"file of the landmarks": arguments.landmarks} if arguments.landmarks else {})
-    outputs = [path for path in (arguments.json, arguments.picture) if path]
-    check_outputs([*outputs, *([case_output(arguments.out)] if arguments.out else [])], inputs)
+    check_outputs([case_output(arguments.out)] if arguments.out else [], inputs)
     if arguments.out and not arguments.overwrite:
         check_replaced(arguments.out, case)
     return case
-
-
-def _write(arguments: Arguments, aligned: "AlignedCase", output: TextIO) -> None:
-    """Write the requested files."""
-    from ..case.case_writer import write_case
-    from ..files.outputs import made_folder, write_output, writing
-    from ..images.pixel_values import to_uint8
-    from ..images.png import encode_png
-
-    if arguments.json:
-        text = json.dumps(aligned.table(), indent=2, allow_nan=False) + "\n"
-        write_output(arguments.json, text.encode())
-    if arguments.picture:
-        picture = encode_png(to_uint8(aligned.picture()))
-        write_output(arguments.picture, picture)
-        marks = ", residuals (10 times their length), 95 % ellipses" if aligned.by_landmarks else ""
-        output.write(f"frame, overlay{marks}: {arguments.picture}\n")
-    if arguments.out:
-        with writing(made_folder(arguments.out)):
-            write_case(arguments.out, aligned.loaded.case)
-        output.write(f"aligned case: {arguments.out}\n")
 
 
 def _restore(arguments: Arguments) -> None:
@@ -120,7 +94,7 @@ def _restore(arguments: Arguments) -> None:
     from ..case.case_history import earlier_cases
     from ..case.case_writer import write_case
 
-    chosen = ("landmarks", "refine", "take_refused", "out", "json", "picture")
+    chosen = ("landmarks", "refine", "out")
     if others := [name for name in chosen if getattr(arguments, name)]:
         raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
     path, number, output = arguments.case, arguments.restore, own_output()

@@ -1,7 +1,7 @@
 """The command ``oneframe check``."""
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InputError
@@ -34,22 +34,17 @@ class Arguments:
     fast: bool = switch("skip the hashes of the files")
     case: Path | None = option("CASE.toml", "compare the inputs with those of the case that was rendered")
     poses: Path | None = option("FILE", "the listed poses of the views, if the case does not name them")
-    occluder_meshes: Path | None = option("DIR", "your own instruments, if the case does not name them")
 
 
 def run(arguments: Arguments) -> int:
     """Check the dataset and report the findings."""
-    for name in ("poses", "occluder_meshes"):
-        if getattr(arguments, name) is not None and arguments.case is None:
-            flag = name.replace("_", "-")
-            raise InputError(f"command line: --{flag}: expected also the case that was rendered; give it with --case")
+    if arguments.poses is not None and arguments.case is None:
+        raise InputError("command line: --poses: expected also the case that was rendered; give it with --case")
     from ..case.case_file import read_case
     from ..dataset.check.check_dataset import check_dataset
     from ..dataset.layout import datasets_in
 
     case = None if arguments.case is None else read_case(arguments.case)
-    if case is not None and arguments.occluder_meshes is not None:
-        case = replace(case, dataset={**case.dataset, "occluder_meshes": str(arguments.occluder_meshes.resolve())})
     wrong, output = 0, sys.stdout
     for folder in datasets_in(arguments.dataset):
         if folder != arguments.dataset:

@@ -42,16 +42,11 @@ class Arguments:
 def run(arguments: Arguments) -> None:
     """Write the evaluation and report its summary."""
     from ..blender.render.engines import RENDERERS
-    from ..evaluation.evaluation_files import evaluation_run, run_evaluation
+    from ..evaluation.evaluate import evaluation_run, run_evaluation
     from ..evaluation.methods import DEFAULT, chosen_methods
 
     methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
-    prepared = evaluation_run(
-        [(arguments.case, arguments.photographs), *arguments.more],
-        arguments.out,
-        methods,
-        seed=arguments.seed,
-        inception=arguments.inception,
-    )
+    pairs = [(arguments.case, arguments.photographs), *arguments.more]
+    prepared = evaluation_run(pairs, arguments.out, methods, seed=arguments.seed, inception=arguments.inception)
     output.writelines(f"{line}\n" for line in run_evaluation(prepared, stream=sys.stderr))

@@ -13,9 +13,9 @@ from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
 from ..transforms import checked_matrix
-from .identity import COUNT, POSES_HASH, identity_of
-from .layout import FORMAT, MOST_VIEWS
-from .stereo import camera_from_planned
+from .identity import COUNT, DEPTH_SCALE, POSES_HASH, described, differences, identity_of
+from .layout import FORMAT, MOST_VIEWS, RECORD
+from .stereo import camera_from_planned, further_eyes
 from .truths import written_truths
 
 
@@ -58,6 +58,22 @@ class Description:
     def camera_from_planned(self) -> np.ndarray | None:
         """As of :func:`.camera_from_planned`."""
         return camera_from_planned(self.content["options"])
+
+    @cached_property
+    def further(self) -> tuple[str, ...]:
+        """The folders of datasets that belong into that of this one: of the same views by other cameras."""
+        return further_eyes(self.content["options"])
+
+    def read_further(self, root: Path, folder: str) -> "Description":
+        """Read the description of one of the :attr:`further` datasets, which must be of the views of this one."""
+        there = read_description(root / folder / RECORD)
+        expected = {**self.content, "options": {**self.content["options"], "eye": folder}}
+        apart = described([each for each in differences(there.content, expected) if each.key != DEPTH_SCALE])
+        if there.count != self.count:
+            apart.append(f"{there.count} {folder} eyes of {self.count} views")
+        if apart:
+            raise InputError(f"{root / folder}: expected the {folder} eyes of these views: {'; '.join(apart)}")
+        return there
 
     @property
     def poses_hash(self) -> str | None:

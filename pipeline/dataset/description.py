@@ -22,9 +22,6 @@ from .truths import depth_scale_for
 
 POSES = "poses"
 """Name of the list of poses among the input files."""
-INSTRUMENT = "instrument "
-"""The names of instruments among them begin with it."""
-MESHES = (".ply", ".obj", ".stl")
 
 
 def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
@@ -36,15 +33,7 @@ def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
     files = {name: path for name, path in case.input_files().items() if name != "case"}
     if options.poses is not None:
         files[POSES] = Path(options.poses)
-    return files if options.occluder_meshes is None else files | instrument_files(Path(options.occluder_meshes))
-
-
-def instrument_files(folder: Path) -> dict[str, Path]:
-    """The meshes of a folder of instruments by neutral names, in the order of their own."""
-    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESHES) if folder.is_dir() else []
-    if not found:
-        raise InputError(f"{folder}: expected a folder with meshes of instruments ({', '.join(MESHES)}), found none")
-    return {f"{INSTRUMENT}{number}": path for number, path in enumerate(found, start=1)}
+    return files
 
 
 def inputs_sha256(files: Mapping[str, Path]) -> dict[str, str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_INPUT, LARGEST_TEXT
+from .stereo import RIGHT
 from .truths import TRUTHS
 
 FORMAT = "oneframe dataset 2"
@@ -35,8 +36,6 @@ MODEL_FILES = tuple(
 )
 TARGETS = "test_targets_bop19.json"
 """The views that BOP tests with."""
-FURTHER = "right"
-"""Within the folder of a dataset or a pack: another one, of the same views by another camera."""
 CASES = "cases"
 """Of a queue: the folder of its datasets."""
 CONTACT_SHEET = "contact_sheet.png"
@@ -60,8 +59,8 @@ def evenly_spaced(count: int, most: int) -> list[int]:
 
 
 def datasets_in(folder: Path) -> list[Path]:
-    """The folder of a dataset or a pack, and the one within it, if there is one."""
-    further = folder / FURTHER
+    """The folder of a dataset or a pack, and the one within it of the same views by another camera, if there is one."""
+    further = folder / RIGHT
     # a pack that is not finished has no record yet
     return [folder, *([further] if any((further / name).exists() for name in (RECORD, WORK)) else [])]
 

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError
 from ..files.keys import nearest_name
+from .stereo import LEFT, RIGHT, camera_from_planned, further_eyes
 
 ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
 """Each is a file of :mod:`oneframe.blender.render`."""
@@ -33,7 +36,7 @@ SURROUNDINGS = {
     NONE: "black",
     FRAME: "what the frame shows there, on a sheet that continues the surface; mask_surround alone has it",
 }
-EYES = {"left": "the poses themselves", "right": "beside them"}
+EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
 FOR_TRAINING = {"unseen": "fill", "highlights": DROP, "surroundings": FRAME, "light": LENS}
 """What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
 
@@ -85,8 +88,6 @@ SAMPLERS = {
         grows=False,
     ),
 }
-WRITTEN = {"depth_mm": "float_depth", "normals": "normals", "points": "points"}
-"""The arrays that a dataset has only if asked for, and the option that asks."""
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
 
@@ -177,7 +178,7 @@ class DatasetOptions:
     )  # fmt: skip
     colour: str = _option("projective", "how the frame colours the surface", choices=COLOURS)
     unseen: str = _option("neutral", "surface that the frame did not see", name="Unseen Surface", choices=UNSEEN)
-    highlights: str = _option(KEEP, "white pixels of a frame", choices=HIGHLIGHTS)
+    highlights: str = _option(KEEP, "highlights of a frame", choices=HIGHLIGHTS)
     light: str = _option(NONE, "light of the views", choices=LIGHTS)
     max_incidence_deg: float = _option(
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
@@ -193,10 +194,6 @@ class DatasetOptions:
         0.0, "mean number of instruments in front of the surface of a view, at random places and by a stream of their "
         "own; mask_visib is without what they cover, mask_occluder they alone", name="Instruments", least=0, most=10,
     )  # fmt: skip
-    occluder_meshes: str | None = _option(
-        None, "folder of your own instruments in place of the built-in ones: .ply, .obj, .stl in mm, the tip in the "
-        "origin, the shaft along +z and longer than what the image shows", is_content=False,
-    )  # fmt: skip
     surroundings: str = _option(NONE, "beyond the surface's edge", choices=SURROUNDINGS)
     video: bool = _video(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _video(120, "length of the video in frames (24 per second)", least=2)
@@ -208,7 +205,7 @@ class DatasetOptions:
         0.0, "distance from both eyes at which their axes meet, the working distance of a microscope; 0: parallel",
         name="Converge", unit="mm", least=0,
     )  # fmt: skip
-    eye: str = _stereo("left", "which of the two is rendered", choices=EYES)
+    eye: str = _stereo(LEFT, "which of the two is rendered", choices=EYES)
     sampler: str = _pose(
         "cone", "distribution of poses around the frame's pose", name="Poses",
         choices={name: sampler.about for name, sampler in SAMPLERS.items()},
@@ -239,13 +236,22 @@ class DatasetOptions:
         """The values that belong to the identity of a dataset, by name."""
         return {name: getattr(self, name) for name, option in OPTIONS.items() if option.is_content}
 
+    @property
+    def camera_from_planned(self) -> np.ndarray | None:
+        """As of :func:`.stereo.camera_from_planned`."""
+        return camera_from_planned(self.content())
+
+    def further(self) -> dict[str, "DatasetOptions"]:
+        """The datasets that belong into the folder of one with these options: their folders and options."""
+        return {eye: dataclasses.replace(self, eye=eye, video=False) for eye in further_eyes(self.content())}
+
 
 OPTIONS: dict[str, Option] = {
     entry.name: dataclasses.replace(entry.metadata["option"], key=entry.name, kind=entry.type, default=entry.default)
     for entry in dataclasses.fields(DatasetOptions)
 }
 """Every option, by its name, in their order."""
-PATHS = {"poses", "occluder_meshes"}
+PATHS = {"poses"}
 """Those that name files, in a case from its folder; the window has none of them."""
 
 
@@ -283,11 +289,7 @@ def checked_together(checked: Mapping[str, object], where: str) -> DatasetOption
             f"{where}: expected converge_mm of at least stereo_mm, and that above 0, found {options.converge_mm:g} and "
             f"{options.stereo_mm:g} mm; give the working distance and the eyes' distance, or 0 for parallel axes"
         )
-    if options.occluder_meshes is not None and not options.occluders:
-        raise InputError(
-            f"{where}: expected occluders above 0 beside occluder_meshes, found 0; say how many, on average"
-        )
-    if options.eye == "right" and not options.stereo_mm:
+    if options.eye == RIGHT and not options.stereo_mm:
         raise InputError(f"{where}: expected stereo_mm with the right eye, found none; give the eyes' distance")
     return options
 

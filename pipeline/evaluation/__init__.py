@@ -1,5 +1,4 @@
 """How good the views are.
 
-In: views and photographs of the same poses. Out: scores, with their confidence and what could be reached, as a record
-and as tables.
+In: views and photographs of the same poses. Out: scores, with their confidence, as tables and a figure.
 """

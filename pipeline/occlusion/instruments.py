@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError
 from ..surface.mesh import TriangleMesh
 
 STEP_MM, LONGEST_MM = 5.0, 2000.0
@@ -94,24 +93,6 @@ class Tube:
 
 
 @dataclass(frozen=True)
-class Solid:
-    """A part of fixed shape, of somebody's own."""
-
-    mesh: TriangleMesh
-    finish: Finish
-
-    @property
-    def ends(self) -> tuple[np.ndarray, float]:
-        """As of :class:`Tube`: the one where it ends."""
-        low, high = self.mesh.bounds
-        return np.array([[*(low + high)[:2] / 2, high[2]]]), float(np.linalg.norm(high[:2] - low[:2]) / 2)
-
-    def reaching(self, _length_mm: float) -> "Solid":
-        """Itself."""
-        return self
-
-
-@dataclass(frozen=True)
 class Instrument:
     """An instrument and how it is held.
 
@@ -126,7 +107,7 @@ class Instrument:
         from anywhere.
     """
 
-    tubes: tuple[Tube | Solid, ...]
+    tubes: tuple[Tube, ...]
     tilt_deg: tuple[float, float] = (20.0, 60.0)
     from_side: bool = False
 
@@ -196,17 +177,6 @@ def finger(rng: np.random.Generator) -> Instrument:
 
 KINDS: tuple[Callable[[np.random.Generator], Instrument], ...] = (burr, suction, hook, blade, finger)
 """What makes an instrument of random sizes, each as often as another."""
-
-
-def own_instrument(mesh: TriangleMesh, name: str) -> Instrument:
-    """An instrument of steel from a mesh, mm; ``name`` is that of its file."""
-    low, high = mesh.bounds
-    if high[2] <= 4 * max(-low[2], 0.0):
-        raise InputError(
-            f"{name}: expected an instrument with its tip in the origin and its shaft along +z, found z from "
-            f"{low[2]:.4g} to {high[2]:.4g} mm; move and turn the mesh"
-        )
-    return Instrument((Solid(mesh, Finish((0.45, 0.45, 0.46), 0.7, 12.0)),))
 
 
 def _steel(rng: np.random.Generator, grey: float = 0.45) -> Finish:

@@ -78,7 +78,6 @@ def draw_occluders(
     room: Room,
     camera: PinholeCamera,
     cam_from_model: np.ndarray,
-    own: Sequence[Instrument] = (),
 ) -> Occluders | None:
     """Draw the instruments of a view; ``None`` if there are none.
 
@@ -92,32 +91,23 @@ def draw_occluders(
         The surface.
     camera, cam_from_model
         The view's intrinsics and pose (4x4, mm).
-    own
-        The user's instruments, in place of the built-in ones; any is as likely as another.
     """
-    kinds = [lambda _rng, each=each: each for each in own] or KINDS
-    rng = np.random.default_rng([*seed, STREAM])
-    placed: list[list[tuple[TriangleMesh, Finish]]] = []
-    for stream in rng.spawn(rng.poisson(mean)):
-        instrument = kinds[int(stream.integers(len(kinds)))](stream)
-        others = [mesh for parts in placed for mesh, _ in parts]
-        parts = held_instrument(instrument, stream, room, others, camera, cam_from_model)
-        if parts is not None:
-            placed.append(parts)
+    placed = [parts for parts in _drawn(mean, seed, room, camera, cam_from_model) if parts is not None]
     return Occluders.of([part for parts in placed for part in parts]) if placed else None
 
 
-def held_instrument(
-    instrument: Instrument,
-    rng: np.random.Generator,
-    room: Room,
-    others: Sequence[TriangleMesh],
-    camera: PinholeCamera,
-    cam_from_model: np.ndarray,
-) -> list[tuple[TriangleMesh, Finish]] | None:
-    """The parts of an instrument, model frame, where it meets nothing in a view, or ``None`` if it finds no place."""
-    tries = (_held(instrument, rng, room, others, camera, cam_from_model) for _ in range(TRIES))
-    return next((parts for parts in tries if parts is not None), None)
+def _drawn(
+    mean: float, seed: Sequence[int], room: Room, camera: PinholeCamera, cam_from_model: np.ndarray
+) -> list[list[tuple[TriangleMesh, Finish]] | None]:
+    """The parts of every instrument that is drawn, or ``None`` for one that finds no place."""
+    rng = np.random.default_rng([*seed, STREAM])
+    drawn: list[list[tuple[TriangleMesh, Finish]] | None] = []
+    for stream in rng.spawn(rng.poisson(mean)):
+        instrument = KINDS[int(stream.integers(len(KINDS)))](stream)
+        others = [mesh for parts in drawn for mesh, _ in parts or ()]
+        tries = (_held(instrument, stream, room, others, camera, cam_from_model) for _ in range(TRIES))
+        drawn.append(next((parts for parts in tries if parts is not None), None))
+    return drawn
 
 
 def _held(
@@ -183,20 +173,13 @@ def _length_mm(instrument: Instrument, camera: PinholeCamera, cam_from_tool: np.
     return float(z[min(out[0] + int(BEYOND_MM / STEP_MM), first_near - 1)]) if len(out) else None
 
 
-def places_doubt(
-    own: Sequence[Instrument], seed: int, room: Room, camera: PinholeCamera, poses: Sequence[np.ndarray]
-) -> list[str]:
-    """What there is to say if some of the user's instruments find no place in the first views, at their poses."""
-    said = []
-    for number, instrument in enumerate(own, start=1):
-        streams = [np.random.default_rng([seed, view, STREAM]) for view in range(len(poses))]
-        held = [
-            held_instrument(instrument, stream, room, (), camera, pose)
-            for stream, pose in zip(streams, poses, strict=True)
-        ]
-        if without := held.count(None):
-            said.append(
-                f"--occluder-meshes: number {number} by name finds no place in {without} of the first {len(poses)} "
-                "views, and is left out there; its shaft must be longer than what the image shows of it, in mm"
-            )
-    return said
+def places_doubt(mean: float, seed: int, room: Room, camera: PinholeCamera, poses: Sequence[np.ndarray]) -> str:
+    """What there is to say if most instruments find no place in the first views, at their poses; empty otherwise."""
+    drawn = [parts for view, pose in enumerate(poses) for parts in _drawn(mean, (seed, view), room, camera, pose)]
+    without = drawn.count(None)
+    if without <= len(drawn) / 2:
+        return ""
+    return (
+        f"{without} of {len(drawn)} instruments find no place in the first {len(poses)} views, and are left out: they "
+        "have the sizes of ear surgery, so the camera is too near, or the surface too small"
+    )

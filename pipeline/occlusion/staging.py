@@ -18,7 +18,6 @@ from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid
-from .instruments import Instrument
 from .occluders import Occluders, Room, draw_occluders
 from .shadow import Shadow
 
@@ -36,15 +35,13 @@ class Staging:
     camera
         Intrinsics of the views.
     camera_from_planned
-        ``(4, 4)`` rigid, mm: from the camera whose poses are planned, by which instruments are held.
+        ``(4, 4)`` rigid, mm: from the camera whose poses are planned, by which what stands in front is held.
     light
         The light at the lens of the views; ``None`` without one.
     room
-        The surface that instruments keep clear of.
+        The surface that what stands in front keeps clear of.
     rays_at
         Makes the rays at a mesh.
-    own_instruments
-        The user's, in place of the built-in ones.
     """
 
     options: Mapping[str, Any]
@@ -54,7 +51,6 @@ class Staging:
     light: LensShading | None
     room: Room
     rays_at: Callable[[TriangleMesh], MeshRays]
-    own_instruments: tuple[Instrument, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,17 +63,17 @@ class StagedView:
 
     @cached_property
     def occluders(self) -> Occluders | None:
-        """The instruments, the same for both eyes; ``None`` for none."""
+        """What stands in front, the same for both eyes; ``None`` for nothing."""
         staging, mean = self.staging, self.staging.options["occluders"]
         if not mean:
             return None
         planned = inverse_rigid(staging.camera_from_planned) @ self.cam_from_model
         seed = staging.options["seed"], self.index
-        return draw_occluders(mean, seed, staging.room, staging.camera, planned, staging.own_instruments)
+        return draw_occluders(mean, seed, staging.room, staging.camera, planned)
 
     @cached_property
     def shadow(self) -> Shadow | None:
-        """The shadow of the instruments in the light at the lens."""
+        """Its shadow in the light at the lens."""
         light, camera = self.staging.light, self.staging.camera
         if light is None or self.occluders is None:
             return None

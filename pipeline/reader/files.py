@@ -12,10 +12,9 @@ import numpy as np
 
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded
-from ..dataset.layout import FURTHER, MODEL_FILES, ViewPaths, datasets_in, largest_view_file
+from ..dataset.layout import MODEL_FILES, ViewPaths, largest_view_file
 from ..dataset.model_file import read_model
 from ..dataset.run.resume_record import Box, read_record
-from ..dataset.stereo import eyes_apart
 from ..dataset.truths import TRUTHS
 from ..errors import InputError, RunError
 from ..files.content import read_file, regular_file
@@ -77,18 +76,16 @@ class ViewFiles:
     @cached_property
     def right(self) -> "ViewFiles":
         """Those of the right eyes, opened when they are first asked for."""
-        folder = datasets_in(self.root)[-1]
-        if folder == self.root:
-            raise InputError(f"{self.root}: expected the folder {FURTHER} in it, found none; render with --stereo-mm")
-        files = self._opened(folder)
-        if apart := eyes_apart(self.description.content, files.description.content):
-            raise InputError(f"{folder}: expected the right eyes of these views: {apart}")
-        return files
+        if not self.description.further:
+            raise InputError(f"{self.root}: expected right eyes in it, found none; render the views with both eyes")
+        (folder,) = self.description.further
+        self.description.read_further(self.root, folder)
+        return self._opened(self.root / folder)
 
     @cached_property
     def mesh(self) -> TriangleMesh:
         """The surface, model frame, read when it is first asked for."""
-        return read_model(self.root, MODEL_FILES[0])[0]
+        return read_model(self.root, MODEL_FILES[0])
 
     def read(self, index: int, kind: str) -> tuple[bytes, str]:
         """The content of a file of a view, by the name of its array; its name for messages."""

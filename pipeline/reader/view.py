@@ -5,16 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
 from ..dataset.decoding import depth_mm
 from ..dataset.normals import normal_codes, unit_vectors
 from ..dataset.truths import points_model
-from ..errors import InputError
-from ..transforms import transform_points
 from .files import Boxes, Numbers, ViewFiles
-
-ROUNDING = 1e-5
-"""Allowed relative error of a depth that was computed in single precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,18 +79,13 @@ class View:
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface."""
-        return unit_vectors(self.files.array(self.index, "normals"))
-
-    @cached_property
-    def normals_cam(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 as :attr:`normals`; the same, and computed, if the dataset was rendered without.
+        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface.
 
         They are those of the model's triangles at the pixels' centres, not differences of the depth: these mix surfaces
-        at every edge and step, and its rounding tilts them.
+        at every edge and step, and its rounding tilts them. Computed if the dataset was rendered without.
         """
         if "normals" in self.files.description.kinds:
-            return self.normals
+            return unit_vectors(self.files.array(self.index, "normals"))
         camera = self.files.description.camera
         return unit_vectors(normal_codes(self.mask_visib, self.files.mesh, camera, self.cam_from_model))
 
@@ -104,7 +93,7 @@ class View:
     def points_model(self) -> np.ndarray:
         """``(H, W, 3)`` float32 points of the visible surface at pixels' centres, mm, mesh in ``models/``, or NaN.
 
-        Those of ``--write points`` if the dataset has them, else from :attr:`depth_mm`.
+        Those of ``--points`` if the dataset has them, else from :attr:`depth_mm`.
         """
         if "points" in self.files.description.kinds:
             return self.files.array(self.index, "points")
@@ -112,37 +101,8 @@ class View:
         return points_model(surface_mm, self.files.description.camera, self.cam_from_model)
 
     @cached_property
-    def nocs(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 :attr:`points_model` in the model's box, 0..1 along each axis; NaN without surface."""
-        low, high = self.files.mesh.bounds
-        size = np.where(high > low, high - low, 1.0)
-        return np.clip((self.points_model - low) / size, 0, 1).astype(np.float32)
-
-    @cached_property
-    def distance_mm(self) -> np.ndarray:
-        """``(H, W)`` float32 distance of what is seen from the camera's centre, along the pixel's ray, or 0."""
-        camera = self.files.description.camera
-        rays = camera.rays_cam(camera.pixel_grid())
-        return (self.depth_mm * np.linalg.norm(rays, axis=2)).astype(np.float32)
-
-    def flow_to(self, other: "View") -> tuple[np.ndarray, np.ndarray]:
-        """Optical flow to another view of the same surface, and what of the surface can be seen in that.
-
-        Returns
-        -------
-        ``(H, W, 2)`` float32 px: ``(u, v)`` in ``other`` minus ``(u, v)`` here, NaN where there is no surface or it is
-        behind the other camera; and ``(H, W)`` bool: it is in the other image, and nothing in the other's depth hides
-        it. Beside an outline there, half a pixel decides.
-        """
-        its = other.files.description
-        if its.content.get("geometry_sha256") != self.files.description.content.get("geometry_sha256"):
-            raise InputError(f"flow to view {other.index}: expected a view of the same surface, found {its.name!r}")
-        rounding_mm = self._numbers.depth_scale + other._numbers.depth_scale
-        return flow(self.points_model, its.camera, other.cam_from_model, other.depth_mm, rounding_mm)
-
-    @cached_property
     def right(self) -> "View":
-        """The right eye of this view, of a dataset that was rendered with ``--stereo-mm``."""
+        """The right eye of this view, of a dataset that was rendered with both eyes."""
         return View(self.index, self.files.right)
 
     @cached_property
@@ -174,48 +134,3 @@ class View:
     @cached_property
     def _numbers(self) -> Numbers:
         return self.files.numbers(self.index)
-
-
-def flow(
-    points_model: np.ndarray,
-    camera: PinholeCamera,
-    cam_from_model: np.ndarray,
-    depth_mm: np.ndarray,
-    rounding_mm: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Optical flow to a view, and what of the surface can be seen in it.
-
-    Parameters
-    ----------
-    points_model
-        ``(H, W, 3)`` points of the surface at the pixels' centres, model frame, mm; NaN where there is none.
-    camera, cam_from_model, depth_mm
-        Of the other view: intrinsics, pose (4x4, mm) and its ``(h, w)`` depth, 0 where there is no surface.
-    rounding_mm
-        By which the depths of both may be rounded together.
-
-    Returns
-    -------
-    ``(H, W, 2)`` float32 px, NaN where there is no surface or it is behind the other camera; and ``(H, W)`` bool.
-
-    Notes
-    -----
-    A point is hidden if it is farther away than the surface between the four pixels around its place, by more than half
-    of what these differ by: no slope hides itself, and beside an outline it counts what has more of the place.
-    """
-    height, width = points_model.shape[:2]
-    points_cam = transform_points(cam_from_model, points_model.reshape(-1, 3).astype(np.float64))
-    there = camera.project(points_cam)
-    visible = camera.contains(there)
-    u, v = there[visible].clip(0, [camera.width - 1, camera.height - 1]).T
-    left, top = (np.minimum(at.astype(np.intp), size - 2) for at, size in ((u, camera.width), (v, camera.height)))
-    z = points_cam[visible, 2]
-    around_mm = np.stack([depth_mm[top + down, left + right] for down in (0, 1) for right in (0, 1)])
-    # what shows no surface hides nothing; the inverse depth of a plane is affine in the pixel
-    corners = 1.0 / np.where(around_mm > 0, around_mm, z)
-    right, down = u - left, v - top
-    weights = np.stack([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down])
-    nearer = (weights * corners).sum(axis=0) - (corners.max(axis=0) - corners.min(axis=0)) / 2
-    visible[visible] = nearer * (z * (1 - ROUNDING) - rounding_mm) <= 1
-    here = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    return (there.reshape(height, width, 2) - here).astype(np.float32), visible.reshape(height, width)

@@ -1,18 +1,16 @@
 """A first mask of a chosen frame: what is not tissue. Needs ``cv2``.
 
 Metal and gloves are told by their colour, in a small view. Their outlines are then drawn along the colours of the frame
-(GrabCut, Rother et al. 2004), within a narrow band. Overexposed pixels and what the optics hide are added at full size.
+(GrabCut, Rother et al. 2004), within a narrow band. Highlights and what the optics hide are added at full size.
 """
 
 import cv2
 import numpy as np
 
+from ..images.highlights import highlights
 from .film_reader import SMALL_WIDTH
 from .frame_measures import foreign, view_of
 from .view_circle import Circle, view_circle
-
-OVEREXPOSED = 250
-"""Code value that all three channels reach where the sensor's range ends."""
 
 LARGEST_COLD_SHARE = 0.3
 """Of a frame that is cold beyond this share, colour tells nothing."""
@@ -51,13 +49,14 @@ def tissue_mask(image: np.ndarray, inside: np.ndarray | None, circle: Circle | N
     outlined = _outlined(image, metal * np.float32(cold.mean() < LARGEST_COLD_SHARE))
     covered = cv2.resize(outlined.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
     margin = 2 * max(1, round(width / 600)) + 1
-    bright = (image.min(axis=2) >= OVEREXPOSED).astype(np.uint8)
-    hidden = cv2.dilate(((covered > 0.4) | (bright > 0)).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0
+    white = highlights(image / np.float32(255))
+    hidden = cv2.dilate(((covered > 0.4) | white).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0
     if circle is not None:
         hidden |= ~circle.mask((width, height), shrunk_px=1.0)
-    elif inside is not None:
+    if inside is not None:
         lit = cv2.resize(inside.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
-        hidden |= lit < 0.99
+        # the circle's own edge is exact; elsewhere, as where the view is cut, that of the small view
+        hidden |= lit < (0.99 if circle is None else 0.5)
     return ~hidden
 
 

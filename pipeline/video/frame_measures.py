@@ -22,14 +22,13 @@ BRIGHT_PERCENTILE, BRIGHT_LUMA = 98.0, 225.0
 BURNT_OUT = 250.0
 """Code value that the brightest part reaches in an overexposed frame."""
 
-GLARE_LIGHTNESS, GLARE_CHROMA = 88.0, 16.0
-"""Glare is lighter than this in CIELAB, and less coloured."""
+LIGHTNESS, GLARE_CHROMA = (25.0, 88.0), 16.0
+"""In CIELAB: what is darker has no colour, and what is lighter and less coloured is glare."""
 
-COLD, COLD_LIGHTNESS = 0.35, 25.0
-"""Metal and gloves have less than this share of the tissue's red and yellow (a* + b* relative to L*); tissue itself
-only where it is darker, or in highlights."""
+COLD_CHROMA = 8.0
+"""Metal and gloves have less red and yellow than this (a* + b*); tissue, however pale, only in glare or in the dark."""
 
-_WARM_TISSUE = 0.06
+_WARM_TISSUE = 10.0
 """Tissue that is itself colder, or a film without colour: colour alone tells nothing."""
 
 _COVERED_CELL = 0.1
@@ -96,13 +95,11 @@ def foreign(view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     bright = _levels(cv2.cvtColor(view, cv2.COLOR_RGB2GRAY))[1]
     lab = cv2.cvtColor(cv2.convertScaleAbs(view, alpha=BRIGHT_LUMA / bright), cv2.COLOR_RGB2LAB).astype(np.float32)
     lightness, red, yellow = lab[..., 0] * (100 / 255), lab[..., 1] - 128, lab[..., 2] - 128
-    glare = (lightness > GLARE_LIGHTNESS) & (np.hypot(red, yellow) < GLARE_CHROMA)
-    warmth = (red + yellow) / np.maximum(lightness, 1)
-    is_shown = (lightness > COLD_LIGHTNESS) & (lightness < GLARE_LIGHTNESS)
-    typical = float(np.median(warmth[is_shown])) if is_shown.any() else 0.0
-    if typical < _WARM_TISSUE:
+    glare = (lightness > LIGHTNESS[1]) & (np.hypot(red, yellow) < GLARE_CHROMA)
+    warmth, is_light = red + yellow, (lightness > LIGHTNESS[0]) & (lightness < LIGHTNESS[1])
+    if not is_light.any() or np.median(warmth[is_light]) < _WARM_TISSUE:
         return np.zeros(glare.shape, np.bool_), glare
-    cold = (warmth < COLD * typical) & (lightness > COLD_LIGHTNESS)
+    cold = (warmth < COLD_CHROMA) & is_light & ~glare
     # a thin instrument is whole with its own highlights only
     opened = cv2.morphologyEx((cold | glare).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     return opened & cold & ~glare, glare

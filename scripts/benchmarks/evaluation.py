@@ -21,7 +21,7 @@ from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.frame import UnreadFrame
 from oneframe.errors import InputError
-from oneframe.evaluation.evaluation_files import evaluation_run, run_evaluation
+from oneframe.evaluation.evaluate import evaluation_run, run_evaluation
 from oneframe.evaluation.methods import DEFAULT, chosen_methods
 from oneframe.files.temporary import temporary_folder
 from oneframe.light.lens_light import LensLight

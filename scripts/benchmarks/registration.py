@@ -3,7 +3,7 @@
 The images of the sample and of --bones are rendered; bloster's and LM-O's are photographs. Writes, in PATH,
 registration_PART.csv, a row for each frame, and their charts. Wrong: accepted, and off by more than 2 degrees, 2 % of
 the distance, or 5 px at the size of registration. It takes the arguments of the topic evaluation, of which --methods,
---inception and --pictures say nothing here.
+--pictures says nothing here.
 """
 
 import argparse

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from oneframe.evaluation.conditions import current_conditions
-from oneframe.evaluation.scores.mean_intervals import Resampling
-from oneframe.evaluation.scores.view_scores import SCORES
-from oneframe.evaluation.summary import Row, Summary, markdown_table, summary_notes, summary_of
+from oneframe.evaluation.summary import Resampling, Row, Summary, markdown_table, summary_notes, summary_of
+from oneframe.evaluation.view_scores import SCORES
 
 OURS, PEER = "ours, projective, cycles", "paper (PyVista)"
 

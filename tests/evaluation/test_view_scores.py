@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.evaluation.scores.view_scores import (
+from oneframe.evaluation.view_scores import (
     SCORES,
     colour_gain,
     corrected,

@@ -93,12 +93,7 @@ def writing_commands(case: Path, target: Path) -> Iterator[tuple[CommandLine, li
     for suffix in (".obj", ".ply"):
         path = target.with_suffix(suffix)
         yield ("colour", case, "--out", path), [path, path.with_suffix(".png")], own
-    for option in ("--json", "--picture", "--out"):
-        yield (
-            ("align", case, "--landmarks", folder / "landmarks.csv", option, target),
-            [target],
-            {*own, "landmarks.csv"},
-        )
+    yield ("align", case, "--landmarks", folder / "landmarks.csv", "--out", target), [target], {*own, "landmarks.csv"}
     for line in (("overlay", case, "--out", target), new_case(case, target)):
         yield line, [target], own
     line = ("evaluate", case, folder / "held_out.json", "--out", target)
@@ -180,10 +175,10 @@ def test_no_folder_takes_an_input_that_is_called_like_an_output(case, tmp_path, 
 def test_own_outputs_are_replaced_and_no_folder_with_something_else(case, tmp_path, run_all):
     out = tmp_path / "out"
     photographs = case.parent / "held_out.json"
-    landmarks = ("--landmarks", case.parent / "landmarks.csv", "--click-sigma-px", "0.1", "--json", out / "pose.json")
+    landmarks = ("--landmarks", case.parent / "landmarks.csv", "--click-sigma-px", "0.1")
     lines: list[CommandLine] = [
         *(("colour", case, "--out", out / name) for name in ("a.obj", "b.ply", "c.glb")),
-        ("align", case, *landmarks, "--out", out / "aligned.toml", "--picture", out / "picture.png"),
+        ("align", case, *landmarks, "--out", out / "aligned.toml"),
         new_case(case, out / "case"),
     ]
     folders: list[CommandLine] = [

@@ -56,5 +56,3 @@ def test_a_distortion_is_checked_and_found_in_the_dataset(view):
         DistortedView(view, "no")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="view 0: expected coefficients, as the frame had no distortion"):
         DistortedView(view)
-    with pytest.raises(AttributeError, match="flow_to: expected an array"):
-        _ = DistortedView(view, [0.1, 0, 0, 0, 0]).flow_to

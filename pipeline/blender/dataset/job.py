@@ -14,19 +14,16 @@ from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, load_case
 from ...colour.lens_shading import LensShading, lens_shading_of
 from ...dataset import layout
-from ...dataset.description import INSTRUMENT, POSES, describe, input_files, object_name
+from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import NONE, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
-from ...dataset.stereo import camera_from_planned
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading
-from ...occlusion.instruments import Instrument, own_instrument
 from ...poses.pose_file import read_poses
 from ...process.own_process import STDOUT
-from ...surface.mesh_reader import read_mesh
 from ..render.engines import reference_view_of
 from .view_renderer import ViewRenderer
 
@@ -60,8 +57,6 @@ class OpenJob:
         Messages about what was corrected.
     inputs_sha256
         SHA-256 of the bytes that were read of each input, by its name.
-    instruments
-        The user's own, if there are any.
     """
 
     job: Job
@@ -69,7 +64,6 @@ class OpenJob:
     given_poses: np.ndarray | None
     messages: tuple[str, ...]
     inputs_sha256: Mapping[str, str]
-    instruments: tuple[Instrument, ...] = ()
 
     @property
     def count(self) -> int:
@@ -95,7 +89,6 @@ class OpenJob:
             reference,
             options,
             self.given_poses,
-            self.instruments,
             identity=self.identity,
             threads=threads,
         )
@@ -128,21 +121,15 @@ def open_job(job: Job) -> OpenJob:
     given_poses: np.ndarray | None = None
     messages: list[str] = []
     with hashed_reading() as hashes:
-        loaded, instruments = load_case(case), own_instruments(files)
+        loaded = load_case(case)
         if POSES in files:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
-            beside = camera_from_planned(job.options.content())
+            beside = job.options.camera_from_planned
             given_poses = given_poses if beside is None else beside @ given_poses
     read = {name: hashes[path] for name, path in files.items()}
-    return OpenJob(job, loaded, given_poses, tuple(messages), read, instruments)
-
-
-def own_instruments(files: Mapping[str, Path]) -> tuple[Instrument, ...]:
-    """The user's instruments among the input files of a dataset."""
-    own = [path for name, path in files.items() if name.startswith(INSTRUMENT)]
-    return tuple(own_instrument(read_mesh(path)[0], path.name) for path in own)
+    return OpenJob(job, loaded, given_poses, tuple(messages), read)
 
 
 def render_views(

@@ -17,7 +17,6 @@ from ...dataset.option_arguments import option_arguments
 from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished
 from ...dataset.run.run_folder import RunFolder, check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, view_ranges
-from ...dataset.stereo import further_datasets
 from ...dataset.tables.bop import write_camera, write_models
 from ...dataset.tables.dataset_info import write_dataset_info
 from ...dataset.tables.pose_tables import POSE_COLUMNS, pose_cells
@@ -67,7 +66,7 @@ def run(
     """
     engine_named(job.options.engine).check()
     _run(job, _Means(workers, worker_command, stream, progress_seconds), verify=verify)
-    for folder, options in further_datasets(job.options).items():
+    for folder, options in job.options.further().items():
         further = replace(job, out=job.out / folder, options=options)
         command = [*worker_command, f"--out={further.out}", *option_arguments(options)]
         _run(further, _Means(workers, command, stream, progress_seconds), verify=verify)

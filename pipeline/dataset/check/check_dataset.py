@@ -23,7 +23,6 @@ from ..dataset_file import Description, read_description
 from ..identity import geometry_hash, poses_hash
 from ..layout import (
     CASES,
-    FURTHER,
     MODEL_FILES,
     OBJECT_ID,
     RECORD,
@@ -38,7 +37,6 @@ from ..layout import (
 from ..model_file import read_model
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
-from ..stereo import eyes_apart, has_further, right_from_left
 from ..tables.pose_tables import POSE_COLUMNS
 from .comparison import RELATIVE, read_table, require_equal, require_pose, require_rotation
 from .contents import check_names, check_sums
@@ -188,7 +186,7 @@ class _Check:
                     progress.advance()
         if len(self._poses) == count and not unfinished:
             self._check_poses()
-            self._check_eyes()
+            self._check_further()
             if mesh is not None and FOREIGN not in findings.counts:
                 check_tables(root, description, self._finest_scale, findings)
             if (root / "video").exists():
@@ -238,29 +236,22 @@ class _Check:
         if poses_hash(poses) != expected:
             self._findings.add(FOREIGN, f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed")
 
-    def _check_eyes(self) -> None:
-        """Compare the right eyes, which are a dataset of their own in the folder, with these left ones."""
-        if not has_further(self._description.content):
-            return
-        options, root = self._description.content["options"], self._root / FURTHER
-        right_eye = right_from_left(options["stereo_mm"], options["converge_mm"])
-        with self._findings.collecting("right eyes that are missing or of other views"):
-            right = read_description(root / RECORD)
-            if apart := eyes_apart(self._description.content, right.content):
-                raise InputError(f"{FURTHER}/{RECORD}: expected the right eyes of these views: {apart}")
-            if right.count != self._description.count:
-                raise InputError(f"{FURTHER}/{RECORD}: {right.count} right eyes of {self._description.count} views")
-            for index, pose in self._poses.items():
-                paths = ViewPaths(root, index)
-                found = read_record(paths).cam_from_model
-                require_pose(found, right_eye @ pose, f"{FURTHER}/{paths.relative('frame')}", "the left eye, beside it")
+    def _check_further(self) -> None:
+        """Compare the datasets in the folder with this one: the same views by cameras beside these."""
+        for folder in self._description.further:
+            with self._findings.collecting(f"{folder} eyes that are missing or of other views"):
+                beside = self._description.read_further(self._root, folder).camera_from_planned
+                for index, pose in self._poses.items():
+                    paths = ViewPaths(self._root / folder, index)
+                    found, where = read_record(paths).cam_from_model, f"{folder}/{paths.relative('frame')}"
+                    require_pose(found, pose if beside is None else beside @ pose, where, "the left eye, beside it")
 
 
 def check_model(root: Path, description: Description, findings: Findings) -> TriangleMesh | None:
     """Check the models and what is said of them; the mesh, or ``None`` if it cannot be read."""
     mesh = None
     with findings.collecting("damaged files"):
-        mesh, _ = read_model(root, MODEL)
+        mesh = read_model(root, MODEL)
         # a surface whose back the frame sees is written with its faces turned
         hashes = {geometry_hash(side) for side in (mesh, mesh.flipped())}
         if description.content.get("geometry_sha256") not in hashes:

@@ -9,7 +9,6 @@ from ..checksums import damaged_file, read_checksums, records_hash
 from ..dataset_file import Description
 from ..layout import (
     CHECKSUMS,
-    FURTHER,
     RECORD,
     SCENE_TABLES,
     SPLIT,
@@ -21,7 +20,6 @@ from ..layout import (
     scene_count,
     scene_folder,
 )
-from ..stereo import has_further
 from .findings import Findings
 
 DAMAGED, STRAY = "damaged files", "stray files"
@@ -72,8 +70,7 @@ def check_names(root: Path, description: Description, findings: Findings, *, unf
         inside = Path(folder).relative_to(root).as_posix()
         if inside == ".":
             # a run keeps its own files there, and programs theirs in hidden folders; a further dataset is another check
-            further = FURTHER if has_further(description.content) else ""
-            folders[:] = [name for name in folders if not name.startswith(".") and name != further]
+            folders[:] = [name for name in folders if not name.startswith(".") and name not in description.further]
         for path in (Path(folder) / base for base in (*folders, *files)):
             if path.is_symlink() and not path.resolve().is_relative_to(root.resolve()):
                 found = "found a link that leads out of the folder: put a copy in its place"

@@ -8,7 +8,7 @@ from ...errors import InputError
 from ...files.content import reading
 from ...poses.pose_file import read_poses
 from ..dataset_file import Description
-from ..description import INSTRUMENT, described_frame, instrument_files
+from ..description import described_frame
 from ..identity import poses_hash
 from .comparison import RELATIVE, require_equal
 from .findings import Findings
@@ -30,8 +30,6 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
         files["poses"] = case.path.parent / str(case.dataset["poses"])
     if poses is not None:
         files["poses"] = poses
-    if content["options"].get("occluders") and "occluder_meshes" in case.dataset:
-        files |= instrument_files(case.path.parent / str(case.dataset["occluder_meshes"]))
     if description.poses_hash is not None:
         if "poses" not in files:
             raise InputError("command line: the views have listed poses: expected their file, give it with --poses")
@@ -41,8 +39,7 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
     for name in sorted(hashes.keys() | (files.keys() - {"poses"})):
         with findings.collecting(KIND):
             if name not in files:
-                hint = "; give --occluder-meshes" if name.startswith(INSTRUMENT) else ""
-                raise InputError(f"dataset.json: expected the inputs of {case.path}, which names no {name}{hint}")
+                raise InputError(f"dataset.json: expected the inputs of {case.path}, which names no {name}")
             with reading(files[name], f"the {name} of the dataset"), files[name].open("rb") as stream:
                 same = hashlib.file_digest(stream, "sha256").hexdigest() == hashes.get(name)
             if not same:

@@ -26,7 +26,7 @@ from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
 from oneframe.evaluation.baseline import pyvista_renderer
-from oneframe.evaluation.scores.view_scores import Similarity, similarity
+from oneframe.evaluation.view_scores import Similarity, similarity
 from oneframe.files.machine import available_cores
 from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8

@@ -19,7 +19,6 @@ from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import RunError
-from oneframe.reader import open_dataset
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
 from tests.blender.dataset.job_runs import (
     ARGUMENTS,
@@ -60,19 +59,6 @@ def test_all_files_of_the_layout_are_there(reference):
     assert sheet.shape == (4 * (48 + 4) + 4, 6 * (64 + 4) + 4, 3)
     first = cv2.imread(str(ViewPaths(reference, 0).file("rgb")))
     assert np.array_equal(sheet[4:52, 4:68], first)
-
-
-def test_flow_warps_the_colours_of_one_view_onto_another(reference):
-    views = open_dataset(reference)
-    for one, other in ((views[0], views[1]), (views[5], views[2])):
-        flow_px, visible = one.flow_to(other)
-        there = (flow_px + np.stack(np.meshgrid(*map(np.arange, one.mask.shape[::-1])), -1)).astype(np.float32)
-        shown = cv2.remap(other.observed.astype(np.float32), there, None, cv2.INTER_LINEAR) == 1
-        warped = cv2.remap(other.rgb, there, None, cv2.INTER_LINEAR)
-        off = np.abs(warped.astype(float) - one.rgb)[visible & shown & one.observed].max(axis=1)
-        assert len(off) > 500
-        assert np.quantile(off, 0.5) <= 3
-        assert np.quantile(off, 0.98) <= 10
 
 
 def test_raster_makes_the_same_dataset_in_any_processes(case, tmp_path, run_command):

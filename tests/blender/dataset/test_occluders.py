@@ -15,18 +15,14 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.option_arguments import merged_options
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
-from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.occlusion.instruments import burr
-from oneframe.occlusion.occluders import draw_occluders
+from oneframe.occlusion.occluders import draw_occluders, places_doubt
 from oneframe.packing.pack import pack_dataset
 from oneframe.projection.rays import MeshRays
 from oneframe.reader import open_dataset
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid
 from tests.conftest import OFFSET, tiny_surface
 from tests.dataset.sealing import sealed
@@ -49,15 +45,9 @@ CAMERA = PinholeCamera(640, 480, fx=3200.0, fy=3180.0, cx=304.5, cy=259.5)
 POSE = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
 
 
-def render(
-    case: Path,
-    out: Path,
-    options: DatasetOptions = OPTIONS,
-    shard: Shard | None = None,
-    stream: io.StringIO | None = None,
-) -> Path:
+def render(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard | None = None) -> Path:
     job = Job(read_case(case), out, options, shard or Shard())
-    dataset_run.run(job, workers=1, worker_command=(), stream=stream or io.StringIO())
+    dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
     return out
 
 
@@ -151,38 +141,6 @@ def test_shards_and_packs_hold_the_same(case, occluded, tmp_path):
             np.testing.assert_array_equal(getattr(packed, name), getattr(view, name))
 
 
-def test_instruments_of_ones_own_are_inputs_of_the_dataset(case, tmp_path, write_tiny_case):
-    """The case names their folder; the file counts, its name does not."""
-    own = write_tiny_case(tmp_path / "own")
-    folder = own.parent / "tools"
-    with pytest.raises(InputError, match="expected a folder with meshes of instruments"):
-        render(own, tmp_path / "none", dataclasses.replace(OPTIONS, occluder_meshes=str(folder)))
-    with pytest.raises(InputError, match="expected occluders above 0"):
-        merged_options({"occluder_meshes": str(case.parent)}, {}, own)
-    folder.mkdir()
-    mesh = burr(np.random.default_rng(0)).tubes[0].reaching(0).mesh
-    long = TriangleMesh(mesh.vertices * [1, 1, 30], mesh.faces)
-    write_ply(folder / "Jane Doe.ply", long)
-    own.write_text(own.read_text() + f'[dataset]\noccluder_meshes = "{folder.name}"\noccluders = 2.0\n')
-    options = merged_options(read_case(own).dataset, {"count": 3, "engine": "raster"}, own)
-    said = io.StringIO()
-    out = render(own, tmp_path / "dataset", options, stream=said)
-    assert "finds no place" not in said.getvalue()
-    assert any(view.mask_occluder.any() for view in open_dataset(out))
-    assert "Doe" not in (out / "dataset.json").read_text()
-    assert not checked(out, own).findings
-    write_ply(folder / "Jane Doe.ply", long.scaled(1.1))
-    assert "is not the instrument 1" in "".join(checked(out, own).findings.shown())
-    write_ply(folder / "Jane Doe.ply", mesh)
-    assert not any(
-        view.mask_occluder.any() for view in open_dataset(render(own, tmp_path / "short", options, stream=said))
-    )
-    assert "number 1 by name finds no place in 3 of the first 3 views" in said.getvalue()
-    write_ply(folder / "Jane Doe.ply", long.flipped().moved(np.array([0, 0, -100.0])))
-    with pytest.raises(InputError, match=r"Jane Doe\.ply: expected an instrument with its tip in the origin"):
-        render(own, tmp_path / "none", options)
-
-
 def test_no_instrument_goes_through_the_surface():
     """No side of a face of the one leads through the other, as Embree's rays tell."""
     surface = tiny_surface().moved(-OFFSET)
@@ -194,6 +152,15 @@ def test_no_instrument_goes_through_the_surface():
         assert not pierced(mesh, surface)
         assert not pierced(surface, mesh)
         assert pierced(mesh.moved(np.array([0, 0, -12.0])), surface)
+
+
+@pytest.mark.parametrize(("distance_mm", "focal_px"), [(300.0, 3200.0), (34.0, 880.0)])
+def test_instruments_that_find_no_place_are_told_of(distance_mm, focal_px):
+    surface, camera = tiny_surface().moved(-OFFSET), dataclasses.replace(CAMERA, fx=focal_px, fy=focal_px)
+    probe = ViewProbe(surface, camera, lambda points, normals: np.ones(len(points), bool))
+    poses = [rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, distance_mm])] * 4
+    said = places_doubt(2.0, 3, probe, camera, poses)
+    assert ("instruments find no place" in said) == (distance_mm < 100)
 
 
 def pierced(edges_of: TriangleMesh, at: TriangleMesh) -> bool:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from ...images.pixel_values import mask_box
+from ..images.pixel_values import mask_box
 
 DARKEST, BRIGHTEST = 10 / 255, 250 / 255
 """Code values beyond these are noise or saturated and say nothing about a factor."""

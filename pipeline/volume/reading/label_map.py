@@ -68,7 +68,9 @@ def _check_place(values: np.ndarray, grid: VoxelGrid, like: Volume, where: str) 
     """
     wanted, whole = like.grid, like.whole or like.grid
     spacing = np.sort([grid.spacing_mm, whole.spacing_mm])
-    if sorted(grid.size) == sorted(whole.size) and (_is_default(grid) or np.allclose(*spacing, rtol=1e-3)):
+    if sorted(grid.size) == sorted(whole.size) and (
+        _is_default(grid) or np.allclose(spacing[0], spacing[1], rtol=1e-3)
+    ):
         distance = np.linalg.norm(grid.corners_mm[:, None] - whole.corners_mm, axis=2)
         is_elsewhere = distance.min(axis=1).max() > 0.5 * spacing.min()
         is_negated = not apart_mm(grid.mesh_from_index, _NEGATED @ whole.mesh_from_index, grid.size)

@@ -109,10 +109,10 @@ def _repeats(detail: np.ndarray, rows: slice, margin: int) -> bool:
     """Whether what the left of these rows shows comes again half a picture to the right, and nowhere else."""
     side = len(detail)
     part = np.ascontiguousarray(detail[rows, margin : margin + side // 3])
-    likeness = np.asarray(cv2.matchTemplate(detail, part, cv2.TM_CCOEFF_NORMED)).max(axis=0)
+    likeness = np.max(cv2.matchTemplate(detail, part, cv2.TM_CCOEFF_NORMED), axis=0)
     distance = np.arange(len(likeness)) - margin
     is_half = np.abs(distance - side // 2) <= margin
-    half, others = likeness[is_half].max(), likeness[~is_half & (np.abs(distance) > margin)].max()
+    half, others = np.max(likeness[is_half]), np.max(likeness[~is_half & (np.abs(distance) > margin)])
     return bool(half > _LEAST_LIKENESS and half > others + _LEAST_LEAD)
 
 

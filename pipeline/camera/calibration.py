@@ -4,7 +4,6 @@ A distortion that is overlooked moves every projected point, and nothing shows i
 says that there is no distortion, or is refused by its name.
 """
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -196,13 +195,6 @@ def _matrix(keys: Mapping[str, Any]) -> np.ndarray | None:
         return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     parts = [_number(keys.get(name, keys.get(other))) for name, other in (("fx", "flx"), ("fy", "fly"))]
     parts += [_number(keys.get(name)) for name in ("cx", "cy")]
-    angle, *sides = (_number(keys.get(name)) for name in ("cameraanglex", "w", "h"))
-    if parts[0] is None and angle is not None and 0 < angle < math.pi and None not in sides:
-        # NeRF's transforms.json, whose readers take square pixels and the middle
-        width, height = sides
-        focal = width / 2 / math.tan(angle / 2)  # type: ignore[operator]
-        given = (focal, focal, width / 2, height / 2)  # type: ignore[operator]
-        parts = [default if part is None else part for part, default in zip(parts, given, strict=True)]
     if None in parts:
         return None
     fx, fy, cx, cy = parts  # type: ignore[assignment]
@@ -225,7 +217,7 @@ def _pixel_origin(keys: Mapping[str, Any]) -> str | None:
     if "pixelorigin" in keys:
         return str(keys["pixelorigin"])[:LONGEST]
     # NeRF's transforms.json
-    return "corner" if {"flx", "cameraanglex"} & keys.keys() else None
+    return "corner" if "flx" in keys else None
 
 
 def _distortion(table: Mapping, where: str) -> tuple[float, ...]:

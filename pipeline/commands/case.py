@@ -130,13 +130,14 @@ def _frame(arguments: Arguments) -> "Frame":
     path = arguments.frame[0]
     if arguments.frame_number is not None:
         from ..video.film_reader import film_frame
+        from ..video.frame_folder import DEINTERLACE
         from ..video.frame_scores import COMBED
 
         decoded, film = film_frame(path, arguments.frame_number)
         colours, shown = decoded.image / np.float32(255), np.ones(decoded.image.shape[:2], np.bool_)
         notes = film.notes
         if decoded.comb > COMBED:
-            notes.append("the frame is interlaced, and shows two moments; oneframe frames keeps its upper field alone")
+            notes.append(f"the frame is interlaced, and shows two moments; {DEINTERLACE}")
         frame = Frame(path, colours, shown, pixel_aspect=film.pixel_aspect, notes=tuple(notes))
     elif path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")

@@ -14,7 +14,7 @@ from ..images.contact_sheet import contact_sheet, downscaled
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from .film_reader import WIDEST, Film, read_video_frame
-from .frame_mask import tissue_mask, without_combs
+from .frame_mask import tissue_mask
 from .frame_scores import COMBED, FilmScores, FrameScore
 
 TABLE, SHEET = "scores.csv", "contact_sheet.png"
@@ -22,13 +22,14 @@ COLUMNS = (
     "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
     "comb_ratio",
 )  # fmt: skip
-_NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores\.csv"
+_NAMES = r".+_frame_\d{6,}(_masked)?\.png|contact_sheet\.png|scores\.csv"
 TILE_WIDTH = 640
 MASKED_COLOUR = np.array([1.0, 0.0, 1.0], np.float32)
 
 DOUBTFUL = 0.5
 """Score of the best frame below which a film shows nothing well: noise, or a camera that never rests."""
 
+DEINTERLACE = "to use one, deinterlace the film, for example with ffmpeg -vf yadif"
 INTERLACED_SHARE = 0.05
 """Share of the frames with combs from which on a film is called interlaced."""
 
@@ -75,7 +76,7 @@ def write_frames(
     written: list[ChosenFrame] = []
     tiles: list[np.ndarray] = []
     for rank, (score, (image_file, masked_file)) in enumerate(zip(chosen, files, strict=True), start=1):
-        picture = _shown(read_video_frame(video, score.index), score)
+        picture = read_video_frame(video, score.index)
         mask = tissue_mask(picture, scores.inside)
         write_new(image_file, encode_png(picture))
         write_new(masked_file, _encoded_masked(picture, mask))
@@ -96,7 +97,7 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     """
     path = _files(video, folder, score)[masked]
     check_outputs([path], {"video": video})
-    picture = _shown(read_video_frame(video, score.index), score)
+    picture = read_video_frame(video, score.index)
     mask = tissue_mask(picture, scores.inside) if masked else None
     write_new(path, encode_png(picture) if mask is None else _encoded_masked(picture, mask))
     return path
@@ -113,13 +114,13 @@ def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -
     """
     files = [_files(video, folder, score)[0] for score in chosen]
     check_outputs(files, {"video": video})
-    left = dict(zip((score.index for score in chosen), zip(chosen, files, strict=True), strict=True))
+    left = dict(zip((score.index for score in chosen), files, strict=True))
     with Film(video, numbers=(chosen[0].index, chosen[-1].index + 1), width=WIDEST) as film:
         for frame in film:
             if frame.index not in left:
                 continue
-            score, file = left.pop(frame.index)
-            write_new(file, encode_png(_shown(frame.image, score)))
+            file = left.pop(frame.index)
+            write_new(file, encode_png(frame.image))
             yield file
         if left:
             raise InputError(f"{video.name}: frame {min(left)}: {film.problem(min(left))}; choose other frames")
@@ -136,14 +137,8 @@ def write_new(path: Path, data: bytes) -> None:
     write_output(path, data)
 
 
-def _shown(pixels: np.ndarray, score: FrameScore) -> np.ndarray:
-    """The pixels, of an interlaced frame as its upper field shows them."""
-    return without_combs(pixels) if score.comb > COMBED else pixels
-
-
 def _files(video: Path, out: Path, score: FrameScore) -> tuple[Path, Path]:
-    field = "_field" if score.comb > COMBED else ""
-    name = f"{video.stem}_frame_{score.index:06d}{field}"
+    name = f"{video.stem}_frame_{score.index:06d}"
     return out / f"{name}.png", out / f"{name}_masked.png"
 
 
@@ -217,10 +212,7 @@ def film_notes(scores: FilmScores) -> list[str]:
     lines += [f"note: {note}" for note in info.notes]
     combed = float(np.mean([each.comb > COMBED for each in frames]))
     if combed > INTERLACED_SHARE:
-        lines.append(
-            f"note: the video is interlaced: {combed:.0%} of its frames show two moments, and are avoided; of one that "
-            "is chosen all the same, only the upper field is used, and half of the rows are interpolated"
-        )
+        lines.append(f"note: the video is interlaced: {combed:.0%} of its frames show two moments; {DEINTERLACE}")
     best = max(each.total for each in frames)
     if best < DOUBTFUL:
         lines.append(

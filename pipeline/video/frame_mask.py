@@ -1,7 +1,6 @@
 """A first mask of a chosen frame: what is not tissue. Needs ``cv2``.
 
-Metal and gloves are told by their colour, in a small view. Their outlines are then drawn along the colours of the frame
-(GrabCut, Rother et al. 2004), within a narrow band. Highlights and what the optics hide are added at full size.
+Metal and gloves are told by their colour, in a small view; highlights are added at full size, and what the optics hide.
 """
 
 import cv2
@@ -13,11 +12,6 @@ from .frame_measures import foreign, lit_part, view_of
 
 LARGEST_COLD_SHARE = 0.3
 """Of a frame that is cold beyond this share, colour tells nothing."""
-
-_BAND_PX = 5
-"""Half the width of the band in which an outline is searched, px of the view."""
-
-_SEED = 7
 
 
 def single_mask(image: np.ndarray) -> np.ndarray:
@@ -41,8 +35,7 @@ def tissue_mask(image: np.ndarray, inside: np.ndarray | None) -> np.ndarray:
     # with the highlights on it, and its border, where its colour mixes with the tissue's
     near = cv2.dilate(cold.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     metal = cv2.dilate((cold | near & glare).astype(np.float32), np.ones((3, 3), np.uint8))
-    outlined = _outlined(image, metal * np.float32(cold.mean() < LARGEST_COLD_SHARE))
-    covered = cv2.resize(outlined.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    covered = cv2.resize(metal, (width, height), interpolation=cv2.INTER_LINEAR) * (cold.mean() < LARGEST_COLD_SHARE)
     margin = 2 * max(1, round(width / 600)) + 1
     white = highlights(image / np.float32(255))
     hidden = cv2.dilate(((covered > 0.4) | white).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0
@@ -50,46 +43,6 @@ def tissue_mask(image: np.ndarray, inside: np.ndarray | None) -> np.ndarray:
         lit = cv2.resize(inside.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
         hidden |= lit < 0.99
     return ~hidden
-
-
-def without_combs(image: np.ndarray) -> np.ndarray:
-    """An interlaced ``(H, W, 3)`` uint8 frame as its upper field shows it: rows 1, 3, ... are interpolated."""
-    result = image.copy()
-    above = image[0 : image.shape[0] - 1 : 2].astype(np.uint16)
-    below = np.concatenate([image[2::2], image[-2 + image.shape[0] % 2 :: 2]])[: len(above)].astype(np.uint16)
-    result[1::2] = ((above + below + 1) // 2).astype(np.uint8)
-    return result
-
-
-def _outlined(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """``(h, w)`` bool, :data:`SMALL_WIDTH` wide at most, of a mask of the view, float32 0..1."""
-    scale = min(1.0, SMALL_WIDTH / image.shape[1])
-    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    coarse = cv2.resize(mask, (small.shape[1], small.shape[0]), interpolation=cv2.INTER_LINEAR) > 0.5
-    return _along_colours(small, coarse, max(2, round(_BAND_PX * small.shape[1] / mask.shape[1] / 2)))
-
-
-def _along_colours(image: np.ndarray, coarse: np.ndarray, band_px: int) -> np.ndarray:
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * band_px + 1, 2 * band_px + 1))
-    near = cv2.dilate(coarse.astype(np.uint8), kernel) > 0
-    sure = cv2.erode(coarse.astype(np.uint8), kernel) > 0
-    if not coarse.any() or near.all():
-        return coarse
-    labels = np.where(coarse, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    labels[~near], labels[sure] = cv2.GC_BGD, cv2.GC_FGD
-    cv2.setRNGSeed(_SEED)
-    cv2.grabCut(
-        np.ascontiguousarray(image),
-        labels,
-        (0, 0, 1, 1),
-        np.zeros((1, 65)),
-        np.zeros((1, 65)),
-        2,
-        cv2.GC_INIT_WITH_MASK,
-    )
-    found = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
-    # where colours say nothing, everything or nothing would be taken
-    return found if 0.5 * coarse.sum() < found.sum() < 2 * coarse.sum() else coarse
 
 
 class Resampler:

@@ -65,7 +65,7 @@ class Frame:
         """The frame as the PNG of a case folder."""
         if not self.shown.any():
             raise InputError(f"{self.name}: expected a frame that shows something, its alpha is 0 everywhere")
-        return encoded_frame(self.colours, self.shown, self.name)
+        return encoded_frame(self.colours, self.shown)
 
 
 def read_frame(path: Path) -> Frame:

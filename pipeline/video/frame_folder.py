@@ -98,8 +98,7 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     path = _files(video, folder, score)[masked]
     check_outputs([path], {"video": video})
     picture = read_video_frame(video, score.index)
-    mask = tissue_mask(picture, scores.inside) if masked else None
-    write_new(path, encode_png(picture) if mask is None else _encoded_masked(picture, mask))
+    write_new(path, _encoded_masked(picture, tissue_mask(picture, scores.inside)) if masked else encode_png(picture))
     return path
 
 

@@ -198,10 +198,3 @@ def test_no_other_file_is_opened(tmp_path):
         (tmp_path / f"{name}.mp4").write_text(text)
         with pytest.raises(InputError, match="cannot open it"):
             Film(tmp_path / f"{name}.mp4")
-
-
-def test_a_film_has_any_name(tmp_path):
-    path = write_frames(tmp_path / "film.mp4", 3)
-    for name in ("http:film.mp4", "-i %03d [x].mp4", "сон 影.mp4"):
-        path = path.rename(tmp_path / name)
-        assert number_of(read_video_frame(path, 2)) == 2

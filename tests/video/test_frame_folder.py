@@ -107,17 +107,6 @@ def test_of_a_film_that_is_cut_off_the_command_takes_what_it_has(film, tmp_path,
     assert not list(tmp_path.glob("**/.partial*"))
 
 
-def test_wrong_options_are_refused(film, tmp_path):
-    for arguments, message in (
-        (["--count", "0"], "--count: .*found 0"),
-        (["--from", "nan"], "--from: .*found nan"),
-        (["--from", "3", "--to", "2"], "--to: expected a time after --from 3"),
-    ):
-        with pytest.raises(InputError, match=message):
-            dispatch(["frames", str(film[0]), "--out", str(tmp_path / "out"), *arguments])
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_film_that_shows_nothing_gives_its_scores_and_says_so(tmp_path):
     path = write_film(tmp_path / "black.mkv", [np.zeros((120, 160, 3), np.uint8)] * 12)
     with pytest.raises(InputError, match=r"black\.mkv: expected a frame that shows something sharply, found none; see"):

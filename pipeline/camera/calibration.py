@@ -37,8 +37,10 @@ LENS = re.compile(
 )
 NO_LENS = re.compile(r"error|std|flags|^num|cameraname|rectif|model(name|id)$|undist")
 """Keys that speak of a lens and bend no ray."""
-PART = re.compile(r"^roi|roi$|crop|binning|decimat|subsampl|offset[xy]$|^[xy]offset$|^offset(left|top)$")
-FEWER = re.compile(r"binning|decimat|subsampl")
+PART = re.compile(
+    r"^[ar]oi|roi$|regionof|crop|binning|decimat|(sub|down)s(ampl|cal)|offset([xy]|left|top)$|^[xy]offset$"
+)
+FEWER = re.compile(r"binning|decimat|(sub|down)s(ampl|cal)")
 """Keys that say that the image is a part of what K is for, or has fewer pixels; of the latter, 1 says nothing."""
 CAMERA = re.compile(r"(^|\.)(f|[fc][xy]|pp[xy]|k)$|focal|principal|intrinsic|matrix|projection")
 """Keys that speak of K, under whatever name."""

@@ -97,7 +97,9 @@ def _xml(text: str, name: str) -> object:
         check_levels(table)
         return table
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected XML as OpenCV writes it, cannot read it ({error})") from None
+        raise InputError(
+            f"{name}: expected XML as OpenCV writes it, cannot read it ({error}); write K as JSON"
+        ) from None
 
 
 def _element(element: ElementTree.Element) -> object:

@@ -1,6 +1,5 @@
 """Scores of films whose good frames are known: a render of the sample case with faults laid over it."""
 
-import tracemalloc
 from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
@@ -120,17 +119,6 @@ def test_of_a_film_that_shows_nothing_well_the_report_says_so(short_film, rng):
         lines = report_lines(Path("film.mp4"), FilmScores(info, frames, None, False), 1, 1)
         assert any("look at it before you use it" in line for line in lines) == doubtful
     assert "160x120 px, 1 frame from 0.00 s to 0.00 s" in lines[0]
-
-
-def test_memory_does_not_grow_with_the_film(short_film):
-    peaks = []
-    for length in (40, 80):
-        tracemalloc.start()
-        score_images(short_film[number % 4][::2, ::2].copy() for number in range(length))
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    # the views of 40 frames would take 1.3 MB
-    assert peaks[1] - peaks[0] < 5e5, peaks
 
 
 def children() -> set[str]:

@@ -141,7 +141,7 @@ def test_shards_and_packs_hold_the_same(case, occluded, tmp_path):
 
 
 def test_no_instrument_goes_through_the_surface():
-    """No side of a face of the one leads through the other, as Embree's rays tell."""
+    """No side of a face of the one leads through the other."""
     surface = tiny_surface().moved(-OFFSET)
     probe = ViewProbe(surface, CAMERA, lambda points, normals: np.ones(len(points), bool))
     drawn = [draw_occluders(3.0, (seed, 0), probe, CAMERA, POSE) for seed in range(12)]

@@ -78,7 +78,8 @@ def platforms(names: Sequence[str]) -> list[str]:
         return list(WHEEL_TAGS)
     if "current" in names and this_platform() not in WHEEL_TAGS:
         raise RunError(
-            f"--platform current: OpenCV or numba has no wheel for {this_platform()}; name some of {', '.join(WHEEL_TAGS)}"
+            f"--platform current: OpenCV or numba has no wheel for {this_platform()}; name some of "
+            f"{', '.join(WHEEL_TAGS)}"
         )
     return list(dict.fromkeys(this_platform() if name == "current" else name for name in names))
 

@@ -31,8 +31,8 @@ sure its pose is, and what is not accepted is marked.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
 adjustment: a pose of the case that is some degrees off comes back, where the frames determine it. --colour-frames
-chooses accepted frames, sharp and clear ones, that bring the surface's colours nearer to what the other frames show:
-they colour what the case's own frame did not see, in its exposure.
+chooses accepted frames, sharp and clear ones, that see most of what the case's own frame did not: they colour that, in
+its exposure.
 DIR/case.toml holds the case with the new pose and these frames.
 
 --network takes what oneframe train wrote, of views of this surface: a frame starts at the network's pose, and is
@@ -101,7 +101,7 @@ def run(arguments: Arguments) -> None:
         _write_film(arguments, loaded, evidence, output)
     write_output(out / PAGE, registration_page(evidence, name=out.resolve().name))
     if arguments.correct_source or arguments.colour_frames:
-        further = (*loaded.case.frames, *evidence.sources)
+        further = (*loaded.case.frames, *evidence.colouring)
         with writing(out / CASE):
             write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
         remove_unnamed(out)
@@ -152,8 +152,7 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     from ..registration.register_case import FILM, PAGE
     from ..registration.verdict import ACCEPTED
 
-    if evidence.colour is not None:
-        yield from evidence.colour.lines
+    yield from evidence.colouring_lines
     if evidence.cut_off:
         yield f"note: {evidence.cut_off}"
     lost, counts = evidence.lost, evidence.counts

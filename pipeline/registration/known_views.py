@@ -5,7 +5,7 @@ Features that a frame shares with a bank of them localise it without any rough p
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,7 +22,6 @@ from ..light.local_mean import without_light
 from ..poses.distributions import ReferencePose
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, rotation_angle_deg, transform_points
-from .frame_blur import Blur
 
 NEAR_TILT_DEG, NEAR_ROLL_DEG, NEAR_SHARE, NEAR_WIDTHS = 8.0, 20.0, 0.06, 0.1
 """How far a pose may be from a view that stands for its own: tilt, rotation, share of the distance, and shift in the
@@ -61,10 +60,6 @@ class KnownView:
     def detail(self) -> np.ndarray:
         """``(H, W)`` uint8: the view without its light."""
         return without_light(self.grey, self.shown)
-
-    def blurred(self, blur: Blur) -> "KnownView":
-        """The view as a frame under this blur would show it."""
-        return replace(self, grey=blur.of(self.grey, self.shown))
 
     @cached_property
     def textured(self) -> np.ndarray:

@@ -132,14 +132,8 @@ class Registrar:
     def _refined(
         self, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray, found: Localised | None = None
     ) -> RegisteredFrame:
-        """A frame refined from a rough pose, by what is known as it is, and if it is not accepted, blurred as it."""
-        judged = list[RegisteredFrame]()
-        for blurred in (False, True):
-            fit = refined_by_flow(self.views, grey, valid, cam_from_model, blurred=blurred)
-            judged.append(self._judged(fit, found))
-            if judged[-1].verdict.state == ACCEPTED:
-                return judged[-1]
-        return max(judged, key=lambda each: each.verdict.probability)
+        """A frame refined from a rough pose."""
+        return self._judged(refined_by_flow(self.views, grey, valid, cam_from_model), found)
 
     def _judged(self, fit: FlowFit | None, found: Localised | None = None) -> RegisteredFrame:
         verdict, uncertainty = judge(fit, found, self.pivot_model)

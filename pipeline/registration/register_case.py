@@ -22,7 +22,7 @@ from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..transforms import inverse_rigid
 from ..video.film_reader import Film
-from .colour_sources import ColourChoice, chosen_sources
+from .colouring_frames import colouring_frames
 from .further_frames import image_paths
 from .pose_list import DISTORTION, POSES, encoded_list, pose_entry
 from .register import RegisteredFrame, Registrar, RegistrationRun, accepted_poses, marked
@@ -104,8 +104,8 @@ class RegistrationEvidence:
         What the frames tell of the surface; ``None`` if they are too few or too near to one another.
     cut_off
         A sentence if the film is cut off, else empty.
-    colour, sources
-        The choice of frames that colour the surface, if any were to be chosen; and these frames, for the case.
+    colouring, colouring_lines
+        The frames that colour the surface too, for the case; and sentences on their choice.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -115,8 +115,8 @@ class RegistrationEvidence:
     change: FilmChange | None = None
     surface: SurfaceCheck | None = None
     cut_off: str = ""
-    colour: ColourChoice | None = None
-    sources: tuple[UnreadFrame, ...] = ()
+    colouring: tuple[UnreadFrame, ...] = ()
+    colouring_lines: tuple[str, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -190,14 +190,14 @@ def register_case(
         for number, name in names.items()
     )
     _write_lists(loaded, frames, out, evidence)
-    poses, choice = accepted_poses(judged), None
+    poses, chosen, lines = accepted_poses(judged), list[int](), list[str]()
     if colour_frames:
         candidates = [(each, poses[each.number]) for each in run.accepted(judged)]
-        choice = chosen_sources(registrar.mesh, registrar.source, candidates, colour_frames)
-    sources = _sources(loaded, frames, out, {number: poses[number] for number in choice.numbers} if choice else {})
+        chosen, lines = colouring_frames(registrar.mesh, registrar.source, candidates, colour_frames)
+    colouring = _unread_frames(loaded, frames, out, {number: poses[number] for number in chosen})
     return RegistrationEvidence(
         evidence, registrar.source.image, loaded.case.alignment, is_film, change, run.check_surface(judged),
-        opened.cut_off, choice, sources,
+        opened.cut_off, colouring, tuple(lines),
     )  # fmt: skip
 
 
@@ -228,7 +228,9 @@ def _write_lists(loaded: LoadedCase, frames: Path, out: Path, evidence: Sequence
     write_output(out / POSES, encoded_list(entries))
 
 
-def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np.ndarray]) -> tuple[UnreadFrame, ...]:
+def _unread_frames(
+    loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np.ndarray]
+) -> tuple[UnreadFrame, ...]:
     """Registered frames at full size, for a case: images where they are, those of a film written into a folder."""
     case, files, sizes = loaded.case, dict[int, Path](), dict[int, tuple[int, int]]()
     if not poses:

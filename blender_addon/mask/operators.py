@@ -17,7 +17,7 @@ from ..ui.keymap import MASK_TOOL
 from ..ui.operator import Messages, OpensFile, Reporting
 from ..ui.panel import SidebarPanel
 
-FILES = "*.png;*.tif;*.tiff;*.bmp"
+FILES = "*.png;*.tif;*.tiff"
 _SUFFIX = "_masked"
 
 

@@ -10,13 +10,13 @@ from ..process.own_process import own_output
 ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
 EPILOG = """examples:
   %(prog)s case.toml held_out.json --out evaluation
-  %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation
+  %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
   %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
 
 PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
 Methods are projective or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
 projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes frames.csv with the scores of every
-photograph, summary.md and figure.png.
+photograph, summary.md and figure.png. FID and KID need --inception: the documentation says how to export that file.
 """
 
 
@@ -34,6 +34,7 @@ class Arguments:
         "METHOD", "what to compare (default: ours in both colour modes, Eevee, and the paper's method where its "
         "renderer is installed)"
     )  # fmt: skip
+    inception: Path | None = option("FILE.onnx", "InceptionV3 up to its 2048 features, for FID and KID")
     seed: int = option("N", "of resampling (default %(default)s)", 0, least=0)
     out: Path = option("DIR", "folder to write", MISSING)
 
@@ -47,5 +48,5 @@ def run(arguments: Arguments) -> None:
     methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
     pairs = [(arguments.case, arguments.photographs), *arguments.more]
-    prepared = evaluation_run(pairs, arguments.out, methods, seed=arguments.seed)
+    prepared = evaluation_run(pairs, arguments.out, methods, seed=arguments.seed, inception=arguments.inception)
     output.writelines(f"{line}\n" for line in run_evaluation(prepared, stream=sys.stderr))

@@ -1,4 +1,4 @@
-"""The models of a dataset, read as they are written: geometry, and the colours if there are any."""
+"""The models of a dataset, read as they are written."""
 
 import re
 from pathlib import Path
@@ -19,14 +19,8 @@ _HEADER = re.compile(
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
-def read_model(root: Path, name: str) -> tuple[TriangleMesh, np.ndarray | None]:
-    """Read a model of a dataset, by its name relative to the dataset's folder.
-
-    Returns
-    -------
-    The mesh in the model frame, mm, with the very vertices and faces of the file; and its colours, ``(V, 3)`` uint8
-    RGB, if it has any.
-    """
+def read_model(root: Path, name: str) -> TriangleMesh:
+    """The very vertices and faces of a model, model frame, mm, by its name relative to the dataset's folder."""
     data = read_content(root / name, "a model of the dataset", name)
     header = _HEADER.match(data)
     if header is None:
@@ -45,5 +39,4 @@ def read_model(root: Path, name: str) -> tuple[TriangleMesh, np.ndarray | None]:
     sound = (triangles["count"] == 3).all() and corners.min() >= 0 and corners.max() < vertices
     if not sound or not (np.abs(table["xyz"]) < LARGEST_COORDINATE).all():
         raise InputError(f"{name}: expected triangles with coordinates in mm, found others; the file is damaged")
-    mesh = TriangleMesh(table["xyz"].astype(np.float64), np.ascontiguousarray(corners, np.int32))
-    return mesh, np.ascontiguousarray(table["rgb"]) if header[2] else None
+    return TriangleMesh(table["xyz"].astype(np.float64), np.ascontiguousarray(corners, np.int32))

@@ -5,26 +5,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from .options import (
     FOR_TRAINING,
     OPTIONS,
     PATHS,
-    WRITTEN,
     DatasetOptions,
     checked_together,
     checked_values,
     option_groups,
 )
-
-
-class _Write(argparse.Action):
-    """Sets the options that ask for arrays."""
-
-    def __call__(self, parser: object, namespace: argparse.Namespace, values: Any, flag: object = None) -> None:
-        for name in values:
-            setattr(namespace, WRITTEN[name], True)
 
 
 def add_option_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,10 +42,6 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
                 "--for-training", action="store_true", default=argparse.SUPPRESS,
                 help="what networks learn from most: " + ", ".join(f"--{key} {it}" for key, it in FOR_TRAINING.items())
                 + " if the case has [light]; an option beside it counts more",
-            )  # fmt: skip
-            group.add_argument(
-                "--write", action=_Write, nargs="+", choices=WRITTEN, default=argparse.SUPPRESS,
-                help="further arrays, as by " + ", ".join(OPTIONS[key].flag for key in WRITTEN.values()),
             )  # fmt: skip
 
 

@@ -88,8 +88,6 @@ SAMPLERS = {
         grows=False,
     ),
 }
-WRITTEN = {"depth_mm": "float_depth", "normals": "normals", "points": "points"}
-"""The arrays that a dataset has only if asked for, and the option that asks."""
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
 

@@ -33,11 +33,13 @@ from ..projection.rendered_view import Render
 from ..registration.pose_list import read_photographs
 from ..transforms import camera_centre
 from .conditions import current_conditions, write_table
+from .distribution_distance import Inception
 from .methods import ChosenMethods, Method, opened
 from .summary import FRAME_COLUMNS, Row, markdown_table, summary_notes, summary_of
 from .view_scores import scores_of
 
 TABLE, MARKDOWN, FIGURE = "frames.csv", "summary.md", "figure.png"
+NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
 
 MOST_COLUMNS = 6
 TILE_WH = (320, 240)
@@ -84,7 +86,9 @@ class ScoredView:
     rendered
         ``(H, W, 3)`` code values 0..1.
     scores
-        See :mod:`oneframe.evaluation.scores.view_scores`; NaN for those that it does not have.
+        See :mod:`oneframe.evaluation.view_scores`; NaN for those that it does not have.
+    features
+        Of the photograph and of the view, for FID and KID.
     """
 
     case: EvaluationCase
@@ -92,6 +96,7 @@ class ScoredView:
     shown: ShownSurface
     rendered: np.ndarray
     scores: dict[str, float]
+    features: tuple[np.ndarray, np.ndarray] | None
 
     @property
     def image(self) -> str:
@@ -116,7 +121,7 @@ def named_cases(given: Sequence[tuple[LoadedCase, Sequence[UnreadFrame]]]) -> tu
     return tuple(cases)
 
 
-def scored_views(case: EvaluationCase, methods: ChosenMethods) -> Iterator[ScoredView]:
+def scored_views(case: EvaluationCase, methods: ChosenMethods, inception: Inception | None) -> Iterator[ScoredView]:
     """Render and score every photograph's view by every method, method by method.
 
     A photograph that cannot be used is an ``InputError``, as is a case without surface in view, or without the light at
@@ -137,7 +142,11 @@ def scored_views(case: EvaluationCase, methods: ChosenMethods) -> Iterator[Score
                 rendered = render(pose)
                 scores = scores_of(shown.real, rendered, shown.surface, shown.observed)
                 scores["angle_deg"] = _angle_deg(case.loaded.frames, pose, reference.pivot_model)
-                yield ScoredView(case, method, shown, rendered, scores)
+                features = None
+                if inception is not None and shown.surface.any():
+                    cut = (np.where(shown.surface[..., None], each, np.float32(0)) for each in (shown.real, rendered))
+                    features = inception(next(cut)), inception(next(cut))
+                yield ScoredView(case, method, shown, rendered, scores, features)
 
 
 def _angle_deg(frames: Sequence[PosedFrame], pose: np.ndarray, pivot_model: np.ndarray) -> float:
@@ -167,18 +176,26 @@ class EvaluationRun:
         The cases and how their views are rendered.
     seed
         Of the bootstrap.
+    inception
+        Network for FID and KID, if there is one.
     """
 
     out: Path
     cases: Sequence[EvaluationCase]
     methods: ChosenMethods
     seed: int
+    inception: Inception | None
 
 
 def evaluation_run(
-    pairs: Sequence[tuple[Path, Path]], out: Path, methods: ChosenMethods, *, seed: int = 0
+    pairs: Sequence[tuple[Path, Path]],
+    out: Path,
+    methods: ChosenMethods,
+    *,
+    seed: int = 0,
+    inception: Path | None = None,
 ) -> EvaluationRun:
-    """Read cases and lists of photographs, and check that the files can be written."""
+    """Read cases, lists of photographs and the network, and check that the files can be written."""
     inputs: dict[str, Path] = {}
     given = []
     for number, (case_path, list_path) in enumerate(pairs, start=1):
@@ -192,8 +209,12 @@ def evaluation_run(
         for case in cases
         for number, photograph in enumerate(case.photographs, start=1)
     }
+    network = None
+    if inception is not None:
+        inputs["network"] = inception
+        network = Inception(inception)
     check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), inputs)
-    return EvaluationRun(out, cases, methods, seed)
+    return EvaluationRun(out, cases, methods, seed, network)
 
 
 def run_evaluation(run: EvaluationRun, *, stream: TextIO) -> Iterator[str]:
@@ -201,10 +222,14 @@ def run_evaluation(run: EvaluationRun, *, stream: TextIO) -> Iterator[str]:
     methods = [method.name for method in run.methods.running]
     notes = [f"{method.name}: skipped, {reason}." for method, reason in run.methods.skipped.items()]
     yield from notes
+    notes += [] if run.inception else [NO_INCEPTION]
     figure = Figure(shown_columns([(case.name, n) for case in run.cases for n in range(len(case.photographs))]))
     rows: list[Row] = []
+    features: dict[tuple[str, str], list[tuple[np.ndarray, np.ndarray]]] = {}
     for view in _views(run, stream):
         rows.append(Row(view.case.name, view.image, view.method.name, view.scores))
+        if view.features is not None:
+            features.setdefault((view.case.name, view.method.name), []).append(view.features)
         if not view.shows_surface and view.method.name == methods[0]:
             notes.append(f"{view.case.name}: {view.image} shows nothing of the surface and has no scores.")
         figure.add(view)
@@ -213,12 +238,13 @@ def run_evaluation(run: EvaluationRun, *, stream: TextIO) -> Iterator[str]:
     configuration = {
         "methods": " ".join(method.key for method in run.methods.running),
         "seed": run.seed,
+        "inception": run.inception.name if run.inception else "none",
     }
     conditions = current_conditions(configuration, blender=run.methods.renderers.blender)
     surfaces = {case.name: str(case.loaded.case.mesh) for case in run.cases}
     peers = {method.name: method.peer for method in run.methods.running}
     rng = np.random.default_rng(run.seed)
-    summary = summary_of(rows, surfaces, peers, conditions, rng)
+    summary = summary_of(rows, surfaces, peers, conditions, features, rng)
     notes += summary_notes(summary)
     notes.append(f"{FIGURE}, from the top: {'; '.join(figure.rows)}.")
     write_table(run.out / TABLE, FRAME_COLUMNS, [row.cells for row in rows], conditions)
@@ -240,7 +266,7 @@ def _views(run: EvaluationRun, stream: TextIO) -> Iterator[ScoredView]:
     shares = itertools.accumulate(sizes)
     with ShareProgress("of the evaluation", stream=stream) as progress:
         for case in run.cases:
-            for view in scored_views(case, run.methods):
+            for view in scored_views(case, run.methods, run.inception):
                 progress.reach(next(shares) / sum(sizes))
                 yield view
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.special import ndtr, stdtrit
 
 from .conditions import Conditions
+from .distribution_distance import FEWEST_IMAGES, FID_IMAGES, Distances, distances
 from .view_scores import SCORES, direction
 
 ALL = "all"
@@ -137,12 +138,13 @@ class Mean:
 
 @dataclass(frozen=True)
 class Summary:
-    """Means by case (and :data:`ALL`), method and score; who is a peer."""
+    """Means by case (and :data:`ALL`), method and score; distances by case and method; who is a peer."""
 
     conditions: Conditions
     cases: tuple[str, ...]
     peer_by_method: Mapping[str, bool]
     means: Mapping[tuple[str, str, str], Mean]
+    distances: Mapping[tuple[str, str], Distances]
 
     @property
     def blocks(self) -> tuple[str, ...]:
@@ -160,6 +162,7 @@ def summary_of(
     surfaces: Mapping[str, str],
     peer_by_method: Mapping[str, bool],
     conditions: Conditions,
+    features: Mapping[tuple[str, str], Sequence[tuple[np.ndarray, np.ndarray]]],
     rng: np.random.Generator,
 ) -> Summary:
     """Summarise rows.
@@ -174,6 +177,8 @@ def summary_of(
         Method -> whether others made it, in the order of the table.
     conditions
         Under which the rows were measured.
+    features
+        Case and method -> features of photograph and view, for FID and KID; those of all cases are compared too.
     rng
         Draws for the intervals.
     """
@@ -187,7 +192,11 @@ def summary_of(
             values = {method: np.array([by_image[*image, method][score] for image in own]) for method in peer_by_method}
             for method, mean in _means(values, direction(score), resampling):
                 means[case, method, score] = mean
-    return Summary(conditions, tuple(surfaces), peer_by_method, means)
+    groups = {key: list(each) for key, each in features.items()}
+    for (_, method), each in features.items():
+        groups.setdefault((ALL, method), []).extend(each)
+    apart = {key: distances(each) for key, each in groups.items() if len(each) >= FEWEST_IMAGES}
+    return Summary(conditions, tuple(surfaces), peer_by_method, means, apart)
 
 
 def _means(values: Mapping[str, np.ndarray], sign: int, resampling: Resampling) -> Iterator[tuple[str, Mean]]:
@@ -209,11 +218,14 @@ def markdown_table(summary: Summary, notes: Iterable[str]) -> bytes:
     lines += ["Means with 95 % confidence intervals: bootstrap over surfaces, then cases, then photographs.", ""]
     lines += [f"- {note}" for note in notes]
     for case in summary.blocks:
-        headings = [heading for heading, _ in HEADINGS.values()]
+        has_distances = any(each == case for each, _ in summary.distances)
+        headings = [heading for heading, _ in HEADINGS.values()] + ["FID", "KID"] * has_distances
         lines += ["", f"## {'All cases' if case == ALL else case}", "", _line("", *headings)]
         lines.append("|---" * (len(headings) + 1) + "|")
         for method in summary.peer_by_method:
             cells = [_cell(summary.mean(case, method, name), decimals) for name, (_, decimals) in HEADINGS.items()]
+            if (apart := summary.distances.get((case, method))) is not None:
+                cells += [f"{apart.fid:.1f}", f"{apart.kid:.4f} ± {apart.kid_error:.4f}"]
             lines.append(_line(method, *cells))
     return ("\n".join(lines) + "\n").encode()
 
@@ -234,6 +246,8 @@ def summary_notes(summary: Summary) -> Iterator[str]:
 
     Ahead is what the interval of the paired difference tells apart.
     """
+    if any(each.n < FID_IMAGES for each in summary.distances.values()):
+        yield f"FID is biased: it needs {FID_IMAGES} images or more. Compare KID."
     for case in summary.blocks:
         for score, words in RANKED.items():
             groups: dict[bool, list[tuple[float, str]]] = {True: [], False: []}

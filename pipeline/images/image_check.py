@@ -1,40 +1,39 @@
 """Check before decoding that an image file is complete, of a sensible size, and the same image in every program.
 
-Sources: PNG (W3C 2003), 11.2.2; JPEG (ITU T.81), B.2.2; TIFF 6.0, section 2; BMP (Microsoft, BITMAPINFOHEADER);
-*OpenEXR File Layout*, openexr.com.
+That is a PNG, JPEG or TIFF of 8 or 16 bits a channel, grey or RGB in sRGB, without or with straight alpha, upright, one
+picture a file. Everything else is refused by its name: decoders read it in different ways, or fill with black what they
+cannot read. Sources: PNG (W3C 2025), 11.2 and 11.3; JPEG (ITU T.81), B.2.2; Exif 2.32.
 """
 
-import re
 import struct
 import zlib
 from pathlib import Path
 
 from ..errors import InputError
 from ..files.content import read_content
+from .colour_profile import check_profile
+from .tiff import TIFF_SIGNATURES, checked_tiff, exif_orientation, is_adobe_rgb
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
-_TIFF_SIGNATURES = (b"II*\0", b"MM\0*")
-_EXR_SIGNATURE = b"\x76\x2f\x31\x01"
-SIGNATURES = (PNG_SIGNATURE, JPEG_SIGNATURE, *_TIFF_SIGNATURES, _EXR_SIGNATURE, b"BM")
 
 LARGEST_IMAGE, LARGEST_FRAME = 1 << 26, 25_000_000
 """Pixels of the largest image that is decoded, and of the largest frame, which Blender opens in 1 GB; 4K has 8.3
 million."""
 
-_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""Markers that begin a frame: SOF0 to SOF15, without those of tables."""
-_TIFF_TYPES = {1: "B", 3: "H", 4: "I"}
-"""Type of a whole number in a TIFF -> letter of struct."""
-_WIDTH, _HEIGHT, _COLOURS, _ORIENTATION = 256, 257, 262, 274
-_PARTS = ((273, 279), (324, 325))
-"""Tags of where the strips or tiles of a TIFF begin, and of their bytes."""
-_TIFF_TAGS = {_WIDTH, _HEIGHT, _COLOURS, _ORIENTATION, *_PARTS[0], *_PARTS[1]}
-_MOST_VALUES = 1 << 20
-"""Values of a tag that is looked at; others may hold megabytes."""
-_LAB = (8, 9, 10)
-_EXR_WINDOW = re.compile(rb"(?:data|display)Window\0box2i\0\x10\0\0\0(.{16})", re.DOTALL)
-_EXR_HEADER_BYTES = 64 * 1024
+_BEGINNINGS = {
+    PNG_SIGNATURE: "PNG", JPEG_SIGNATURE: "JPEG", **dict.fromkeys(TIFF_SIGNATURES, "TIFF"), b"II+\0": "BigTIFF",
+    b"MM\0+": "BigTIFF", b"BM": "BMP", b"GIF8": "GIF", b"\x76\x2f\x31\x01": "OpenEXR", b"\0\0\0\x0cJXL ": "JPEG XL",
+    b"\xff\x0a": "JPEG XL", b"\0\0\0\x0cjP  ": "JPEG 2000", b"\xff\x4f\xff\x51": "JPEG 2000", b"8BPS": "PSD",
+    **{b"P%d" % kind: "PNM" for kind in range(1, 8)},
+}  # fmt: skip
+_BRANDS = {b"avif": "AVIF", b"avis": "AVIF"} | dict.fromkeys(
+    (b"heic", b"heix", b"heim", b"heis", b"mif1", b"msf1"), "HEIC"
+)
+
+_FRAMES = {0xC0, 0xC1, 0xC2}
+"""Markers of JPEG's frames that every decoder reads: baseline, extended, progressive."""
+_OTHER_FRAMES = set(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 _REORIENTED = {
     2: "mirrored left to right",
@@ -46,6 +45,18 @@ _REORIENTED = {
     8: "rotated by 90° counter-clockwise",
 }
 """EXIF orientation, as in TIFF 6.0 -> how to show the image."""
+
+_SRGB_GAMMA, _SRGB_CHROMATICITIES = 45455, (31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)
+"""Of PNG's gAMA and cHRM, in 1/100 000."""
+
+
+def image_kind(start: bytes) -> str | None:
+    """The name of an image format, such as ``"WebP"``, by the first bytes of a file; ``None`` if it is none."""
+    if start[4:8] == b"ftyp":
+        return _BRANDS.get(start[8:12])
+    if start[:4] == b"RIFF":
+        return "WebP" if start[8:12] == b"WEBP" else None
+    return next((kind for beginning, kind in _BEGINNINGS.items() if start.startswith(beginning)), None)
 
 
 def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE) -> bytes:
@@ -64,26 +75,24 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
 
 def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) -> tuple[int, int]:
     """Check the bytes of an image file, as :func:`check_image_file` does, and give its width and height."""
-    if not data.startswith(SIGNATURES):
+    kind = image_kind(data)
+    if kind not in ("PNG", "JPEG", "TIFF"):
         raise InputError(
-            f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found a file that starts with {data[:8]!r}"
+            f"{where}: expected an image as PNG, JPEG or TIFF, found "
+            f"{kind or 'another kind of file'}; save it as PNG with 8 or 16 bits"
         )
     try:
-        # what follows the end, such as the film of a phone's moving picture, is not the image's
-        if data.startswith(JPEG_SIGNATURE) and data.find(b"\xff\xd9", _jpeg(data)[3]) < 0:
-            raise ValueError("the file is cut off")
-        if data.startswith(_TIFF_SIGNATURES):
-            _check_tiff(data)
-        exif = _checked_png(data) if data.startswith(PNG_SIGNATURE) else b""
-        width, height, orientation = _size_and_orientation(data)
-        reoriented = _REORIENTED.get(_exif_orientation(exif) if exif else orientation)
-    except (ValueError, struct.error, IndexError, KeyError) as error:
+        if kind == "TIFF":
+            width, height, orientation = checked_tiff(data, most_pixels)
+        else:
+            width, height, orientation = (_checked_png if kind == "PNG" else _checked_jpeg)(data)
+    except (ValueError, struct.error, IndexError, KeyError, zlib.error) as error:
         reason = error if type(error) is ValueError else "its header is cut off or damaged"
-        raise InputError(f"{where}: expected an image, {reason}; copy it again, or save it as PNG") from None
-    if reoriented:
+        raise InputError(f"{where}: expected an image, {reason}; save it as PNG in sRGB, or copy it again") from None
+    if orientation in _REORIENTED:
         raise InputError(
-            f"{where}: expected an upright image, found an EXIF orientation: some programs show it {reoriented}, "
-            "others do not; open it, save it as PNG, and give the K of the saved image"
+            f"{where}: expected an upright image, found an EXIF orientation: some programs show it "
+            f"{_REORIENTED[orientation]}, others do not; open it, save it as PNG, and give the K of the saved image"
         )
     if not 0 < width * height <= most_pixels:
         raise InputError(
@@ -94,7 +103,7 @@ def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) ->
 
 
 def image_size(data: bytes) -> tuple[int, int]:
-    """Width and height in the header of a PNG, JPEG, TIFF, EXR or BMP file.
+    """Width and height in the header of a PNG or JPEG file, unchecked.
 
     Raises
     ------
@@ -102,110 +111,91 @@ def image_size(data: bytes) -> tuple[int, int]:
         No such file, or a damaged header.
     """
     try:
-        return _size_and_orientation(data)[:2]
-    except (struct.error, IndexError, KeyError):
+        if data.startswith(PNG_SIGNATURE):
+            width, height = struct.unpack_from(">II", data, 16)
+            return width, height
+        return _checked_jpeg(data)[:2]
+    except (struct.error, IndexError):
         raise ValueError("its header is cut off or damaged") from None
 
 
 def may_have_alpha(data: bytes) -> bool:
-    """Whether an image file may have alpha, by its beginning: a JPEG, most PNG and a BMP without it rule it out."""
-    if data.startswith(PNG_SIGNATURE):
-        return data[25:26] not in (b"\0", b"\2") or b"tRNS" in data
-    if data.startswith(b"BM"):
-        # a fourth byte is alpha if the header has a mask for it; else it is reserved, often 0
-        return len(data) >= 70 and data[30] == 3 and struct.unpack_from("<I", data, 14)[0] >= 56 and any(data[66:70])
-    return not data.startswith(JPEG_SIGNATURE)
+    """Whether a checked image file may have alpha, by its beginning: a JPEG and most PNG rule it out."""
+    return data[25:26] in (b"\4", b"\6") if data.startswith(PNG_SIGNATURE) else not data.startswith(JPEG_SIGNATURE)
 
 
-def _size_and_orientation(data: bytes) -> tuple[int, int, int]:
-    """Width, height and EXIF orientation (1 is upright), which of a PNG is left out."""
-    if data.startswith(PNG_SIGNATURE):
-        return *struct.unpack_from(">II", data, 16), 1
-    if data.startswith(JPEG_SIGNATURE):
-        return _jpeg(data)[:3]
-    if data.startswith(_TIFF_SIGNATURES):
-        tags = _tiff_tags(data)
-        return tags[_WIDTH][0], tags[_HEIGHT][0], tags.get(_ORIENTATION, (1,))[0]
-    if data.startswith(_EXR_SIGNATURE):
-        windows = [struct.unpack("<4i", found) for found in _EXR_WINDOW.findall(data, 0, _EXR_HEADER_BYTES)]
-        if not windows:
-            raise ValueError("its header has no size")
-        width = max(right - left + 1 for left, _, right, _ in windows)
-        return width, max(bottom - top + 1 for _, top, _, bottom in windows), 1
-    if data.startswith(b"BM"):
-        is_old = struct.unpack_from("<I", data, 14) == (12,)
-        width, height = struct.unpack_from("<HH" if is_old else "<ii", data, 18)
-        # a negative height: rows from top to bottom
-        return width, abs(height), 1
-    raise ValueError("it is no image")
-
-
-def _checked_png(data: bytes) -> bytes:
-    """The EXIF block of a PNG whose chunks are all there and undamaged, or nothing."""
-    position, kind, exif = len(PNG_SIGNATURE), b"", b""
+def _checked_png(data: bytes) -> tuple[int, int, int]:
+    """Width, height and EXIF orientation of a PNG whose chunks are all there, undamaged, and a picture in sRGB."""
+    position, kind, chunks = len(PNG_SIGNATURE), b"", dict[bytes, bytes]()
     view = memoryview(data)  # a slice of bytes would be a copy, of all pixels perhaps
     while kind != b"IEND":
         size = int.from_bytes(data[position : position + 4], "big")
         kind, body = data[position + 4 : position + 8], view[position + 8 : position + 8 + size]
         if len(data) < position + 12 + size:
             raise ValueError("the file is cut off")
-        if struct.unpack_from(">I", data, position + 8 + size) != (zlib.crc32(body, zlib.crc32(kind)),):
-            raise ValueError(f"chunk {kind!r} is damaged")
-        if kind == b"eXIf":
-            exif = bytes(body)
+        if zlib.crc32(body, zlib.crc32(kind)) != int.from_bytes(
+            data[position + 8 + size : position + 12 + size], "big"
+        ):
+            raise ValueError("the file is damaged")
+        if kind != b"IDAT":
+            chunks.setdefault(kind, bytes(body))
         position += 12 + size
-    return exif
+    for chunk, reason in ((b"acTL", "it is an animation"), (b"tRNS", "one of its colours stands for transparent")):
+        if chunk in chunks:
+            raise ValueError(f"{reason}, which programs read in different ways")
+    # the first of them counts
+    if b"cICP" in chunks:
+        is_srgb = chunks[b"cICP"] == b"\x01\x0d\x00\x01"
+    elif b"iCCP" in chunks:
+        check_profile(zlib.decompressobj().decompress(chunks[b"iCCP"].partition(b"\0")[2][1:], 1 << 24))
+        is_srgb = True
+    else:
+        gamma = int.from_bytes(chunks.get(b"gAMA", b""), "big") or _SRGB_GAMMA
+        stated = struct.unpack(">8I", chunks[b"cHRM"]) if b"cHRM" in chunks else _SRGB_CHROMATICITIES
+        differences = (abs(one - other) for one, other in zip(stated, _SRGB_CHROMATICITIES, strict=True))
+        is_srgb = b"sRGB" in chunks or (abs(gamma - _SRGB_GAMMA) < 500 and max(differences) < 500)
+    if not is_srgb:
+        raise ValueError("its colours are not sRGB, as its chunk gAMA, cHRM or cICP says")
+    exif = chunks.get(b"eXIf", b"")
+    _check_exif_colours(exif)
+    return *struct.unpack_from(">II", data, 16), exif_orientation(exif)
 
 
-def _jpeg(data: bytes) -> tuple[int, int, int, int]:
-    """Width, height and EXIF orientation, from the segments before the pixels, and where these begin."""
-    position, size, orientation = 2, None, 1
-    while data[position + 1] != 0xDA:
+def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
+    """Width, height and EXIF orientation of a JPEG in sRGB; segments end where its pixels begin."""
+    position, marker, size, exif, profile = 2, 0, None, b"", b""
+    while marker != 0xDA:
         marker, at = data[position + 1], position + 4
         if data[position] != 0xFF:
             raise ValueError("its header is damaged")
         if marker in (0x01, 0xFF):  # without content; padding
             position += 2 if marker == 0x01 else 1
             continue
-        if marker in _JPEG_FRAMES:
-            _, height, width = struct.unpack_from(">BHH", data, at)
+        body = data[at : at - 2 + int.from_bytes(data[at - 2 : at], "big")]
+        if marker in _FRAMES:
+            precision, height, width, components = struct.unpack_from(">BHHB", body)
             size = width, height
-        if marker == 0xE1 and data[at : at + 6] == b"Exif\0\0":
-            orientation = _exif_orientation(data[at + 6 : at - 2 + int.from_bytes(data[at - 2 : at], "big")])
+            if precision != 8 or components not in (1, 3):
+                colours = "CMYK" if components == 4 else f"{components} channels"
+                raise ValueError(f"it is a JPEG of {precision} bits and {colours}, not of 8 bits and grey or RGB")
+        elif marker in _OTHER_FRAMES:
+            raise ValueError("it is a JPEG of a kind (lossless, arithmetic) that few programs read")
+        elif marker == 0xE1 and body.startswith(b"Exif\0\0"):
+            exif = body[6:]
+        elif marker == 0xE2 and body.startswith(b"ICC_PROFILE\0"):
+            profile += body[14:]
         position += 2 + max(2, int.from_bytes(data[at - 2 : at], "big"))
     if size is None:
         raise ValueError("it has no size")
-    return *size, orientation, position
+    # what follows the end, such as the film of a phone's moving picture, is not the image's
+    if data.find(b"\xff\xd9", position) < 0:
+        raise ValueError("the file is cut off")
+    if profile:
+        check_profile(profile)
+    _check_exif_colours(exif)
+    return *size, exif_orientation(exif)
 
 
-def _exif_orientation(exif: bytes) -> int:
-    try:
-        return _tiff_tags(exif).get(_ORIENTATION, (1,))[0]
-    except struct.error:
-        return 1
-
-
-def _check_tiff(data: bytes) -> None:
-    tags = _tiff_tags(data)
-    for begins, sizes in _PARTS:
-        for begin, size in zip(tags.get(begins, ()), tags.get(sizes, ()), strict=False):
-            if begin + size > len(data):
-                raise ValueError("the file is cut off")
-    if tags.get(_COLOURS, (0,))[0] in _LAB:
-        raise ValueError("its colours are L*a*b*, which programs convert in different ways")
-
-
-def _tiff_tags(data: bytes) -> dict[int, tuple[int, ...]]:
-    """The values of the tags of :data:`_TIFF_TAGS` in a TIFF's first directory, by number; so too in EXIF."""
-    order = "<" if data[:2] == b"II" else ">"
-    (first,) = struct.unpack_from(order + "I", data, 4)
-    (count,) = struct.unpack_from(order + "H", data, first)
-    tags: dict[int, tuple[int, ...]] = {}
-    for entry in range(first + 2, first + 2 + 12 * count, 12):
-        tag, kind, values, offset = struct.unpack_from(order + "HHII", data, entry)
-        if tag in _TIFF_TAGS and kind in _TIFF_TYPES and 0 < values <= _MOST_VALUES:
-            form = f"{order}{values}{_TIFF_TYPES[kind]}"
-            at = entry + 8 if struct.calcsize(form) <= 4 else offset
-            if at + struct.calcsize(form) <= len(data):
-                tags.setdefault(tag, struct.unpack_from(form, data, at))
-    return tags
+def _check_exif_colours(exif: bytes) -> None:
+    if is_adobe_rgb(exif):
+        raise ValueError("its colours are Adobe RGB, as its EXIF says, not sRGB")

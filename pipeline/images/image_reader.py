@@ -1,7 +1,7 @@
 """Image files as code values: a PNG by OpenCV; all else, or all without OpenCV, by a registered decoder.
 
-A PNG says the same to every program. What programs read differently, JPEG by a code value and TIFF by much, is always
-read by the same one, so that a view does not depend on who made it: by Blender, whose room registers its decoder.
+A PNG says the same to every program. JPEG, which programs read differently by a code value, and TIFF are always read by
+the same one, so that a view does not depend on who made it: by Blender, whose room registers its decoder.
 """
 
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .image_check import LARGEST_FRAME, PNG_SIGNATURE, check_image_file, may_have_alpha
+from .image_check import LARGEST_FRAME, PNG_SIGNATURE, check_image_file
 
 if TYPE_CHECKING:
     # every command registers a decoder, and its --help must not wait for numpy
@@ -18,17 +18,16 @@ if TYPE_CHECKING:
 Decoder = Callable[[bytes, str], "np.ndarray"]
 """From the bytes of a checked image file, and what begins messages, to ``(H, W, C)`` float32 code values 0..1."""
 
-_NOT_PLAIN = b"tRNS", b"acTL"
-"""Chunks of PNG, of a transparent colour and of an animation, that programs read differently."""
+_LABEL, _LEAST_IN_USE = 255.5 / 65535, 0.25
+"""Up to the first, 16 bits hold a mask or labels; beyond it, and below the second, they hold a sensor's own codes."""
 
-_BEYOND = 1e-3
-"""By which floats may exceed 0 to 1: interpolation and rounding do."""
+_BYTE_ROUNDING = 0.01
 
 _registered: list[Decoder] = []
 
 
 def register_decoder(decoder: Decoder) -> None:
-    """Let ``decoder`` read what is no plain PNG."""
+    """Let ``decoder`` read what is no PNG."""
     _registered[:] = [decoder]
 
 
@@ -44,29 +43,28 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
 
     where = where or str(path)
     data = check_image_file(path, where, most_pixels=LARGEST_FRAME)
-    has_alpha = may_have_alpha(data)
-    values = _plain_png(data)
+    values = _png(data)
     if values is None:
         if not _registered:
             raise InputError(
-                f"{where}: expected a plain PNG, as only Blender reads other images here; import oneframe.blender"
+                f"{where}: expected a PNG, as only Blender reads other images here; import oneframe.blender"
             )
         values = _registered[0](data, where)
-        # of floats; NaN is not within it
-        if not (values.min() >= -_BEYOND and values.max() <= 1 + _BEYOND):
-            raise InputError(
-                f"{where}: expected an image of values from 0 to 1, found {values.min():g} to {values.max():g}; save "
-                "it as PNG of 8 or 16 bits"
-            )
     channels = values.shape[2]
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
-    valid = values[..., 3] > 0 if channels == 4 and has_alpha else np.ones(values.shape[:2], dtype=bool)
+    valid = values[..., 3] > 0 if channels == 4 else np.ones(values.shape[:2], dtype=bool)
+    brightest = float(colours.max())
+    if _LABEL < brightest < _LEAST_IN_USE and (np.abs(colours * 255 - np.rint(colours * 255)) > _BYTE_ROUNDING).any():
+        raise InputError(
+            f"{where}: expected 16 bits that are in use, the brightest is {brightest * 65535:.0f} of 65535, as of "
+            "10 to 14 bits stored in 16; stretch them to the full range, and save it as PNG"
+        )
     return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
 
 
-def _plain_png(data: bytes) -> "np.ndarray | None":
-    """``(H, W, C)`` float32 of a plain PNG; ``None`` of another file, or without OpenCV."""
-    if not data.startswith(PNG_SIGNATURE) or any(chunk in data for chunk in _NOT_PLAIN):
+def _png(data: bytes) -> "np.ndarray | None":
+    """``(H, W, C)`` float32 of a PNG; ``None`` of another file, or without OpenCV."""
+    if not data.startswith(PNG_SIGNATURE):
         return None
     import numpy as np
 

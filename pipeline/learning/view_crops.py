@@ -150,7 +150,7 @@ def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarra
 
     Returns
     -------
-    ``(h, w, 3)`` uint8, and ``(h, w)`` uint8, above 0 where instruments hide it.
+    ``(h, w, 3)`` uint8, and ``(h, w)`` uint8, above 0 where something hides it.
     """
     height, width = rgba.shape[:2]
     light = rgba[..., :3] + (1 - rgba[..., 3:] / np.float32(255)) * random_background(rng, width, height)
@@ -160,7 +160,7 @@ def _photographed(rgba: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarra
     image = cv2.LUT(np.clip(light, 0, 255).astype(np.uint8), np.clip(tone, 0, 255).astype(np.uint8)[None])
     hidden = np.zeros((height, width), np.uint8)
     for _ in range(rng.integers(0, 3)):
-        # instruments, and blood
+        # tools, and blood
         ellipse = _ellipse(rng, 0.03, 0.25, width, height)
         cv2.ellipse(image, ellipse, rng.uniform(0, 255, 3).tolist(), -1)
         cv2.ellipse(hidden, ellipse, [255.0], -1)

@@ -1,1 +1,1 @@
-"""What stands in front of the surface in a view: instruments, where they are held, and the view with them."""
+"""What stands in front of the surface in a view: where it is held, and the view with it."""

@@ -1,7 +1,7 @@
 """A view with what stands in front of the surface: one step after any engine, so that all have the same masks.
 
-A z-buffer in double precision finds the instruments at the pixels' centres, in any Blender, and the nearer of surface
-and instrument is seen. The lamp at the lens lights them as it does the surface, or else one in the lens' centre.
+A z-buffer in double precision finds the occluders at the pixels' centres, in any Blender, and the nearer of surface
+and occluder is seen. The lamp at the lens lights them as it does the surface, or else one in the lens' centre.
 """
 
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from .staging import Filter, Staging
 
 HEAD_LIGHT = LensLight((0.0, 0.0, 0.0), 0.1)
 MOST_SAMPLES = 8
-"""Rays in a pixel at an instrument's edge, each of which takes a z-buffer of its own."""
+"""Rays in a pixel at an occluder's edge, each of which takes a z-buffer of its own."""
 LEAST = 0.02
-"""Shading that a part of an instrument gets at least."""
+"""Shading that a part of an occluder gets at least."""
 
 
 def head_light(pivot_model: np.ndarray) -> LensShading:
@@ -36,7 +36,7 @@ def head_light(pivot_model: np.ndarray) -> LensShading:
 
 
 def front_filter(staging: Staging) -> Filter | None:
-    """The filter that puts the instruments in front of a view."""
+    """The filter that puts the occluders in front of a view."""
     if not staging.options["occluders"]:
         return None
     light = staging.light or head_light(staging.reference.pivot_model).moved(staging.camera_from_planned)
@@ -63,7 +63,7 @@ class Front:
     samples: int = 1
 
     def composed(self, view: RenderedView, occluders: Occluders | None, cam_from_model: np.ndarray) -> RenderedView:
-        """A view of a pose (4x4, mm) with instruments in front of it, or none."""
+        """A view of a pose (4x4, mm) with occluders in front of it, or none."""
         if occluders is None:
             return replace(view, occluder_mm=np.zeros_like(view.depth_mm))
         surface = inverse_depth_map(view.depth_mm)
@@ -84,7 +84,7 @@ class Front:
     def _smooth_edges(
         self, rgb: np.ndarray, view: RenderedView, shown: np.ndarray, surface: np.ndarray, seen: "_Seen"
     ) -> None:
-        """Mix the colours of pixels that an instrument covers in part; those whose centre shows nothing stay black."""
+        """Mix the colours of pixels that an occluder covers in part; those whose centre shows nothing stay black."""
         offsets = pixel_pattern(samples := min(self.samples, MOST_SAMPLES))
         rasters = [seen.raster(offset) for offset in offsets]
         hits = [raster.inverse_depth > surface for raster in rasters]
@@ -95,13 +95,13 @@ class Front:
         for raster, hit, offset in zip(rasters, hits, offsets, strict=True):
             part = hit & edges
             total[part] += seen.colours(raster, part, offset)
-        # beside the background, the mean over what shows the instrument, as of the surface there
+        # beside the background, the mean over what shows the occluder, as of the surface there
         cover = np.where(behind, count / samples, 1.0)[edges, None].astype(np.float32)
         rgb[edges] = cover * (total[edges] / count[edges, None]) + (1 - cover) * view.rgb[edges]
 
 
 class _Seen:
-    """Instruments from a pose, in the light of its lens."""
+    """Occluders from a pose, in the light of its lens."""
 
     def __init__(
         self, occluders: Occluders, camera: PinholeCamera, cam_from_model: np.ndarray, light: LensShading
@@ -137,7 +137,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def shadow_filter(staging: Staging) -> Filter | None:
-    """The filter that casts the shadow of instruments on the surface."""
+    """The filter that casts the shadow of occluders on the surface."""
     light, mesh = staging.light, staging.reference.mesh
     if light is None or not staging.options["occluders"]:
         return None

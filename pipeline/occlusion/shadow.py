@@ -1,4 +1,4 @@
-"""The shadow of instruments in the light at the lens: a z-buffer from the lamp, as fine as the view's pixels."""
+"""The shadow of a mesh in the light at the lens: a z-buffer from the lamp, as fine as the view's pixels."""
 
 from dataclasses import replace
 

@@ -35,11 +35,11 @@ class Staging:
     camera
         Intrinsics of the views.
     camera_from_planned
-        ``(4, 4)`` rigid, mm: from the camera whose poses are planned, by which instruments are held.
+        ``(4, 4)`` rigid, mm: from the camera whose poses are planned, by which what stands in front is held.
     light
         The light at the lens of the views; ``None`` without one.
     room
-        The surface that instruments keep clear of.
+        The surface that what stands in front keeps clear of.
     rays_at
         Makes the rays at a mesh.
     """
@@ -63,7 +63,7 @@ class StagedView:
 
     @cached_property
     def occluders(self) -> Occluders | None:
-        """The instruments, the same for both eyes; ``None`` for none."""
+        """What stands in front, the same for both eyes; ``None`` for nothing."""
         staging, mean = self.staging, self.staging.options["occluders"]
         if not mean:
             return None
@@ -73,7 +73,7 @@ class StagedView:
 
     @cached_property
     def shadow(self) -> Shadow | None:
-        """The shadow of the instruments in the light at the lens."""
+        """Its shadow in the light at the lens."""
         light, camera = self.staging.light, self.staging.camera
         if light is None or self.occluders is None:
             return None

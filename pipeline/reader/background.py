@@ -10,7 +10,7 @@ from .view import View
 
 
 def with_background(view: View, rng: np.random.Generator, images: Sequence[np.ndarray] = ()) -> np.ndarray:
-    """``(H, W, 3)`` uint8 RGB of a view with something behind surface and instruments, in place of any surroundings.
+    """``(H, W, 3)`` uint8 RGB of a view with something behind surface and occluders, in place of any surroundings.
 
     Parameters
     ----------

@@ -56,6 +56,6 @@ class DistortedView:
             return cv2.remap(value, self._places[..., 0], self._places[..., 1], cv2.INTER_LINEAR)
         u, v = np.rint(self._places).astype(int).reshape(-1, 2).T
         inside = (u >= 0) & (v >= 0) & (u < self._size_wh[0]) & (v < self._size_wh[1])
-        moved = np.full((len(u), *value.shape[2:]), np.nan if name in ("points_model", "nocs") else 0, value.dtype)
+        moved = np.full((len(u), *value.shape[2:]), np.nan if name == "points_model" else 0, value.dtype)
         moved[inside] = value[v[inside], u[inside]]
         return moved.reshape(value.shape)

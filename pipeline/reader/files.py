@@ -85,7 +85,7 @@ class ViewFiles:
     @cached_property
     def mesh(self) -> TriangleMesh:
         """The surface, model frame, read when it is first asked for."""
-        return read_model(self.root, MODEL_FILES[0])[0]
+        return read_model(self.root, MODEL_FILES[0])
 
     def read(self, index: int, kind: str) -> tuple[bytes, str]:
         """The content of a file of a view, by the name of its array; its name for messages."""

@@ -79,18 +79,13 @@ class View:
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface."""
-        return unit_vectors(self.files.array(self.index, "normals"))
-
-    @cached_property
-    def normals_cam(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 as :attr:`normals`; the same, and computed, if the dataset was rendered without.
+        """``(H, W, 3)`` float32 unit normals of the visible side, camera axes; 0 where there is no surface.
 
         They are those of the model's triangles at the pixels' centres, not differences of the depth: these mix surfaces
-        at every edge and step, and its rounding tilts them.
+        at every edge and step, and its rounding tilts them. Computed if the dataset was rendered without.
         """
         if "normals" in self.files.description.kinds:
-            return self.normals
+            return unit_vectors(self.files.array(self.index, "normals"))
         camera = self.files.description.camera
         return unit_vectors(normal_codes(self.mask_visib, self.files.mesh, camera, self.cam_from_model))
 
@@ -98,26 +93,12 @@ class View:
     def points_model(self) -> np.ndarray:
         """``(H, W, 3)`` float32 points of the visible surface at pixels' centres, mm, mesh in ``models/``, or NaN.
 
-        Those of ``--write points`` if the dataset has them, else from :attr:`depth_mm`.
+        Those of ``--points`` if the dataset has them, else from :attr:`depth_mm`.
         """
         if "points" in self.files.description.kinds:
             return self.files.array(self.index, "points")
         surface_mm = np.where(self.mask_visib, self.depth_mm, np.float32(0))
         return points_model(surface_mm, self.files.description.camera, self.cam_from_model)
-
-    @cached_property
-    def nocs(self) -> np.ndarray:
-        """``(H, W, 3)`` float32 :attr:`points_model` in the model's box, 0..1 along each axis; NaN without surface."""
-        low, high = self.files.mesh.bounds
-        size = np.where(high > low, high - low, 1.0)
-        return np.clip((self.points_model - low) / size, 0, 1).astype(np.float32)
-
-    @cached_property
-    def distance_mm(self) -> np.ndarray:
-        """``(H, W)`` float32 distance of what is seen from the camera's centre, along the pixel's ray, or 0."""
-        camera = self.files.description.camera
-        rays = camera.rays_cam(camera.pixel_grid())
-        return (self.depth_mm * np.linalg.norm(rays, axis=2)).astype(np.float32)
 
     @cached_property
     def right(self) -> "View":

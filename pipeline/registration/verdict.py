@@ -91,9 +91,10 @@ COLOURS = {ACCEPTED: (70, 180, 90), DOUBTFUL: (230, 180, 40), REFUSED: (210, 60,
 
 AGREEING_PX = 1.5
 """Largest residual of a pixel whose flow agrees with the pose."""
-LEAST_PIXELS, LEAST_SHARE, LEAST_LIKE = 8, 0.5, 0.5
+LEAST_PIXELS, LEAST_SHARE, LEAST_LIKE, MOST_UNLIKE = 8, 0.5, 0.5, 0.42
 """Pixels that a block needs to count as a place of the image, share of them that must agree, and correlation of their
-code values with the known view's: where a frame shows nothing, its flow is none, and agrees with any pose."""
+code values with the known view's: where a frame shows nothing, its flow is none, and agrees with any pose. A block
+differs if it is less alike than the last, wherever the flow leads; all others tell nothing."""
 OFFSET, SLOPE = -10.6, 5.46
 """Logistic regression of the 389 poses on log(1 + agreeing blocks)."""
 WITHIN_DEG, WITHIN_SHARE, WITHIN_PX = 2.0, 0.02, 5.0
@@ -141,11 +142,11 @@ def judge(
 
 
 class Blocks(NamedTuple):
-    """Columns and rows ``(B, 2)`` of blocks; ``(B,)`` bool, whether enough pixels tell of it, and whether it agrees."""
+    """Columns and rows ``(B, 2)`` of blocks; ``(B,)`` bool: it agrees, or it differs; others tell nothing."""
 
     places: np.ndarray
-    known: np.ndarray
     agrees: np.ndarray
+    differs: np.ndarray
 
 
 def agreeing_blocks(fit: FlowFit, pixels: np.ndarray) -> Blocks:
@@ -154,8 +155,10 @@ def agreeing_blocks(fit: FlowFit, pixels: np.ndarray) -> Blocks:
     count, agreeing = np.bincount(block), np.bincount(block, weights=fit.residuals_px < AGREEING_PX)
     places, known = np.zeros((blocks, 2), int), count >= LEAST_PIXELS
     places[block] = pixels // BLOCK_PX
-    agrees = known & (agreeing >= LEAST_SHARE * count) & (_likeness(fit.codes, block) > LEAST_LIKE)
-    return Blocks(places, known, agrees)
+    likeness = _likeness(fit.codes, block)
+    # where it looks alike elsewhere, as on smooth tissue, the flow has slipped
+    agrees = known & (likeness > LEAST_LIKE) & (agreeing >= LEAST_SHARE * count)
+    return Blocks(places, agrees, known & (likeness < MOST_UNLIKE))
 
 
 def _nothing(found: Localised | None) -> str:
@@ -240,9 +243,9 @@ class FilmAgreement:
     def add(self, number: int, fit: FlowFit) -> None:
         """Add a frame that is accepted."""
         pixels = self._camera.project(transform_points(self._pose, fit.points_model))
-        places, known, agrees = agreeing_blocks(fit, np.clip(pixels, 0, np.array(self._camera.size_wh) - 1))
+        places, agrees, differs = agreeing_blocks(fit, np.clip(pixels, 0, np.array(self._camera.size_wh) - 1))
         shown, (column, row) = np.full(self._shape, UNKNOWN, np.uint8), places.T
-        shown[row, column] = np.where(known, np.where(agrees, AGREES, DIFFERS), UNKNOWN)
+        shown[row, column] = np.select([agrees, differs], [AGREES, DIFFERS], UNKNOWN)
         side = camera_centre(fit.cam_from_model) - self._pivot
         self._numbers.append(number)
         self._sides.append(side / np.linalg.norm(side))

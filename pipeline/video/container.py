@@ -19,7 +19,7 @@ from av.video.stream import VideoStream
 
 from ..errors import InputError
 from ..files.content import read_beginning
-from ..images.image_check import LARGEST_FRAME, SIGNATURES
+from ..images.image_check import LARGEST_FRAME, image_kind
 
 _CONTAINERS = (
     "3g2,3gp,asf,av1,avi,dirac,dv,flv,gxf,h263,h264,hevc,ivf,m4v,matroska,mj2,mjpeg,mov,mp4,mpeg,mpegts,mpegvideo,mxf,nut,obu,ogg,"
@@ -36,9 +36,6 @@ _MOST_ERRORS = 100
 """Errors after which a damaged container is read no further."""
 
 _LOOKED_AT = 1024
-
-_IMAGE_BRANDS = (b"avif", b"avis", b"heic", b"heix", b"heim", b"heis", b"mif1", b"msf1")
-_OTHER_IMAGES = (b"GIF8", b"\x00\x00\x00\x0cjP  ", b"\xff\x4f\xff\x51", b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"P7")
 
 
 @contextmanager
@@ -127,9 +124,10 @@ def _check_beginning(path: Path) -> None:
     start = read_beginning(path, "a video", _LOOKED_AT)
     if not start:
         raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
-    if _is_image(start):
+    if kind := image_kind(start):
         raise InputError(
-            f"{path.name}: expected a video, found an image; put it into a folder, or name it as the frame of the case"
+            f"{path.name}: expected a video, found an image ({kind}); put it into a folder, or name it as the frame of "
+            "the case"
         )
 
 
@@ -138,9 +136,3 @@ def _unopened(path: Path) -> InputError:
         f"{path.name}: expected a video, cannot open it; it is cut off, without pictures, or in an unknown format: "
         "copy it again, or convert it to MP4 (H.264)"
     )
-
-
-def _is_image(start: bytes) -> bool:
-    if start.startswith((*SIGNATURES, *_OTHER_IMAGES)):
-        return True
-    return start[8:12] in _IMAGE_BRANDS if start[4:8] == b"ftyp" else start[:4] == b"RIFF" and start[8:12] == b"WEBP"

@@ -54,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--methods", nargs="+", metavar="METHOD", help="as oneframe evaluate; of --light those in the light"
     )
+    parser.add_argument("--inception", metavar="FILE.onnx", type=Path, help="as oneframe evaluate")
     parser.add_argument(
         "--photographs", metavar="N", type=int, help="of each case of a data set, and of --light, at most (default all)"
     )
@@ -70,7 +71,10 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
             report("left out: the sample and --bones have a lamp at their lens, neither is asked for")
             return
         methods = arguments.methods or (IN_LIGHT if arguments.light else DEFAULT)
-        prepared = evaluation_run(files, arguments.out, chosen_methods(methods, RENDERERS), seed=arguments.seed)
+        prepared = evaluation_run(
+            files, arguments.out, chosen_methods(methods, RENDERERS),
+            seed=arguments.seed, inception=arguments.inception,
+        )  # fmt: skip
         for line in run_evaluation(prepared, stream=sys.stderr):
             report(line)
 

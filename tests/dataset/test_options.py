@@ -14,7 +14,6 @@ from oneframe.dataset.option_arguments import add_option_arguments, merged_optio
 from oneframe.dataset.options import (
     OPTIONS,
     SAMPLERS,
-    WRITTEN,
     DatasetOptions,
     Option,
     checked_options,
@@ -40,14 +39,8 @@ def test_command_line_goes_before_the_table_and_that_before_the_defaults():
     assert merged({"distance_min": 1.2}, "--distance-max", "1.3").distance_max == 1.3
 
 
-def test_write_names_every_array_that_an_option_asks_for():
-    asked = {truth.name: truth.option for truth in TRUTHS.values() if truth.option}
-    # what comes with an option that asks for more than an array
-    assert asked.pop("mask_occluder") == "occluders"
-    assert asked.pop("mask_surround") == "surroundings"
-    assert asked == WRITTEN
-    assert merged({}, "--write", "points", "normals") == DatasetOptions(points=True, normals=True)
-    assert merged({}, "--write", *WRITTEN, "--no-normals") == DatasetOptions(points=True, float_depth=True)
+def test_for_training_gives_way_to_what_is_said_beside_it():
+    assert {truth.option for truth in TRUTHS.values()} <= {"", *OPTIONS}
     training = DatasetOptions(unseen="fill", highlights="drop", surroundings="frame")
     assert merged({"unseen": "neutral"}, "--for-training") == training
     assert merged({}, "--for-training", lit=True) == dataclasses.replace(training, light="lens")

@@ -19,7 +19,7 @@ from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.alignment.refinement.verdict import Refinement
 from oneframe.alignment.reprojection import Correspondences
 from oneframe.blender.bridge.camera import new_camera
-from oneframe.blender.dataset import view_planner
+from oneframe.blender.dataset import view_renderer
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
@@ -345,6 +345,6 @@ def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path, monkeypa
     far = {"scale": 0.25, "distance_max": 3.0, "min_surface": 0.0}
     assert "views reduce the frame up to 12 times" in messages(**far)
     assert "reduce" not in messages(**far, samples=4)
-    monkeypatch.setattr(view_planner, "Constraints", partial(Constraints, max_attempts=50))
+    monkeypatch.setattr(view_renderer, "Constraints", partial(Constraints, max_attempts=50))
     with pytest.raises(InputError, match="of 50 poses tried, 50 came nearer"):
         messages(min_clearance_mm=1e6)

@@ -10,7 +10,7 @@ from oneframe.evaluation.view_scores import SCORES
 OURS, PEER = "ours, projective, cycles", "paper (PyVista)"
 
 
-def summary(ours: float, peer: float) -> Summary:
+def summary(ours: float, peer: float, features: int = 0) -> Summary:
     values = dict.fromkeys(SCORES, 0.5) | {"surface_px": 200.0, "observed_px": 90.0, "psnr_whole": float("inf")}
     rows = [
         Row("case", f"{number}", name, values | {"ssim_surface": score + 0.01 * number, "ssim_observed": np.nan})
@@ -18,13 +18,15 @@ def summary(ours: float, peer: float) -> Summary:
         for name, score in ((OURS, ours), (PEER, peer))
     ]
     rng = np.random.default_rng(0)
-    return summary_of(rows, {"case": "mesh"}, {OURS: False, PEER: True}, current_conditions({}), rng)
+    pairs = {("case", OURS): [(rng.normal(size=8), rng.normal(size=8)) for _ in range(features)]}
+    return summary_of(rows, {"case": "mesh"}, {OURS: False, PEER: True}, current_conditions({}), pairs, rng)
 
 
 def test_the_table_has_every_method_and_no_undefined_number():
-    found = summary(0.6, 0.5)
+    found = summary(0.6, 0.5, features=40)
     text = markdown_table(found, summary_notes(found)).decode()
     assert "nan" not in text
+    assert "FID is biased" in text
     assert "is ahead" not in text
     rows = [line for line in text.splitlines() if line.startswith(f"| {OURS} |")]
     assert len(rows) == 1

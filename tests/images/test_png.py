@@ -1,6 +1,5 @@
-"""Image files: others read what is written; files that are damaged or have an EXIF orientation are refused."""
+"""PNG files: others read what is written; damaged ones are refused."""
 
-import io
 from pathlib import Path
 
 import cv2
@@ -9,59 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from PIL import Image
 
 from oneframe.errors import InputError
-from oneframe.images.image_check import check_image, check_image_file
+from oneframe.images.image_check import check_image_file
 from oneframe.images.png import encode_png
-
-TURNED = {
-    2: "mirrored",
-    3: "180",
-    4: "top to bottom",
-    5: "mirrored",
-    6: "90° cl",
-    7: "90",
-    8: "counter-clockwise",
-}
-FORMATS = ("JPEG", "PNG", "TIFF")
-ORIENTATION, MAKER, COPYRIGHT = 0x0112, 0x010F, 0x8298
-
-
-def encoded(kind: str, orientation: int | None, **tags: str) -> bytes:
-    exif = Image.Exif()
-    exif[MAKER], exif[COPYRIGHT] = "a maker", "nobody"
-    if orientation is not None:
-        exif[ORIENTATION] = orientation
-    buffer = io.BytesIO()
-    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(buffer, kind, exif=exif)
-    return buffer.getvalue()
-
-
-def check(folder: Path, data: bytes) -> None:
-    (folder / "FRAME.JPG").write_bytes(data)
-    check_image_file(folder / "FRAME.JPG", "case.toml: image")
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("orientation", TURNED)
-def test_an_image_with_an_exif_orientation_is_refused(tmp_path, kind, orientation):
-    with pytest.raises(InputError, match=rf"^case.toml: image: .* show it .*{TURNED[orientation]}.*save it as PNG"):
-        check(tmp_path, encoded(kind, orientation))
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("orientation", [None, 0, 1, 9])
-def test_an_upright_image_is_accepted(tmp_path, kind, orientation):
-    check(tmp_path, encoded(kind, orientation))
-
-
-@pytest.mark.parametrize(("suffix", "bits"), [(".png", 16), (".jpg", 8), (".tif", 16), (".bmp", 8)])
-@given(shape=st.tuples(st.integers(1, 200), st.integers(1, 200)), channels=st.sampled_from([1, 3]), deep=st.booleans())
-def test_the_size_is_the_decoders(suffix, bits, shape, channels, deep):
-    image = np.zeros((*shape, channels), np.uint16 if deep and bits == 16 else np.uint8)
-    assert check_image(cv2.imencode(suffix, image)[1].tobytes(), "frame") == shape[::-1]
-
 
 sides = st.integers(1, 40)
 

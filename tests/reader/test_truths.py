@@ -7,7 +7,7 @@ import pytest
 from oneframe.dataset.truths import TRUTHS, Shot
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.reader import Dataset, open_dataset
-from oneframe.transforms import camera_centre, rotation_angle_deg, transform_points
+from oneframe.transforms import rotation_angle_deg, transform_points
 from tests.dataset.synthetic_dataset import CAMERA, MESH
 
 GRID = CAMERA.pixel_grid()
@@ -31,23 +31,13 @@ def test_the_pose_is_found_from_object_coordinates(opened):
         rotation, _ = cv2.Rodrigues(turn)
         assert rotation_angle_deg(rotation @ view.cam_from_model[:3, :3].T) < 1e-3
         assert np.abs(shift[:, 0] - view.cam_from_model[:3, 3]).max() < 1e-2
-        box = view.nocs[view.mask]
-        assert (box.min() >= 0, box.max() <= 1) == (True, True)
-        low, high = MESH.bounds
-        assert np.abs(low + box * (high - low) - points).max() < 0.01
-
-
-def test_the_distance_is_that_of_the_point_from_the_centre(opened):
-    for view in opened:
-        away = np.linalg.norm(view.points_model - camera_centre(view.cam_from_model), axis=2)
-        np.testing.assert_allclose(view.distance_mm, np.nan_to_num(away), rtol=1e-6)
 
 
 def test_normals_face_the_camera_and_are_those_that_would_be_stored(opened):
     for view in opened:
         seen, pose = view.mask, view.cam_from_model
-        assert not view.normals_cam[~seen].any()
-        normals = view.normals_cam.astype(float)
+        assert not view.normals[~seen].any()
+        normals = view.normals.astype(float)
         np.testing.assert_allclose(np.linalg.norm(normals[seen], axis=1), 1, atol=1e-4)
         points_cam = transform_points(pose, view.points_model.reshape(-1, 3).astype(float)).reshape(normals.shape)
         assert ((normals * points_cam).sum(axis=2)[seen] < 0).all()

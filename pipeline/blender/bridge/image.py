@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import bpy
 import numpy as np
@@ -25,11 +26,11 @@ def decode(data: bytes, where: str) -> np.ndarray:
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
         # an interruption between the two would lose the standard error
-        with delayed_interrupts(), _quiet_decoders():
+        with delayed_interrupts(), _decoder_messages() as messages:
             width, height = image.size
         channels = image.channels
-        if width == 0 or height == 0 or channels == 0:
-            raise InputError(f"{where}: expected an image, Blender cannot decode it; open and save it again as PNG")
+        if width == 0 or height == 0 or channels == 0 or messages:
+            raise InputError(f"{where}: expected a whole image, its decoder says that it is damaged; copy it again")
         # lets the file's bytes go, not the pixels: those and their copy take enough memory. unpack() would print
         image.pack(data=b" ", data_len=1)
         values = np.empty(width * height * channels, np.float32)
@@ -51,17 +52,20 @@ def _check_own_colours(where: str) -> None:
 
 
 @contextmanager
-def _quiet_decoders() -> Iterator[None]:
-    """Discard what libraries print about damaged images: the caller reports it in one sentence."""
+def _decoder_messages() -> Iterator[bytearray]:
+    """Filled in the end with what libraries print about an image: of a damaged one they fill in what they lack."""
+    messages = bytearray()
     sys.stderr.flush()
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
+    with TemporaryFile() as said:
+        kept = os.dup(2)
+        try:
+            os.dup2(said.fileno(), 2)
+            yield messages
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            said.seek(0)
+            messages += said.read()
 
 
 def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:

@@ -251,7 +251,7 @@ def check_model(root: Path, description: Description, findings: Findings) -> Tri
     """Check the models and what is said of them; the mesh, or ``None`` if it cannot be read."""
     mesh = None
     with findings.collecting("damaged files"):
-        mesh, _ = read_model(root, MODEL)
+        mesh = read_model(root, MODEL)
         # a surface whose back the frame sees is written with its faces turned
         hashes = {geometry_hash(side) for side in (mesh, mesh.flipped())}
         if description.content.get("geometry_sha256") not in hashes:

@@ -80,7 +80,7 @@ def write_dataset_info(
     depth_scale
         Millimetres per unit of the depth images.
     occluded
-        Whether instruments stand in front of the surface.
+        Whether something stands in front of the surface.
     """
     split, split_type = SPLIT.split("_")
     scenes = scene_count(count)

@@ -1,7 +1,6 @@
-"""Frames of every format are read as their code values, whatever the file's name; a PNG by OpenCV as by Blender."""
+"""Frames are read as their code values, whatever the file's name; a PNG by OpenCV as by Blender."""
 
 import os
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +17,6 @@ from oneframe.errors import InputError
 from oneframe.images.image_reader import read_image
 
 WIDTH, HEIGHT = 40, 30
-SUFFIXES = {"PNG": ".PNG", "TIFF": ".TIF", "BMP": ".BMP"}
 
 
 def codes(channels: int, bits: int) -> np.ndarray:
@@ -50,12 +48,18 @@ def assert_read(path: Path, image: np.ndarray, bits: int) -> None:
 
 @pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize("bits", [8, 16])
-@pytest.mark.parametrize("kind", ["PNG", "TIFF"])
-def test_grey_colour_and_alpha_of_8_and_16_bit(tmp_path, channels, bits, kind):
+@pytest.mark.parametrize("suffix", [".PNG", ".TIF"])
+def test_grey_colour_and_alpha_of_8_and_16_bit(tmp_path, channels, bits, suffix):
     image = codes(channels, bits)
-    path = tmp_path / f"FRAME{SUFFIXES[kind]}"
-    bgr = image if channels == 1 else image[..., [2, 1, 0, 3][:channels]]
-    path.write_bytes(cv2.imencode(path.suffix.lower(), np.ascontiguousarray(bgr))[1].tobytes())
+    path = tmp_path / f"FRAME{suffix}"
+    if suffix == ".TIF":
+        how = {"extrasamples": ["unassalpha"]} if channels == 4 else {}
+        grey = image[..., 0] if channels == 1 else image
+        kind = "rgb" if channels > 1 else "minisblack"
+        tifffile.imwrite(path, grey, photometric=kind, compression="zlib", rowsperstrip=7, **how)
+    else:
+        bgr = image if channels == 1 else image[..., [2, 1, 0, 3][:channels]]
+        path.write_bytes(cv2.imencode(".png", np.ascontiguousarray(bgr))[1].tobytes())
     assert_read(path, image, bits)
 
 
@@ -65,13 +69,9 @@ def test_grey_with_alpha(tmp_path):
     assert_read(tmp_path / "frame.png", image, 8)
 
 
-@pytest.mark.parametrize("transparent", [None, 3])
-def test_a_palette(tmp_path, transparent):
+def test_a_palette(tmp_path):
     image = codes(3, 8) // 128 * 255
-    palette = Image.fromarray(image).convert("P", palette=Image.Palette.ADAPTIVE, colors=8)
-    palette.save(tmp_path / "frame.png", **({} if transparent is None else {"transparency": transparent}))
-    if transparent is not None:
-        image = np.dstack([image, np.where(np.asarray(palette) == transparent, 0, 255).astype(np.uint8)])
+    Image.fromarray(image).convert("P", palette=Image.Palette.ADAPTIVE, colors=8).save(tmp_path / "frame.png")
     assert_read(tmp_path / "frame.png", image, 8)
 
 
@@ -81,51 +81,32 @@ def test_the_content_decides_not_the_name(tmp_path):
     assert_read(tmp_path / "frame.jpg", image, 8)
 
 
-@pytest.mark.parametrize("mode", ["L", "RGB", "CMYK"])
+@pytest.mark.parametrize("mode", ["L", "RGB"])
 def test_jpeg_as_any_other_reader(tmp_path, mode):
     smooth = cv2.GaussianBlur(codes(3, 8), (0, 0), 4)
     path = tmp_path / "FRAME.JPEG"
     Image.fromarray(smooth).convert(mode).save(path, quality=98)
     wanted = np.asarray(Image.open(path).convert("RGB"))
     colours, _ = read_image(path)
-    assert np.abs(colours * 255 - wanted).max() < (3 if mode != "CMYK" else 6)
+    assert np.abs(colours * 255 - wanted).max() < 3
 
 
-@pytest.mark.parametrize("alpha", [0, 255])
-def test_the_fourth_byte_of_a_bmp_without_a_mask_is_no_alpha(tmp_path, alpha):
-    image = np.dstack([codes(3, 8), np.full((HEIGHT, WIDTH), alpha, np.uint8)])
-    size = image.nbytes
-    header = b"BM" + struct.pack("<IHHIIiiHHIIiiII", 54 + size, 0, 0, 54, 40, WIDTH, HEIGHT, 1, 32, 0, size, 0, 0, 0, 0)
-    (tmp_path / "frame.bmp").write_bytes(header + image[::-1, :, [2, 1, 0, 3]].tobytes())
-    assert_read(tmp_path / "frame.bmp", image[..., :3], 8)
+@pytest.mark.parametrize("kind", ["a hole", "the end lost"])
+def test_what_the_decoder_could_not_read_is_no_picture(tmp_path, kind):
+    """Decoders fill it, and say so on the standard error alone."""
+    whole = cv2.imencode(".jpg", cv2.GaussianBlur(codes(3, 8), (0, 0), 4), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+    begin = len(whole) - 200
+    damaged = whole[:begin] + (bytes(60) + whole[begin + 60 :] if kind == "a hole" else b"\xff\xd9")
+    (tmp_path / "frame.jpg").write_bytes(damaged)
+    with pytest.raises(InputError, match=r"frame.jpg: expected a whole image.*damaged; copy it again"):
+        read_image(tmp_path / "frame.jpg")
 
 
-@pytest.mark.parametrize("how", [{}, {"rowsperstrip": 4}, {"tile": (16, 16)}, {"byteorder": ">"}])
-def test_a_tiff_that_is_cut_off_is_refused(tmp_path, how):
-    """Decoders fill what is missing with black."""
-    path = tmp_path / "frame.tif"
-    tifffile.imwrite(path, codes(3, 8), photometric="rgb", **how)
-    assert_read(path, codes(3, 8), 8)
-    path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(InputError, match="the file is cut off"):
-        read_image(path)
-
-
-@pytest.mark.parametrize("value", [-0.5, 1.5, 255.0, np.nan, np.inf])
-def test_floats_beyond_the_codes_are_refused(tmp_path, value):
-    image = np.full((HEIGHT, WIDTH, 3), 0.25, np.float32)
-    tifffile.imwrite(tmp_path / "frame.tif", image, photometric="rgb")
-    assert (read_image(tmp_path / "frame.tif")[0] == 0.25).all()
-    image[3, 4] = value
-    tifffile.imwrite(tmp_path / "frame.tif", image, photometric="rgb")
-    with pytest.raises(InputError, match="expected an image of values from 0 to 1, found"):
-        read_image(tmp_path / "frame.tif")
-
-
-def test_a_tiff_in_lab_is_refused(tmp_path):
-    Image.fromarray(codes(3, 8)).convert("LAB").save(tmp_path / "frame.tif")
-    with pytest.raises(InputError, match=r"its colours are L\*a\*b\*"):
-        read_image(tmp_path / "frame.tif")
+@pytest.mark.parametrize("bits", [10, 12, 14])
+def test_codes_of_a_sensor_stored_in_16_bits_are_refused(tmp_path, bits):
+    cv2.imwrite(str(tmp_path / "frame.png"), codes(3, 16) >> (16 - bits))
+    with pytest.raises(InputError, match=f"the brightest is {2**bits - 1} of 65535.*stretch them"):
+        read_image(tmp_path / "frame.png")
 
 
 def test_what_follows_the_end_of_a_jpeg_does_not_count(tmp_path, rng):
@@ -145,16 +126,16 @@ def test_colours_do_not_depend_on_the_environment(tmp_path):
         "import sys, pathlib; {}import oneframe.blender; from oneframe.images.image_reader import read_image; "
         "read_image(pathlib.Path('{}'))"
     )
-    cv2.imwrite(str(tmp_path / "frame.bmp"), codes(3, 8))
+    cv2.imwrite(str(tmp_path / "frame.jpg"), codes(3, 8))
 
     def run(before: str, configuration: str = "ocio://cg-config-latest") -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", code.format(before, tmp_path / "frame.bmp")]
+        command = [sys.executable, "-c", code.format(before, tmp_path / "frame.jpg")]
         environment = os.environ | {"OCIO": configuration}
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
     assert run("").returncode == 0
     # as in the program, Blender has its colours already
-    assert "frame.bmp: expected Blender with its own colours, found OCIO = " in run("import bpy; ").stderr
+    assert "frame.jpg: expected Blender with its own colours, found OCIO = " in run("import bpy; ").stderr
     own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement"), "config.ocio")
     assert own.is_file()
     assert run("import bpy; ", str(own)).returncode == 0

@@ -34,7 +34,6 @@ from .case_folder import (
     kept_case,
     kept_mesh,
     remove_unnamed,
-    rounding_message,
     without_kept,
 )
 from .case_queue import NewFrame, cases_of_frames
@@ -204,8 +203,6 @@ def _camera(
 
 
 def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: float) -> Iterator[str]:
-    if message := rounding_message(mesh, surface.mesh.name):
-        yield f"note: {message}"
     for structure in surface.structures:
         found, messages = read_mesh(structure.mesh, like=surface.mesh)
         yield from (f"note: {message}" for message in messages)

@@ -40,8 +40,6 @@ refined and judged like any other; where that is not sure, the network sees it i
 frame, then features are tried, and the most probable pose counts. No PyTorch is needed.
 """
 
-MOST_REASONS = 10
-
 
 @dataclass(frozen=True)
 class Arguments:
@@ -115,11 +113,11 @@ def run(arguments: Arguments) -> None:
 def _corrected(frames: Path, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
     """The case with a pose corrected by the frames, and a comment for its file."""
     from ..progress import ShareProgress
-    from ..registration.correct_source import correct_source
+    from ..registration.correct_pose import correct_pose
 
     case, today = loaded.case, datetime.date.today().isoformat()
     with ShareProgress("of the case's pose", stream=output) as shown:
-        corrected, text = correct_source(
+        corrected, text = correct_pose(
             loaded, frames, tool=f"OneFrame {__version__}, register", date=today, progress=shown.reach
         )
     output.write(f"{text}\n")
@@ -155,17 +153,13 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     yield from evidence.colouring_lines
     if evidence.cut_off:
         yield f"note: {evidence.cut_off}"
-    lost, counts = evidence.lost, evidence.counts
-    if not counts[ACCEPTED]:
+    if not evidence.counts[ACCEPTED]:
         yield "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?"
     if evidence.change is not None:
         yield f"note: {evidence.change.words()}"
     if evidence.surface is not None and evidence.surface.words:
         yield f"note: {evidence.surface.words}: see {out / PAGE}"
-    yield from (first.words(last) for first, last in lost[:MOST_REASONS])
-    if len(lost) > MOST_REASONS:
-        yield f"and {len(lost) - MOST_REASONS} more, see {out / POSES}"
-    yield ", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}"
+    yield ", ".join(f"{count} {state}" for state, count in evidence.counts.items()) + f": {out / POSES}"
     if evidence.is_film:
         yield f"the film with the overlay: {out / FILM}"
     yield f"all frames on one page, to look at in a browser: {out / PAGE}"

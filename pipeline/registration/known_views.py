@@ -123,10 +123,10 @@ class KnownView:
 class KnownViews:
     """Renders known views of one surface with one camera."""
 
-    def __init__(self, mesh: TriangleMesh, source: SourceView) -> None:
+    def __init__(self, mesh: TriangleMesh, case_view: SourceView) -> None:
         """Prepare a surface (model frame) that is coloured by its aligned frame."""
-        self.source = source
-        self._tracer = RayTracer(ColouredSurface(mesh, (source,)), source.camera)
+        self.case_view = case_view
+        self._tracer = RayTracer(ColouredSurface(mesh, (case_view,)), case_view.camera)
         self._latest: KnownView | None = None
 
     def near(self, cam_from_model: np.ndarray) -> KnownView:
@@ -143,7 +143,7 @@ class KnownViews:
             grey=grey_codes(seen.rgb),
             depth_mm=seen.depth_mm,
             shown=seen.observed,
-            camera=self.source.camera,
+            camera=self.case_view.camera,
             cam_from_model=cam_from_model,
         )
 
@@ -214,7 +214,7 @@ class ViewBank:
 
 def bank_of(views: KnownViews, pivot_model: np.ndarray) -> ViewBank:
     """The bank of the views around an aligned frame; ``pivot_model`` ``(3,)`` mm is the middle of what it shows."""
-    reference = ReferencePose(views.source.cam_from_model, pivot_model)
+    reference = ReferencePose(views.case_view.cam_from_model, pivot_model)
     poses = []
     for tilt_deg, count in TILTS_DEG:
         tilt = np.radians(tilt_deg)

@@ -77,11 +77,10 @@ class FrameEvidence:
         sure = self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX) if posed else 0.0
         return float(np.clip(sure, *OPACITY[self.verdict.state]))
 
-    def words(self, until: "FrameEvidence") -> str:
-        """State and reason, of the frames from this one until another one."""
-        one = self.name or f"frame {self.number}"
-        frames = one if until is self else f"frames {self.number} to {until.number}"
-        return f"{frames}, {self.verdict.state}: {self.verdict.reason}"
+    @property
+    def words(self) -> str:
+        """State and reason."""
+        return f"{self.name or f'frame {self.number}'}, {self.verdict.state}: {self.verdict.reason}"
 
 
 @dataclass(frozen=True)
@@ -123,19 +122,6 @@ class RegistrationEvidence:
         """State -> number of frames."""
         states = [frame.verdict.state for frame in self.frames]
         return {state: states.count(state) for state in COLOURS}
-
-    @property
-    def lost(self) -> list[tuple[FrameEvidence, FrameEvidence]]:
-        """The first and the last frame of each stretch that is not accepted; images stand alone."""
-        stretches = list[tuple[FrameEvidence, FrameEvidence]]()
-        before = ACCEPTED
-        for frame in self.frames:
-            state = frame.verdict.state
-            if state != ACCEPTED:
-                goes_on = self.is_film and state == before
-                stretches.append((stretches.pop()[0] if goes_on else frame, frame))
-            before = state
-        return stretches
 
 
 def register_case(
@@ -193,10 +179,10 @@ def register_case(
     poses, chosen, lines = accepted_poses(judged), list[int](), list[str]()
     if colour_frames:
         candidates = [(each, poses[each.number]) for each in run.accepted(judged)]
-        chosen, lines = colouring_frames(registrar.mesh, registrar.source, candidates, colour_frames)
+        chosen, lines = colouring_frames(registrar.mesh, registrar.case_view, candidates, colour_frames)
     colouring = _unread_frames(loaded, frames, out, {number: poses[number] for number in chosen})
     return RegistrationEvidence(
-        evidence, registrar.source.image, loaded.case.alignment, is_film, change, run.check_surface(judged),
+        evidence, registrar.case_view.image, loaded.case.alignment, is_film, change, run.check_surface(judged),
         opened.cut_off, colouring, tuple(lines),
     )  # fmt: skip
 
@@ -208,7 +194,7 @@ def marked_film(loaded: LoadedCase, film: Film, evidence: Sequence[FrameEvidence
     for each in evidence:
         poses[each.number] = each.registered.cam_from_model
         sure = each.verdict.state == ACCEPTED
-        codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words(each))
+        codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words)
         marks[each.number] = FrameMark(each.opacity, codes, words)
     return OverlayFilm(loaded, film, poses, write, marks=marks)
 

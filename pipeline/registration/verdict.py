@@ -213,14 +213,12 @@ class FilmChange:
     ----------
     since
         Number of the first frame in which some of it has changed.
-    places
-        ``(h, w)`` bool: blocks of the aligned frame's image that have changed at the end.
     share
-        Their share of the blocks that the film shows, 0..1.
+        Share of the blocks of the aligned frame's image that have changed at the end, of those that the film shows,
+        0..1.
     """
 
     since: int
-    places: np.ndarray
     share: float
 
     def words(self) -> str:
@@ -271,4 +269,4 @@ class FilmAgreement:
         if not changed.any():
             return None
         first = np.where(changed.ravel(), np.argmax(differs, axis=0), len(maps)).min()
-        return FilmChange(numbers[first], changed, float(changed.sum() / (maps > UNKNOWN).any(axis=0).sum()))
+        return FilmChange(numbers[first], float(changed.sum() / (maps > UNKNOWN).any(axis=0).sum()))

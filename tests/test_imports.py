@@ -50,7 +50,7 @@ def imports_of(path: Path) -> set[str]:
 
 @pytest.mark.render
 def test_rendering_needs_nothing_that_a_stock_blender_lacks(write_tiny_case, tmp_path):
-    missing = ("av", "cv2", "skimage", "scipy", "yaml", "PIL", "trimesh", "OpenImageIO")
+    missing = ("av", "cv2", "isal", "skimage", "scipy", "yaml", "PIL", "trimesh", "OpenImageIO")
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = run(
         f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"

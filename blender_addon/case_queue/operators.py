@@ -16,7 +16,7 @@ from ..pipeline.case.case_queue import CHECKED, REFUSED, NewFrame, add_frames, c
 from ..pipeline.case.pose_record import OTHER_FRAME, PoseRecord
 from ..pipeline.errors import InputError, naming
 from ..pipeline.files.outputs import made_folder
-from ..setup import history
+from ..setup import history, queued
 from ..setup.alignment_record import is_start
 from ..setup.case_in_scene import unsaved_parts
 from ..setup.operators import IMAGES
@@ -26,7 +26,6 @@ from ..state.scene_files import forget_stamps
 from ..ui.keymap import Key, keys
 from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OperatorResult, Reporting, call, open_beside
 from ..ui.question import ask_first
-from . import queued
 
 SETTLED = CHECKED, REFUSED
 """States of frames of which nothing is left to do."""
@@ -128,8 +127,7 @@ class ONEFRAME_OT_queue_refuse(_InQueue):
 
 def save_present(scene: bpy.types.Scene) -> None:
     """Save the scene's case to its file, unless only a start of its pose is new."""
-    parts = unsaved_parts(scene)
-    if parts and not (parts == ("pose",) and is_start(scene)):
+    if unsaved_parts(scene):
         call("save_case", filepath=scene.oneframe.case_path)
 
 

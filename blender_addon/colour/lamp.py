@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import bpy
 
-from ..frames import found as found_frames
+from ..frames import film_poses
 from ..pipeline.errors import InputError
 from ..pipeline.light.find_lamp import FoundLamp, find_lamp
 from ..pipeline.light.lens_light import LensLight
@@ -13,7 +13,7 @@ from ..pipeline.registration.pose_list import AcceptedFrames, small_frames
 from ..pipeline.registration.register import accepted_poses
 from ..setup.alignment_record import tool_and_date
 from ..state import from_scene
-from ..state.known_case import UNNAMED, keep_known, known_case, lamp_of
+from ..state.case_of_file import UNNAMED, case_of_file, keep_case_of_file, lamp_of
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, NeedsAlignment
 from ..video import session
@@ -50,11 +50,11 @@ class ONEFRAME_OT_find_lamp(NeedsAlignment, InBackground):
 
 def _accepted(scene: bpy.types.Scene) -> AcceptedFrames | None:
     """The frames of the scene's film that are found."""
-    film, registered = session.of(scene), found_frames.of(scene)
+    film, registered = session.of(scene), film_poses.of(scene)
     poses = {} if registered is None else accepted_poses(registered.frames)
     return AcceptedFrames(poses, film.path) if film is not None and poses else None
 
 
 def keep_lamp(scene: bpy.types.Scene, light: LensLight | None) -> None:
     """Let the scene's case have a lamp at the lens, or none."""
-    keep_known(scene, replace(known_case(scene) or from_scene.case(scene, UNNAMED), light=light))
+    keep_case_of_file(scene, replace(case_of_file(scene) or from_scene.case(scene, UNNAMED), light=light))

@@ -20,7 +20,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.transforms import is_same_pose
 from ..state import from_scene
 from ..state.camera_view import light_shape, spaces_of
-from ..state.known_case import further_frames
+from ..state.case_of_file import further_frames
 from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Available, Messages, NeedsAlignment, Reporting
 

@@ -1,9 +1,11 @@
 """Runs one script of the project at a time in a separate background Blender, follows its progress and stops it.
 
 The job belongs to this Blender process: its input ends with the process, however that ends, and the script then stops.
+What the script and the rest of the pipeline say is put in the words of the window.
 """
 
 import os
+import re
 import subprocess
 import sys
 import textwrap
@@ -17,11 +19,11 @@ from typing import Any
 import bpy
 
 from ..class_registration import at_end, timers
+from ..pipeline.dataset.options import OPTIONS
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.process.command_line import EXIT_STOPPED, script_command
 from ..pipeline.progress import ProgressLine, read_progress
 from ..state.events import areas
-from .wording import in_window_words
 
 POLL_SECONDS = 0.25
 STOP_SECONDS = 8.0
@@ -223,6 +225,35 @@ def _end() -> None:
         sys.stderr.write("OneFrame: stopping the running job; finished views stay\n")
         _jobs[0].stop()
     _jobs.clear()
+
+
+_SENTENCES = (
+    (" (--out)", ""),
+    ("run the same command again", "press Render Dataset again"),
+    ("start the run again", "press Render Dataset again"),
+)
+
+
+def in_window_words(message: str) -> str:
+    """A message of the pipeline for the window: ``--engine cycles`` becomes ``Engine Cycles``."""
+    for words, own in _SENTENCES:
+        message = message.replace(words, own)
+    message = re.sub(r"\boptions\.(\w+)", lambda found: _label(found[1]), message)
+    # other names, such as "distance", are words as well
+    message = re.sub(
+        r"\b[a-z]+(?:_[a-z]+)+\b", lambda found: _label(found[0]) if found[0] in OPTIONS else found[0], message
+    )
+    return re.sub(r"--([a-z][a-z-]*)(?: ([a-z]+)\b)?", _named, message)
+
+
+def _label(name: str) -> str:
+    return OPTIONS[name].label if name in OPTIONS else name.replace("_", " ").title()
+
+
+def _named(found: re.Match[str]) -> str:
+    option, value = found[1].replace("-", "_"), found[2]
+    known = option in OPTIONS and value in OPTIONS[option].choices
+    return _label(option) + ("" if value is None else f" {value.title() if known else value}")
 
 
 PARTS = (at_end(_end), timers(_follow))

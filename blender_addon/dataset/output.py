@@ -24,7 +24,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_TEXT, read_file
 from ..pipeline.files.outputs import check_outputs, write_output
 from ..state import from_scene
-from ..state.known_case import keep_known, known_case
+from ..state.case_of_file import case_of_file, keep_case_of_file
 from ..state.scene_files import check_lasting, forget_stamps, input_files
 
 SUFFIX = ".case.toml"
@@ -91,8 +91,8 @@ def save_settings(scene: bpy.types.Scene) -> None:
         return
     path, table = from_scene.absolute_path(scene.oneframe.case_path), from_scene.dataset_table(scene)
     write_case(path, replace(read_case(path, posed=False), dataset=table))
-    if (known := known_case(scene)) is not None:
-        keep_known(scene, replace(known, dataset=table))
+    if (known := case_of_file(scene)) is not None:
+        keep_case_of_file(scene, replace(known, dataset=table))
     forget_stamps()
 
 

@@ -6,10 +6,10 @@ from ..pipeline.dataset.layout import CONTACT_SHEET
 from ..pipeline.dataset.options import LENS, NONE, PATHS, SHADOWS, option_groups
 from ..pipeline.errors import InputError
 from ..state import from_scene
-from ..state.known_case import lamp_of
+from ..state.case_of_file import lamp_of
 from ..ui.panel import AdvancedPanel, SidebarPanel, draw_text
 from . import background_job, operators, view_preview
-from .wording import in_window_words
+from .background_job import in_window_words
 
 
 class ONEFRAME_PT_dataset(AdvancedPanel):

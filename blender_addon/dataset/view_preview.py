@@ -1,4 +1,4 @@
-"""The preview of one view of the dataset, rendered exactly as the run will, in the panel and in Image Editors."""
+"""The preview of one view of the dataset, rendered exactly as the run will, in the panel and as an image."""
 
 import hashlib
 from collections.abc import Callable
@@ -17,11 +17,10 @@ from ..pipeline.dataset.options import LIGHTS, NONE, DatasetOptions
 from ..pipeline.errors import InputError
 from ..pipeline.poses.pose_file import read_poses
 from ..state import from_scene
-from ..state.events import areas
-from ..state.known_case import further_frames, lamp_of
+from ..state.case_of_file import further_frames, lamp_of
 from ..state.scene_files import Stamp, known_stamp
 from ..ui.operator import Messages, NeedsAlignment, Reporting
-from .wording import in_window_words
+from .background_job import in_window_words
 
 PREVIEW_IMAGES = {light: f"OneFrame preview, light {light}" for light in LIGHTS}
 """Of a view in each light: the panel switches between before and after."""
@@ -54,7 +53,7 @@ class AboutOptions(NeedsAlignment, Reporting):
 
 
 class ONEFRAME_OT_preview_view(AboutOptions):
-    """Render one view of the dataset exactly as the run will, and show it in the panel and in an Image Editor"""
+    """Render one view of the dataset exactly as the run will, and show it in the panel"""
 
     bl_label = "Preview View"
     bl_options = {"REGISTER"}
@@ -80,8 +79,7 @@ class ONEFRAME_OT_preview_view(AboutOptions):
             f"view {index}: surface covers {statistics.surface_fraction:.0%} of the image, the frame observed "
             f"{view.rendered.observed.sum() / max(int(view.rendered.mask.sum()), 1):.0%} of it"
         )
-        image = _put_preview(PREVIEW_IMAGES[options.light], view.rendered.rgb, key, summary)
-        _show_in_image_editors(image)
+        _put_preview(PREVIEW_IMAGES[options.light], view.rendered.rgb, key, summary)
         return *messages, summary
 
 
@@ -116,7 +114,7 @@ def _view_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_s
     return hashlib.sha256(repr((content, settings.preview_view)).encode()).hexdigest()
 
 
-def _put_preview(name: str, rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
+def _put_preview(name: str, rgb: np.ndarray, key: str, summary: str) -> None:
     """Put a view ``(H, W, 3)``, code values 0..1, into an image and its thumbnail."""
     height, width = rgb.shape[:2]
     image = bpy.data.images.get(name)
@@ -135,16 +133,6 @@ def _put_preview(name: str, rgb: np.ndarray, key: str, summary: str) -> bpy.type
     thumbnail.image_size = small.shape[1::-1]
     thumbnail.image_pixels_float.foreach_set(small.ravel())
     image[PREVIEW_KEY], image[PREVIEW_SUMMARY] = key, summary
-    return image
-
-
-def _show_in_image_editors(image: bpy.types.Image) -> None:
-    """Show a preview in the Image Editors that show no other image than one."""
-    for _window, area in areas("IMAGE_EDITOR"):
-        space = area.spaces.active
-        if area.ui_type == "IMAGE_EDITOR" and (space.image is None or space.image.name in PREVIEW_IMAGES.values()):
-            space.image = image
-            area.tag_redraw()
 
 
 def _remove_previews(*names: str) -> None:

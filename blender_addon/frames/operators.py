@@ -17,7 +17,7 @@ from ..ui.keymap import TOOLS, Key, keys
 from ..ui.operator import Available, Messages, Needs, OperatorResult
 from ..video import session, shown_frame
 from ..video.operators import NeedsFilm
-from . import found
+from . import film_poses
 
 
 def is_aligned(scene: bpy.types.Scene) -> bool:
@@ -43,7 +43,7 @@ class NeedsFrames(NeedsFilm):
 class NeedsFound(NeedsFilm):
     """Mixin: available once frames of the film are registered."""
 
-    needs: Needs = (lambda context: found.of(context.scene) is not None, "Press Register Frames first")
+    needs: Needs = (lambda context: film_poses.of(context.scene) is not None, "Press Register Frames first")
 
 
 class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
@@ -58,7 +58,7 @@ class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
         scene, self._film = context.scene, session.scored(context.scene)
         # may render: in the main thread
         registrar = Registrar(recorded_case(scene))
-        self._found = found.begun(scene, self._film)
+        self._found = film_poses.begun(scene, self._film)
         scene.oneframe_video.visible = True
         shown_frame.restore(scene)
         return partial(self._found.register, registrar, self._film)

@@ -11,18 +11,18 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..case_queue import queued
 from ..class_registration import at_end
 from ..pipeline.case.case_queue import ALIGNED, CHECKED, DOUBTFUL, NEW, REFUSED, ROUGH
 from ..pipeline.registration.verdict import COLOURS
-from ..state import another_frame
+from ..setup import queued
+from ..state import frame_in_view
 from ..ui.keymap import draw_key
 from ..ui.pane import Pane
 from ..ui.panel import AdvancedPanel, AlignmentPanel, draw_text
 from ..ui.strokes import Strokes
 from ..video import session
 from ..video.session import FilmSession
-from . import found
+from . import film_poses
 from .operators import is_aligned
 
 ICONS = {
@@ -101,7 +101,7 @@ def _draw_queue(layout: bpy.types.UILayout, scene: bpy.types.Scene, entries: tup
 
 
 def _draw_closed_film(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    if path := found.film_of_case(scene):
+    if path := film_poses.film_of_case(scene):
         layout.operator("oneframe.open_video", text=f"Open {path.name}", icon="FILE_MOVIE").filepath = str(path)
         return
     draw_text(layout, "Open the film of the frame, or another of the same surface and zoom.", icon="INFO")
@@ -109,13 +109,13 @@ def _draw_closed_film(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> Non
 
 
 def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
-    registered, frame = found.of(scene), found.frame_at(scene, film.shown)
+    registered, frame = film_poses.of(scene), film_poses.frame_at(scene, film.shown)
     layout.operator("oneframe.register_frames", icon="CON_CAMERASOLVER")
     if registered is not None:
         numbers = [score.index for score in film.scores.frames]
         count = sum(number in registered.frames for number in numbers)
         part = "" if count == len(numbers) else f"{count} of {len(numbers)}: "
-        by = registered.source.name
+        by = registered.reference.name
         origin = "" if by == bpy.path.basename(scene.oneframe.frame_path) else f" By {by}."
         draw_text(layout, f"{part}{registered.summary()}.{origin}", lines=2)
         if registered.check is not None and registered.check.words:
@@ -123,7 +123,7 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         row = layout.row(align=True)
         row.operator("screen.animation_play", text="Play", icon="PLAY")
         row.operator("oneframe.queue_found", text="To Queue", icon="ADD")
-    if another_frame.seen(scene) is None:
+    if frame_in_view.other(scene) is None:
         text = "Go along the Timeline below the view to see a frame with the surface at its pose."
         if registered is None:
             text = "No frame is registered from the present pose."
@@ -131,7 +131,7 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         text = f"Frame {film.score.index}: not registered, so it is shown without the surface."
     else:
         reason = frame.verdict.reason
-        text = f"Frame {film.score.index}: {found.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."
+        text = f"Frame {film.score.index}: {film_poses.text_of(frame.verdict)}. {reason[:1].upper()}{reason[1:]}."
     draw_text(layout, text, lines=TEXT_LINES)
     row = layout.split(factor=0.85, align=True)
     row.operator("oneframe.case_frame", icon="LOOP_BACK")
@@ -162,15 +162,15 @@ class FoundBand(Pane):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return found.of(context.scene) is not None
+        return film_poses.of(context.scene) is not None
 
     @classmethod
     def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
-        registered, view = found.of(context.scene), context.region.view2d
+        registered, view = film_poses.of(context.scene), context.region.view2d
         first, last = (np.array(view.view_to_region(x, 0.0, clip=False), float)[0] for x in (0.0, 1000.0))
         per_frame = (last - first) / 1000
         shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-        for state in found.WORDS:
+        for state in film_poses.WORDS:
             frames = () if registered is None else registered.frames.items()
             numbers = np.array([number for number, frame in frames if frame.verdict.state == state], float)
             left = first + per_frame * (numbers - 0.5)

@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, IntProperty
 
-from ..case_queue import queued
 from ..case_queue.operators import add_to_queue, added_text, first_case
 from ..class_registration import prop
 from ..pipeline.case.case_queue import NewFrame
@@ -22,6 +21,7 @@ from ..pipeline.poses.view_spread import spread_views
 from ..pipeline.registration.verdict import ACCEPTED
 from ..pipeline.transforms import inverse_rigid
 from ..pipeline.video.frame_folder import write_frame, write_frames_only
+from ..setup import queued
 from ..state import from_scene, pose_evidence, to_scene
 from ..state.pose import set_cam_from_model
 from ..state.scene_files import session_folder
@@ -29,7 +29,7 @@ from ..ui.background_operator import AsksInBackground, InBackground, Work
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult
 from ..video import session
 from ..video.operators import NeedsFilm
-from . import found
+from . import film_poses
 from .operators import NeedsFound
 
 
@@ -110,7 +110,7 @@ def numbers_in_queue(scene: bpy.types.Scene) -> set[int]:
 
 def _found_poses(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
     """Number -> pose of the accepted frames, in the order of the film."""
-    registered = found.of(scene)
+    registered = film_poses.of(scene)
     frames = {} if registered is None else registered.frames
     accepted = {score.index: frames.get(score.index) for score in session.scored(scene).scores.frames}
     return {
@@ -122,11 +122,13 @@ def _found_poses(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
 
 def _pose_of(scene: bpy.types.Scene, number: int) -> tuple[np.ndarray | None, PoseRecord]:
     """``cam_from_mesh`` and the record of the pose that is found for a frame; ``None`` and an empty one without."""
-    registered = found.of(scene)
+    registered = film_poses.of(scene)
     frame = None if registered is None else registered.frames.get(number)
     if registered is None or frame is None or frame.cam_from_model is None:
         return None, UNKNOWN
-    return frame.cam_from_model @ inverse_rigid(registered.source.mesh_from_model), found.record_of(scene, number)
+    return frame.cam_from_model @ inverse_rigid(registered.reference.mesh_from_model), film_poses.record_of(
+        scene, number
+    )
 
 
 @contextmanager
@@ -166,7 +168,10 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
         scene, film = context.scene, self._film
         if session.of(scene) is not film:
             raise InputError("the video has changed meanwhile, nothing was taken")
-        frame, record = found.frame_at(scene, self._at), found.record_of(scene, film.scores.frames[self._at].index)
+        frame, record = (
+            film_poses.frame_at(scene, self._at),
+            film_poses.record_of(scene, film.scores.frames[self._at].index),
+        )
         taken = film.path.name, film.scores.frames[self._at].index
         is_same = from_scene.video(scene) == taken
         messages = to_scene.set_frame(context, path, read_image(path, path.name), taken)
@@ -177,5 +182,5 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
         if frame is not None and frame.cam_from_model is not None and not is_same:
             set_cam_from_model(scene, frame.cam_from_model)
             pose_evidence.remember(scene, record, frame.cam_from_model, frame.uncertainty)
-            text += f", at its pose: {found.text_of(frame.verdict)}"
+            text += f", at its pose: {film_poses.text_of(frame.verdict)}"
         return text, *messages

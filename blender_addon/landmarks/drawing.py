@@ -7,7 +7,7 @@ from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty, ellipse_outlines
 from ..pipeline.blender.alignment.surface_object import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
-from ..state import another_frame, from_scene, pose_evidence, workbench
+from ..state import frame_in_view, from_scene, pose_evidence, workbench
 from ..state.landmarks import landmarks_model, points_model
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
@@ -133,7 +133,7 @@ class Landmarks(Pane):
     def poll(cls, context: bpy.types.Context) -> bool:
         scene = context.scene
         is_used = bool(scene.oneframe.landmarks) or active_tool(context) == LANDMARK_TOOL
-        is_own = another_frame.seen(scene) is None
+        is_own = frame_in_view.other(scene) is None
         return scene.oneframe.show_landmarks and is_used and from_scene.is_set_up(scene) and is_own
 
     @classmethod
@@ -152,7 +152,9 @@ class Instruction(PointerPane):
     def draw(cls, context: bpy.types.Context, strokes: Strokes, pointer: tuple[int, int]) -> None:
         text, region = gestures.missed_at(pointer), frame_view.window_region(context.area)
         if not text:
-            if gestures.running() is not None or not is_unfinished(landmarks_model(context.scene)):
+            # of pins, the header of the tool says it
+            is_asked = active_tool(context) == LANDMARK_TOOL and is_unfinished(landmarks_model(context.scene))
+            if gestures.running() is not None or not is_asked:
                 return
             text = tool.instruction(context)
         low, high = free_rectangle(context.area)

@@ -19,11 +19,11 @@ def checked_index(scene: bpy.types.Scene, index: int) -> int:
     return found
 
 
-def add(scene: bpy.types.Scene, name: str = "") -> int:
+def add(scene: bpy.types.Scene) -> int:
     """Add a landmark without points, make it the active one and return its index."""
     settings = scene.oneframe
     with events.muted():
-        unused_name = name or new_name(landmarks_model(scene))
+        unused_name = new_name(landmarks_model(scene))
         settings.landmarks.add().name = unused_name
     settings.landmark_index = len(settings.landmarks) - 1
     return settings.landmark_index

@@ -13,7 +13,7 @@ from bpy.props import EnumProperty
 
 from ..class_registration import prop
 from ..pipeline.errors import InputError
-from ..state import another_frame, events, from_scene
+from ..state import events, frame_in_view, from_scene
 from ..state.events import redraw
 from ..state.pose import set_cam_from_model
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
@@ -143,7 +143,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         scene = context.scene
         _missed.clear()
         try:
-            another_frame.check_own(scene)
+            frame_in_view.check_own(scene)
             self._before = _Snapshot.of(scene)
             view = LandmarkView.of(context)
             gesture = self._begin(scene, view, pointer_of(event))

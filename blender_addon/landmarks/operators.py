@@ -12,7 +12,7 @@ from ..pipeline.case.landmarks import read_landmarks
 from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..state import another_frame, events, from_scene, pose_evidence
+from ..state import events, frame_in_view, from_scene, pose_evidence
 from ..state.landmarks import landmarks_mesh, replace_landmarks
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
 from ..ui.operator import (
@@ -70,7 +70,7 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, Reporting):
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
-        another_frame.check_own(scene)
+        frame_in_view.check_own(scene)
         is_given = self.properties.is_property_set
         point = np.array(self.point, float) if is_given("point") else None
         pixel = edit.check_pixel(scene, np.array(self.pixel, float)) if is_given("pixel") else None
@@ -154,7 +154,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting):
         scene = context.scene
         try:
             solved = solve.solution(scene)
-            away = solve.departure(scene, solved)
+            away = solve.departure_px(scene, solved)
             if away is None or not pose_evidence.is_refined(scene):
                 return self.execute(context)
             record = pose_evidence.remembered(scene) or UNKNOWN
@@ -162,7 +162,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting):
             report_error(self, str(error))
             return {"CANCELLED"}
         off = "" if record.error_px is None else f", off by about {format_two_digits(record.error_px)} px"
-        question = f"It comes from the image{off}. The landmarks' pose is up to {away.largest_px:.1f} px away."
+        question = f"It comes from the image{off}. The landmarks' pose is up to {away:.1f} px away."
         ask_first(("Replace the Refined Pose?", question, "Solve"), "solve_landmarks")
         return {"CANCELLED"}
 
@@ -207,7 +207,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, OpensFile):
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
-        another_frame.check_own(scene)
+        frame_in_view.check_own(scene)
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
         existing = landmarks_mesh(scene) if self.keep else ()

@@ -10,7 +10,7 @@ from ..state import pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool, draw_key
 from ..ui.panel import AlignmentPanel, StepPanel, draw_text
-from . import solve, tool
+from . import solve
 from .solve import Solution
 
 
@@ -58,7 +58,6 @@ class ONEFRAME_PT_landmarks(AlignmentPanel, StepPanel):
         active = active_tool(context)
         for name, icon in ((PIN_TOOL, "PINNED"), (LANDMARK_TOOL, "EYEDROPPER")):
             row.operator("wm.tool_set_by_id", text=TOOLS[name], icon=icon, depress=active == name).name = name
-        draw_text(layout, tool.instruction(context) if tool.is_active(context) else "", icon="INFO", lines=2)
 
 
 class ONEFRAME_PT_landmark_list(AlignmentPanel):
@@ -89,7 +88,7 @@ class ONEFRAME_PT_landmark_list(AlignmentPanel):
 
 def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
     """The buttons first, then figures in slots that stay as high as they are: nothing moves under the pointer."""
-    found, away = solved.estimate, solve.departure(scene, solved)
+    found, away = solved.estimate, solve.departure_px(scene, solved)
     # by shares: three of one width would cut a name off
     row = layout.split(factor=0.32, align=True)
     solving, other = row.row(align=True), row.split(factor=0.75, align=True)
@@ -104,8 +103,7 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
         if away is not None:
             kept = "The refined pose stays when landmarks change. " if pose_evidence.is_refined(scene) else ""
             text, icon = (
-                f"{kept}Solve would move the surface by {format_two_digits(away.rotation_deg)}° and "
-                f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame: {text}.",
+                f"{kept}Solve would move the surface by up to {away:.1f} px in the frame: {text}.",
                 "INFO",
             )
     draw_text(layout, text if scene.oneframe.landmarks else "", icon=icon)

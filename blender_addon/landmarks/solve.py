@@ -18,7 +18,6 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
 from ..pipeline.alignment.landmarks.align_landmarks import off_surface as off_surface_warning
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
-from ..pipeline.alignment.reprojection import twist_between
 from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
@@ -71,25 +70,6 @@ class Solution:
         return not self.alignment.estimate.inliers[self.alignment.indices.index(index)]
 
 
-@dataclass(frozen=True)
-class Departure:
-    """How far the current pose is from the solution.
-
-    Attributes
-    ----------
-    shift_mm
-        Distance between the two positions of the pivot.
-    rotation_deg
-        Angle of the rotation between the two poses.
-    largest_px
-        Largest distance between the projections of a landmark; infinite if one lies behind the camera.
-    """
-
-    shift_mm: float
-    rotation_deg: float
-    largest_px: float
-
-
 def solution(scene: bpy.types.Scene) -> Solution:
     """Solve for the pose from the scene's landmarks, or return the cached solution if nothing has changed."""
     found = solved(*pairs_of(scene))
@@ -138,23 +118,23 @@ def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
     }
 
 
-def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
-    """How far the current pose is from the solution; ``None`` if they are the same, or if there is no solution."""
+def departure_px(scene: bpy.types.Scene, solved: Solution) -> float | None:
+    """Largest distance of a landmark's projection at the current pose from that at the solution, px.
+
+    Infinite if one lies behind the camera; ``None`` if the poses are the same, or if there is no solution.
+    """
     if solved.alignment is None:
         return None
     present, wanted = from_scene.cam_from_model(scene), solved.alignment.estimate.cam_from_model
     camera, points = from_scene.camera(scene), solved.alignment.points
     shifts_px = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
     largest = float(np.max(np.linalg.norm(np.where(np.isfinite(shifts_px), shifts_px, np.inf), axis=1)))
-    if largest <= SAME_POSE_PX:
-        return None
-    twist = twist_between(wanted, present, solved.alignment.estimate.uncertainty.pivot_model)
-    return Departure(float(np.linalg.norm(twist[:3])), float(np.degrees(np.linalg.norm(twist[3:]))), largest)
+    return largest if largest > SAME_POSE_PX else None
 
 
 def is_current(scene: bpy.types.Scene, solved: Solution) -> bool:
     """Whether the current pose is the solution: only then do its figures, outliers and uncertainty hold."""
-    return solved.alignment is not None and departure(scene, solved) is None
+    return solved.alignment is not None and departure_px(scene, solved) is None
 
 
 def apply(scene: bpy.types.Scene, solved: Solution) -> None:

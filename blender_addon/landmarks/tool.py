@@ -4,13 +4,12 @@ import bpy
 
 from ..class_registration import at_end, tool
 from ..pipeline.alignment.manual.picking import next_step
-from ..state import another_frame
+from ..state import frame_in_view
 from ..state.landmarks import landmarks_model
 from ..state.workbench import next_step as missing_step
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, ViewTool, active_tool
 
-TOOL = LANDMARK_TOOL
 GESTURE = "ONEFRAME_OT_landmark_gesture"
 """Name, in Blender, of the operator with which the mouse picks and pulls."""
 
@@ -18,7 +17,7 @@ GESTURE = "ONEFRAME_OT_landmark_gesture"
 class _AsksForPoints(ViewTool):
     @staticmethod
     def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        pin = "    Ctrl + Drag: Pin" if active_tool(context) == TOOL and shows_frame(context) else ""
+        pin = "    Ctrl + Drag: Pin" if active_tool(context) == LANDMARK_TOOL and shows_frame(context) else ""
         layout.label(text=instruction(context) + pin)
 
 
@@ -37,8 +36,8 @@ class PinTool(_AsksForPoints):
 class LandmarkTool(_AsksForPoints):
     """Pick the same features in the frame and on the surface; the pose follows"""
 
-    bl_idname = TOOL
-    bl_label = TOOLS[TOOL]
+    bl_idname = LANDMARK_TOOL
+    bl_label = TOOLS[LANDMARK_TOOL]
     bl_description = (
         "Pick the same features in the frame and on the surface; the pose follows.\n"
         "Click: pick an image point. Shift + Click: pick a surface point. Ctrl + Drag: pull the surface with a pin"
@@ -52,7 +51,7 @@ def instruction(context: bpy.types.Context) -> str:
     missing = missing_step(scene)
     if missing:
         return missing
-    if another_frame.seen(scene) is not None:
+    if frame_in_view.other(scene) is not None:
         return "Another frame is in view; Esc: back to the case's frame"
     landmarks = landmarks_model(scene)
     in_frame = shows_frame(context)
@@ -61,17 +60,12 @@ def instruction(context: bpy.types.Context) -> str:
     return next_step(landmarks, scene.oneframe.landmark_index, in_frame=in_frame)
 
 
-def is_active(context: bpy.types.Context) -> bool:
-    """Whether one of these tools is the active one."""
-    return active_tool(context) in (PIN_TOOL, LANDMARK_TOOL)
-
-
 def is_waiting(context: bpy.types.Context) -> bool:
     """Whether a click picks or pulls: not while something else has the mouse, or another frame is in view."""
     running = () if context.window is None else context.window.modal_operators
-    if another_frame.seen(context.scene) is not None:
+    if frame_in_view.other(context.scene) is not None:
         return False
-    return is_active(context) and not any(
+    return active_tool(context) in (PIN_TOOL, LANDMARK_TOOL) and not any(
         operator.bl_idname.startswith("ONEFRAME_OT_") and operator.bl_idname != GESTURE for operator in running
     )
 

@@ -7,7 +7,7 @@ from bpy.props import EnumProperty, FloatProperty
 from ..class_registration import prop, tool
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.errors import InputError
-from ..state import another_frame, from_scene
+from ..state import frame_in_view, from_scene
 from ..state.events import redraw
 from ..state.pose import keep_pivot, pivot_of, set_cam_from_model
 from ..ui.drag import Drag
@@ -42,7 +42,7 @@ class _Mover(NeedsAlignment):
     """Mixin: moves the surface about the pivot, by keys or drags."""
 
     def _begin(self, context: bpy.types.Context) -> None:
-        another_frame.check_own(context.scene)
+        frame_in_view.check_own(context.scene)
         self._pivot, self._radius = pivot_of(context.scene)
         self._start_pose = from_scene.cam_from_model(context.scene)
         keep_pivot(context.scene, self._pivot, self._radius)
@@ -75,7 +75,7 @@ class ONEFRAME_OT_nudge(_Mover, Reporting):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         # arrows go through the film while another frame is in view
-        if event.type in _KEYBOARD and (not shows_frame(context) or another_frame.seen(context.scene) is not None):
+        if event.type in _KEYBOARD and (not shows_frame(context) or frame_in_view.other(context.scene) is not None):
             return {"PASS_THROUGH"}
         result = self.execute(context)
         if result != {"FINISHED"} or event.value != "PRESS" or event.type in ("LEFTMOUSE", "RET"):

@@ -53,6 +53,10 @@ class RefinementPreview(bpy.types.Operator):
                 take(context.scene, self._result, self._start_record)
                 message = f"taken although refused: {self._result.objection}"
                 return self._close(context, "FINISHED", message=message if is_refused else self._result.message)
+            if event.type == "PAGE_DOWN" and not is_refused:
+                # on to the next frame of a queue: the key keeps its own effect
+                take(context.scene, self._result, self._start_record)
+                return self._close(context, "FINISHED", message=self._result.message) | {"PASS_THROUGH"}
             if event.type == "SPACE" and not (event.shift or event.ctrl or event.alt):
                 self._show_pose(context, is_result=not self._shows_result)
         self._show_figures(context)

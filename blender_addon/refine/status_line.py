@@ -9,7 +9,6 @@ import bpy
 import numpy as np
 
 from ..case_queue.operators import SETTLED
-from ..case_queue.queued import position, queue_of
 from ..dataset import background_job
 from ..dataset.output import usual_output
 from ..landmarks import solve
@@ -25,7 +24,8 @@ from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import doubts, pose_record
 from ..setup.case_in_scene import unsaved_parts
 from ..setup.open_case import task_lines
-from ..state import another_frame, from_scene, pose, workbench
+from ..setup.queued import position, queue_of
+from ..state import frame_in_view, from_scene, pose, workbench
 from ..state.events import areas
 from ..state.landmarks import landmarks_model
 from ..ui.keymap import binding
@@ -67,7 +67,7 @@ def status(scene: bpy.types.Scene) -> tuple[str, tuple[str, ...]]:
         name = f"{Path(settings.case_path).parent.name} ({position(scene) + 1} of {len(entries)})"
     parts = unsaved_parts(scene)
     saved = f"not saved: {', '.join(parts)}" if parts else "saved" if settings.case_path else "not saved"
-    if (other := another_frame.seen(scene)) is not None:
+    if (other := frame_in_view.other(scene)) is not None:
         back = f"{binding('oneframe.case_frame') or 'Back to Case Frame'}: back to the case's frame"
         return f"{name}, {saved}  |  In view: {other.name}, {other.text}  |  {back}", ()
     line = f"{name}, {saved}  |  {pose_text(scene)}"
@@ -129,6 +129,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
             return f"Next: {binding('oneframe.queue_check') or 'Checked'}, if it is right"
         if any(entry.state not in SETTLED for entry in entries):
             return f"Next: {binding('oneframe.queue_unfinished') or 'Next Unfinished'} goes to the next unfinished one"
+        return f"Next: oneframe render {entries[0].path.parents[1].name}, which renders them all"
     return "Next: Render Dataset" if is_saved else "Next: Save Case"
 
 

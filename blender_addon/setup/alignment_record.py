@@ -29,7 +29,7 @@ def pose_record(scene: bpy.types.Scene) -> PoseRecord:
         is_unsigned = not record.tool and (record.method == "pins" or record.doubt)
         return replace(record, tool=tool, date=date) if is_unsigned else record
     solved = solve.solution(scene)
-    if solved.alignment is not None and solve.departure(scene, solved) is None:
+    if solved.alignment is not None and solve.departure_px(scene, solved) is None:
         return solved.alignment.record(tool, date)
     # unknown: given by the case, and not moved since
     return PoseRecord("manual", tool, date) if record is None else record

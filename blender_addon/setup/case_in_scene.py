@@ -12,9 +12,10 @@ from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.case.case_changes import differing_fields
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.loaded_case import LoadedCase, load_case
+from ..pipeline.case.pose_record import UNKNOWN
 from ..pipeline.errors import InputError
 from ..state import from_scene, pose_evidence, to_scene, workbench
-from ..state.initial_pose import has_initial_pose, set_initial_pose
+from ..state.initial_pose import set_initial_pose
 from ..state.scene_files import Stamp, known_stamp
 
 _WORDS = {
@@ -50,7 +51,7 @@ def unsaved_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
         return ("all of it",)
     try:
         current = from_scene.case(scene, path)
-        if not saved.posed and has_initial_pose(scene):
+        if not saved.posed and (pose_evidence.remembered(scene) or UNKNOWN).is_start:
             saved = replace(saved, cam_from_mesh=current.cam_from_mesh, posed=True)
     except InputError:
         # a surface that is scaled, or a frame of another size

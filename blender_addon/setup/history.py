@@ -1,6 +1,8 @@
 """The history of the scene's case: what somebody settles goes there by itself, whatever ends Blender, and comes back.
 
 It lies beside the case, or beside the frame of a case that has no file yet: see :mod:`oneframe.case.case_history`.
+While it has it all, Blender's question before it quits, which speaks of the .blend file, is left out. That is a
+preference of the user's, which is as before as soon as anything else could be lost, and for the next session.
 """
 
 import os
@@ -16,18 +18,21 @@ from bpy.app.handlers import persistent
 from bpy.props import IntProperty
 
 from ..class_registration import at_end, listening, prop, ticking
+from ..dataset import background_job
+from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.case.case_changes import differing_fields
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_history import EarlierCase, add_to_history, earlier_cases, history_path
 from ..pipeline.case.case_writer import case_text
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
-from ..state import another_frame, from_scene, pose, scene_files, workbench
+from ..state import frame_in_view, from_scene, pose, scene_files, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.scene_files import Stamp, forget_stamps, known_stamp, remember, usual_folder
 from ..ui.operator import Messages, Reporting
 from .alignment_record import recorded_case
 from .case_in_scene import load_into_scene
+from .queued import queue_of
 
 TICK_S = 0.4
 """What stays the same for so long is settled."""
@@ -60,7 +65,7 @@ def note(scene: bpy.types.Scene) -> None:
         return
     _moving.pop(path, None)
     _read[path] = _digest(path, from_scene.stamp(path)) if path.exists() else ""
-    _remember_recent(path)
+    _remember_recent(scene, path)
     try:
         _kept[path] = recorded_case(scene, path)
     except InputError:
@@ -146,9 +151,10 @@ def later_text(scene: bpy.types.Scene) -> str:
     return f"In the history, and not in the file: {entries[0].text}"
 
 
-def _remember_recent(path: Path) -> None:
+def _remember_recent(scene: bpy.types.Scene, path: Path) -> None:
     try:
-        remember("cases", path)
+        # of a queue the latest frame alone
+        remember("cases", path, [entry.path for entry in queue_of(scene)])
     except OSError as error:
         _report_once(f"the list of recent cases cannot be written: {error}")
 
@@ -206,11 +212,6 @@ def _with_files_of(scene: bpy.types.Scene, case: Case) -> Case:
     return replace(case, image=image, mesh=mesh)
 
 
-def _tick() -> float:
-    _keep_reported(settled=False)
-    return TICK_S
-
-
 @persistent
 def flush(*_arguments: object) -> None:
     """Keep what is there at once: Blender ends, or opens another file."""
@@ -227,10 +228,54 @@ def _keep_reported(*, settled: bool) -> None:
         _report_once(f"the history of the case cannot be written: {error}")
 
 
+_left_out: list[bool] = []
+"""What the preference was, while it is switched off."""
+
+
+def is_needed() -> bool:
+    """Whether something could be lost that is in no history: in other scenes, another file, colours, a run."""
+    scene, windows = workbench.existing(), bpy.context.window_manager.windows
+    job = background_job.current()
+    if scene is None or bpy.data.filepath or (job is not None and job.running):
+        return True
+    if any(window.scene != scene for window in windows) or any(image.is_dirty for image in bpy.data.images):
+        return True
+    surface = from_scene.present_surface(scene)
+    return surface is None or colour_record(surface) is not None or not is_kept(scene)
+
+
+def _switch(*, off: bool) -> None:
+    preferences = bpy.context.preferences
+    if off == bool(_left_out):
+        return
+    was_changed = preferences.is_dirty
+    if off:
+        _left_out.append(preferences.view.use_save_prompt)
+        preferences.view.use_save_prompt = False
+    else:
+        preferences.view.use_save_prompt = _left_out.pop()
+    # it is for this session: what the user changes is saved by Blender as ever
+    preferences.is_dirty = was_changed
+
+
+def _tick() -> float:
+    _keep_reported(settled=False)
+    # with changes of the user's own, Blender saves the preferences when it quits
+    _switch(off=not bpy.app.background and not bpy.context.preferences.is_dirty and not is_needed())
+    return TICK_S
+
+
+@persistent
+def _ask_again(*_arguments: object) -> None:
+    _switch(off=False)
+
+
 PARTS = (
     at_end(_kept.clear, _moving.clear, _read.clear),
     listening(bpy.app.handlers.load_pre, flush),
-    listening(another_frame.leaving, flush),
+    listening(frame_in_view.leaving, flush),
     at_end(flush),
+    at_end(_ask_again),
+    listening(bpy.app.handlers.load_pre, _ask_again),
     ticking(_tick, TICK_S),
 )

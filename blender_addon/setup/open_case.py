@@ -16,7 +16,7 @@ from ..pipeline.files.numbers import format_two_digits
 from ..pipeline.transforms import transform_points
 from ..state import from_scene
 from ..state.camera_view import look_through_camera, show_shape
-from ..state.initial_pose import has_initial_pose
+from ..state.initial_pose import is_initial
 from ..state.scene_files import Stamp, known_stamp, own_folder
 from ..ui.keymap import binding
 from ..ui.operator import Messages, OpensFile, Reporting, call
@@ -84,7 +84,7 @@ def task_lines(scene: bpy.types.Scene) -> tuple[str, ...]:
     if path.name != UNALIGNED or known_stamp(true) == (0, 0):
         return ()
     error = "as soon as the bone has moved, this line says how far it is from its true pose"
-    if not has_initial_pose(scene):
+    if not is_initial(scene, from_scene.cam_from_model(scene)):
         off_px = _off_px(scene, true, known_stamp(true))
         error = f"the bone is {format_two_digits(off_px)} px from its true pose, in the median"
     refine = binding("oneframe.refine") or "Refine Against Image"

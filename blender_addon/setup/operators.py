@@ -17,7 +17,7 @@ from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.structures import name_of_file
-from ..state import another_frame, from_scene, to_scene
+from ..state import frame_in_view, from_scene, to_scene
 from ..state.from_scene import surface_bounds, surface_extents
 from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
@@ -175,7 +175,7 @@ class ONEFRAME_OT_load_pose(OpensFile):
     filter_glob: str = prop(StringProperty, default=POSES, options={"HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
-        another_frame.check_own(context.scene)
+        frame_in_view.check_own(context.scene)
         cam_from_mesh, message = read_pose(self.chosen_file())
         set_cam_from_mesh(context.scene, cam_from_mesh)
         return (message,) if message else ()

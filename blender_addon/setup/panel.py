@@ -7,12 +7,12 @@ import bpy
 from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_doubts import size_text
 from ..pipeline.errors import InputError
-from ..state import from_scene, to_scene, workbench
+from ..state import from_scene, to_scene
 from ..state.properties import UNITS
 from ..state.scene_files import recent
 from ..state.to_scene import frame_warnings
 from ..state.workbench import OPEN, next_step
-from ..ui.panel import AdvancedPanel, AlignmentPanel, SidebarPanel, StepPanel, draw_text
+from ..ui.panel import AdvancedPanel, AlignmentPanel, OpenPart, SidebarPanel, StepPanel, draw_text, is_folded
 from . import history
 from .alignment_record import doubts
 from .operators import doubt_of_size
@@ -26,8 +26,11 @@ class ONEFRAME_PT_case(SidebarPanel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
-        if settings.case_path:
-            layout.label(text=bpy.path.basename(settings.case_path), icon="FILE_TEXT")
+        if settings.case_path or from_scene.is_set_up(context.scene):
+            row = layout.row()
+            row.label(text=bpy.path.basename(settings.case_path) or "New case", icon="FILE_TEXT")
+            # also in sight where a small window cuts the last step off
+            row.operator("oneframe.save_case", text="", icon="FILE_TICK")
         _draw_missing(layout, context.scene)
 
 
@@ -42,8 +45,6 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if step:
         draw_text(layout, step, icon="INFO")
     if step == OPEN:
-        if workbench.existing() not in (None, scene):
-            layout.operator("oneframe.enter_workbench", icon="WORKSPACE")
         layout.operator("oneframe.open_sample", icon="HELP")
         for path in recent("cases"):
             name = f"{path.parent.name}/{path.name}"
@@ -97,6 +98,13 @@ class ONEFRAME_PT_setup(StepPanel):
         layout = self.layout
         settings = context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
+        surface, is_set_up = from_scene.present_surface(context.scene), from_scene.is_set_up(context.scene)
+        if is_set_up and settings.frame_path and surface is not None:
+            names = f"{bpy.path.basename(settings.frame_path)}, {bpy.path.basename(surface.oneframe.mesh_path)}"
+            icon = "DISCLOSURE_TRI_DOWN" if settings.show_files else "DISCLOSURE_TRI_RIGHT"
+            layout.prop(settings, "show_files", text=names, icon=icon, emboss=False)
+        if is_folded(context.scene):
+            return
         layout.operator("oneframe.open_case", icon="FILE_FOLDER")
         column = layout.column(align=True)
         row = column.row(align=True)
@@ -106,7 +114,6 @@ class ONEFRAME_PT_setup(StepPanel):
             column.label(text=bpy.path.basename(settings.frame_path))
         column.operator("oneframe.load_camera", icon="CAMERA_DATA")
         column.operator("oneframe.load_surface", icon="MESH_DATA")
-        surface = from_scene.present_surface(context.scene)
         if surface is not None:
             row = column.row()
             row.label(text=bpy.path.basename(surface.oneframe.mesh_path) or surface.name)
@@ -129,13 +136,11 @@ class ONEFRAME_PT_save(AlignmentPanel, StepPanel):
         row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
 
 
-class ONEFRAME_PT_camera(SidebarPanel):
+class ONEFRAME_PT_camera(OpenPart):
     """K as loaded or typed"""
 
-    bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Camera K (px)"
     bl_order = 1
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, typed = self.layout, context.scene.oneframe.camera
@@ -154,18 +159,16 @@ class ONEFRAME_PT_camera(SidebarPanel):
         layout.operator("oneframe.set_camera", icon="CHECKMARK")
 
 
-class ONEFRAME_PT_structures(SidebarPanel):
+class ONEFRAME_PT_structures(OpenPart):
     """Structures in the bone, and their colours"""
 
-    bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Structures"
     bl_order = 1
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         surface = context.scene.oneframe.surface
-        return surface is not None and len(surface.children) > 0
+        return super().poll(context) and surface is not None and len(surface.children) > 0
 
     def draw(self, context: bpy.types.Context) -> None:
         surface = context.scene.oneframe.surface

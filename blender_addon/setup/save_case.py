@@ -25,8 +25,8 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.outputs import writing
 from ..pipeline.transforms import is_same_pose
 from ..state import from_scene, pose_evidence, to_scene
+from ..state.case_of_file import case_of_file, remember_file
 from ..state.events import redraw
-from ..state.known_case import known_case, remember_file
 from ..state.scene_files import forget_stamps, input_files, is_temporary, saved, usual_folder
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, ReportingFile
 from ..ui.question import ask_first
@@ -152,7 +152,7 @@ def _other_case(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
     """
     case = from_scene.case(scene, path)
     other = other_inputs(path, case)
-    if other and _is_tied(scene, path) and (known := known_case(scene)):
+    if other and _is_tied(scene, path) and (known := case_of_file(scene)):
         return other_inputs(path, replace(case, image=known.image, mesh=known.mesh))
     return other
 

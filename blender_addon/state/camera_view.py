@@ -18,7 +18,7 @@ WORKSPACE = "oneframe_workspace"
 VIEW_SENSOR_MM = 36.0
 """Blender's 3D views outside the camera have a lens for a sensor of this width."""
 
-listeners: list[Callable[[bpy.types.Area], None]] = []
+through_camera_handlers: list[Callable[[bpy.types.Area], None]] = []
 """Called with a 3D view that begins to look through the camera."""
 
 
@@ -64,8 +64,8 @@ def through_camera(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     space.lock_camera = False
     space.region_3d.view_perspective = "CAMERA"
     aim(scene, space)
-    for listener in listeners:
-        listener(area)
+    for handler in through_camera_handlers:
+        handler(area)
 
 
 def aim(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:

@@ -23,7 +23,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, is_same_pose
-from .known_case import further_frames, known_case, lamp_of
+from .case_of_file import case_of_file, further_frames, lamp_of
 from .landmarks import landmarks_mesh
 
 EDIT_TOLERANCE = 1e-5
@@ -80,7 +80,7 @@ def cam_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
 
     A run goes on, and what registration found is found again, in another session too.
     """
-    pose, known = cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene))), known_case(scene)
+    pose, known = cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface_of(scene))), case_of_file(scene)
     is_known = known is not None and known.posed and is_same_pose(known.cam_from_mesh, pose)
     return known.cam_from_mesh.copy() if known is not None and is_known else pose
 
@@ -123,7 +123,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         for child in sorted(surface.children, key=lambda child: child.name)
         if child.oneframe.role == "STRUCTURE"
     )
-    known = known_case(scene)
+    known = case_of_file(scene)
     return Case(
         path=absolute_path(settings.case_path) if settings.case_path else path,
         mm_per_unit=MM_PER_UNIT[settings.units],
@@ -151,7 +151,7 @@ def video(scene: bpy.types.Scene) -> tuple[str, int] | None:
 
 def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
     """The case's [dataset] table: what the opened file states, and options that differ from the defaults."""
-    options, known = scene.oneframe.dataset, known_case(scene)
+    options, known = scene.oneframe.dataset, case_of_file(scene)
     read = {} if known is None else known.dataset
     table = {key: value for key, value in read.items() if not hasattr(options, key)}
     for key, declared in options.bl_rna.properties.items():

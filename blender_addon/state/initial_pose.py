@@ -19,11 +19,6 @@ FOCUS = "oneframe_focus"
 units of the mesh file."""
 
 
-def has_initial_pose(scene: bpy.types.Scene) -> bool:
-    """Whether the surface still has the pose that was computed without the frame."""
-    return is_initial(scene, from_scene.cam_from_model(scene))
-
-
 def is_sought(scene: bpy.types.Scene) -> bool:
     """Whether the surface began at an initial pose, and neither four landmarks nor a refinement have found one yet."""
     if from_scene.present_surface(scene) is None or not scene.oneframe.began_at_guess:

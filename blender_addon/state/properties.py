@@ -163,6 +163,7 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         min=0.05,
         max=50.0,
     )
+    show_files: bool = prop(BoolProperty, "Files", "Show what frame, K and surface are loaded with", options={"HIDDEN"})
     show_landmarks: bool = prop(
         BoolProperty, "Show Landmarks", "Draw landmarks, residuals and the pose's uncertainty", default=True
     )

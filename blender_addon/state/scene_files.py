@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from ..class_registration import at_end
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import write_bytes_atomically
 from . import from_scene
-from .known_case import further_frames
+from .case_of_file import further_frames
 
 WATCH_S = 2.0
 
@@ -107,8 +107,8 @@ def recent(kind: str) -> tuple[Path, ...]:
     return tuple(map(Path, names))
 
 
-def remember(kind: str, path: Path) -> None:
-    """Remember a file as the latest of its kind.
+def remember(kind: str, path: Path, instead_of: Collection[Path] = ()) -> None:
+    """Remember a file as the latest of its kind, instead of others.
 
     Raises
     ------
@@ -117,8 +117,8 @@ def remember(kind: str, path: Path) -> None:
     """
     if is_temporary(path):
         return
-    names = list(dict.fromkeys(map(str, (path, *recent(kind)))))[: MOST[kind]]
-    text = "".join(f"{name}\n" for name in names)
+    others = [each for each in recent(kind) if each != path and each not in instead_of]
+    text = "".join(f"{each}\n" for each in (path, *others)[: MOST[kind]])
     write_bytes_atomically(own_folder("recent") / f"{kind}.txt", text.encode("utf-8", errors="surrogateescape"))
     recent.cache_clear()
 

@@ -22,10 +22,10 @@ from ..pipeline.surface.mesh import Ball, TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, rigid
 from . import from_scene, workbench
-from .another_frame import leave_frame
 from .camera_view import look_through_camera, show_shape
+from .case_of_file import part_from_case, remember_file
+from .frame_in_view import leave_frame
 from .initial_pose import is_initial, set_focus, set_initial_pose
-from .known_case import part_from_case, remember_file
 from .landmarks import replace_landmarks
 
 Colour = tuple[float, float, float]
@@ -92,6 +92,8 @@ def set_frame(
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
     if settings.camera_object is None:
+        # drawn in the view until there is K
+        alignment_scene.frame_image(path, None).reload()
         typed.width, typed.height = width, height
         typed.cx, typed.cy = number_text((width - 1) / 2), number_text((height - 1) / 2)
     else:

@@ -1,7 +1,7 @@
 """The scene in which the add-on works: its own, so that nothing in the user's scenes changes.
 
 Opening a case, or loading the first frame, K or surface, makes the scene and shows it in the window. The window's
-interface follows: ``view.workspace`` is one of the :data:`listeners`.
+interface follows: ``view.workspace`` is one of the :data:`entered_handlers`.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ NAME = "OneFrame"
 MARK = "oneframe_workbench"
 """Custom property of the add-on's scene."""
 
-listeners: list[Callable[[bpy.types.Window, bpy.types.Scene], None]] = []
+entered_handlers: list[Callable[[bpy.types.Window, bpy.types.Scene], None]] = []
 """Called with the window, and the scene that it showed before, when the add-on sets something up; that scene is the
 workbench's own if the window showed it already."""
 
@@ -49,8 +49,8 @@ def enter(context: bpy.types.Context) -> bpy.types.Scene:
         _copy_typed(left.oneframe, scene.oneframe)
     if scene != left:
         window.scene = scene
-    for listener in listeners:
-        listener(window, left)
+    for handler in entered_handlers:
+        handler(window, left)
     return scene
 
 

@@ -50,6 +50,22 @@ class AlignmentPanel(SidebarPanel):
         return from_scene.is_set_up(context.scene)
 
 
+def is_folded(scene: bpy.types.Scene) -> bool:
+    """Whether all that a case needs is loaded, and what loads it is out of the way of the other steps."""
+    return bool(scene.oneframe.frame_path) and from_scene.is_set_up(scene) and not scene.oneframe.show_files
+
+
+class OpenPart(SidebarPanel):
+    """Mixin: a part of the step Open."""
+
+    bl_parent_id = "ONEFRAME_PT_setup"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not is_folded(context.scene)
+
+
 def draw_text(layout: bpy.types.UILayout, text: str, *, icon: str = "NONE", lines: int = 1) -> None:
     """Draw a text of any length as labels, wrapped to the width of the sidebar; it is at least ``lines`` high."""
     region = bpy.context.region

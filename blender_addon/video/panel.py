@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..state import another_frame, from_scene
+from ..state import frame_in_view, from_scene
 from ..ui.panel import SidebarPanel, draw_text
 from . import session, shown_frame
 from .session import FilmSession
@@ -52,7 +52,7 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
     row.operator("oneframe.take_frame", icon="CHECKMARK")
     row.operator("oneframe.take_frame", text="Masked", icon="MOD_MASK").masked = True
     if shown_frame.is_shown(scene):
-        other = another_frame.seen(scene)
+        other = frame_in_view.other(scene)
         alone = "" if other is None or other.cam_from_model is not None else f" without the surface: {other.text}"
         draw_text(layout, f"The view shows the video{alone}. Show Video brings back the case's frame.", icon="INFO")
     elif from_scene.present_camera(scene) is None and from_scene.present_surface(scene) is not None:

@@ -4,7 +4,6 @@ As long as there is no K, no camera shows it: then it is drawn in the free part 
 """
 
 import time
-from functools import lru_cache
 from pathlib import Path
 
 import bpy
@@ -21,13 +20,11 @@ from ..pipeline.errors import InputError
 from ..pipeline.images.pixel_values import to_uint8
 from ..state import from_scene, to_scene, workbench
 from ..state.events import redraw
-from ..state.scene_files import Stamp, known_stamp
 from ..ui.pane import Pane
 from ..ui.strokes import Strokes
 from ..view.zoom import free_rectangle
 from . import session, timeline
-from .frame_fetcher import AHEAD
-from .session import FilmSession
+from .session import AHEAD, FilmSession
 
 IMAGE = "OneFrame film"
 _FILE = "oneframe_film.bmp"
@@ -56,8 +53,12 @@ def show(scene: bpy.types.Scene, at: int) -> None:
 def put(scene: bpy.types.Scene, film: FilmSession) -> None:
     """Put the film's picture behind the frame's camera; without a camera, the view draws it."""
     redraw()
+    if not scene.oneframe_video.visible:
+        return
     camera_object = from_scene.present_camera(scene)
-    if camera_object is not None and scene.oneframe_video.visible:
+    if camera_object is None:
+        _image(film.picture)
+    else:
         alignment_scene.show_frame(camera_object, _image(_undistorted(scene, film)), outside=1.0)
 
 
@@ -193,45 +194,19 @@ class FrameAlone(Pane):
 
     @classmethod
     def draw(cls, context: bpy.types.Context, strokes: Strokes) -> None:
-        scene = context.scene
-        film, picture, size_wh = session.of(scene), None, (0, 0)
-        if film is not None and scene.oneframe_video.visible:
-            picture, size_wh = film.picture, film.scores.info.size_wh
-        elif scene.oneframe.frame_path:
-            path = from_scene.absolute_path(scene.oneframe.frame_path)
-            picture = _frame(path, known_stamp(path))
-            size_wh = (0, 0) if picture is None else (picture.shape[1], picture.shape[0])
-        if picture is None:
+        scene, image = context.scene, bpy.data.images.get(IMAGE)
+        if session.of(scene) is None or not scene.oneframe_video.visible:
+            path = from_scene.absolute_path(scene.oneframe.frame_path) if scene.oneframe.frame_path else None
+            files = ((from_scene.absolute_path(each.filepath), each) for each in bpy.data.images if each.filepath)
+            image = next((each for file, each in files if file == path), None)
+        if image is None or not image.size[0]:
             return
         low, high = free_rectangle(context.area)
-        size = np.array(size_wh) * float(np.min((high - low) / size_wh))
+        size = np.array(image.size) * float(np.min((high - low) / image.size))
         left, below = (low + high - size) / 2
-        draw_texture_2d(_texture(picture, tuple(np.rint(size).astype(int).tolist())), (left, below), *size)
-
-
-_latest: list[tuple[np.ndarray, gpu.types.GPUTexture]] = []
-"""The picture that was drawn last, and its texture: a view is drawn again for every move of the pointer."""
-
-
-def _texture(picture: np.ndarray, size_wh: tuple[int, int]) -> gpu.types.GPUTexture:
-    """A picture ``(H, W, 3)`` uint8 RGB on the GPU, at its size on the screen, so that it is sharp there."""
-    if _latest and _latest[0][0] is picture and (_latest[0][1].width, _latest[0][1].height) == size_wh:
-        return _latest[0][1]
-    shrinks = size_wh[0] < picture.shape[1]
-    sized = cv2.resize(picture, size_wh, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
-    rgba = np.ones((size_wh[1], size_wh[0], 4), np.float32)
-    # Blender's shader for images takes code values
-    rgba[..., :3] = sized[::-1].astype(np.float32) / 255
-    texture = gpu.types.GPUTexture(size_wh, format="RGBA8", data=gpu.types.Buffer("FLOAT", rgba.size, rgba))
-    _latest[:] = [(picture, texture)]
-    return texture
-
-
-@lru_cache(maxsize=1)
-def _frame(path: Path, stamp: Stamp) -> np.ndarray | None:
-    """``(H, W, 3)`` uint8 RGB of the case's frame; ``None`` if it is gone, or OpenCV cannot read it."""
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if any(stamp) else None
-    return None if image is None else cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+        draw_texture_2d(
+            gpu.texture.from_image(image), (left, below), *size, is_scene_linear_with_rec709_srgb_target=True
+        )
 
 
 PARTS = (
@@ -243,5 +218,4 @@ PARTS = (
     listening(bpy.app.handlers.save_pre, _before_saving),
     listening(bpy.app.handlers.save_post, _after_saving),
     listening(bpy.app.handlers.save_post_fail, _after_saving),
-    at_end(_frame.cache_clear, _latest.clear),
 )

@@ -90,7 +90,7 @@ def position(film: FilmSession, number: int) -> int:
 
 PARTS = (
     timers(_settle),
-    listening(workspace.listeners, settle_soon),
+    listening(workspace.arrived_handlers, settle_soon),
     # over the markers, Blender looks at their keys alone
     keys(Key("oneframe.take_frame", "RET", tools=(), places=(Place("Dopesheet", EDITOR), Place("Markers", "EMPTY")))),
 )

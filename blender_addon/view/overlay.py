@@ -13,7 +13,7 @@ from mathutils import Matrix
 from ..class_registration import at_end
 from ..pipeline.blender.bridge.camera import cam_from_model_of
 from ..pipeline.transforms import inverse_rigid
-from ..state import another_frame, from_scene
+from ..state import frame_in_view, from_scene
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.pane import Pane
 from ..ui.strokes import Strokes
@@ -114,7 +114,7 @@ def _projection_of(context: bpy.types.Context, frame_mm_per_px: float) -> Projec
 
 def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None:
     view, region, surface = scene.oneframe_view, context.region, from_scene.surface_of(scene)
-    other, contour = another_frame.seen(scene), view.contour
+    other, contour = frame_in_view.other(scene), view.contour
     # of another frame, Blender's own surface, at the pose of the case's, is covered
     frame_alpha = 1.0 if other is not None else 0.0 if surface.display_type == "WIRE" else 1 - view.opacity
     if not frame_alpha and not contour and not shown_structures(surface):

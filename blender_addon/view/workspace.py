@@ -17,7 +17,6 @@ from ..state.camera_view import WORKSPACE
 from ..state.events import areas
 from ..ui.frame_view import window_region
 from ..ui.keymap import PIN_TOOL
-from ..ui.operator import Available, OperatorResult
 from . import zoom
 
 NAME = "OneFrame"
@@ -31,7 +30,7 @@ _entering: dict[int, str] = {}
 """Window -> name of the workbench's scene, while the window changes to the workspace."""
 
 
-listeners: list[Callable[[], object]] = []
+arrived_handlers: list[Callable[[], object]] = []
 """Called when a window has arrived in the workspace."""
 
 _opened: list[str] = []
@@ -102,8 +101,8 @@ def _arrive(window: bpy.types.Window, name: str) -> None:
         camera_view.show_shape(bpy.context)
         camera_view.look_through_camera(bpy.context)
     show_tab(area)
-    for listener in listeners:
-        listener()
+    for handler in arrived_handlers:
+        handler()
 
 
 def _leave(window: bpy.types.Window) -> None:
@@ -201,24 +200,11 @@ def remove() -> None:
             bpy.ops.workspace.delete()
 
 
-class ONEFRAME_OT_enter_workbench(Available):
-    """Return to the alignment in this file, in its own workspace"""
-
-    bl_label = "Back to OneFrame"
-    bl_options = {"REGISTER"}
-
-    needs = (lambda _context: workbench.existing() is not None, "There is no alignment in this file")
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        workbench.enter(context)
-        return {"FINISHED"}
-
-
 PARTS = (
     at_end(_entering.clear, _opened.clear, remove),
     timers(_settle, zoom.fit_waiting),
-    listening(workbench.listeners, _entered),
-    listening(camera_view.listeners, zoom.fit_soon),
+    listening(workbench.entered_handlers, _entered),
+    listening(camera_view.through_camera_handlers, zoom.fit_soon),
     listening(bpy.app.handlers.undo_post, _after_change),
     listening(bpy.app.handlers.redo_post, _after_change),
     listening(bpy.app.handlers.load_post, _after_load),

@@ -14,6 +14,7 @@ from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
+from ..images.png import DEFLATE
 from ..poses.distributions import PoseDistribution, ReferencePose, Trajectory, farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
 from .layout import FORMAT
@@ -79,7 +80,7 @@ def describe(
         }
     return {
         "format": FORMAT,
-        "versions": {"oneframe": __version__, "blender": blender},
+        "versions": {"oneframe": __version__, "blender": blender, "deflate": DEFLATE},
         "conventions": "mm; OpenCV camera axes; pixel (0, 0): centre of the top-left pixel; b_from_a matrices",
         COUNT: count,
         "object": object_name(case),

@@ -1,13 +1,16 @@
 """One view of a dataset: the rendered arrays, and their encoding as the view's files and record."""
 
-from collections.abc import Collection, Mapping
+import time
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..files.content import create_folder, write_files_atomically
+from ..files.content import create_folder, make_durable, partial_path, remove_durably, rename_durably, write_undurably
 from ..poses.constraints import PlannedPose
 from ..projection.rendered_view import RenderedView
 from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
@@ -17,6 +20,9 @@ from .run.resume_record import GroundTruthInfo, ViewRecord
 from .tables.bop import bounding_box
 from .tables.coco import run_lengths
 from .truths import DEPTH_LEVELS, TRUTHS, Shot, depth_scale_for
+
+SETTLED_SECONDS = 1.0
+"""Views are finished so long after the first of them: to wait for the disk takes as long for one as for many."""
 
 
 @dataclass(frozen=True)
@@ -94,16 +100,57 @@ def file_sums(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, FileSum]:
     return {paths.relative(kind): sum_of(data) for kind, data in files.items()}
 
 
-def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:
-    """Write a view's files and then its record: a view with a record is finished, also after a loss of power."""
-    _write({paths.file(kind): data for kind, data in files.items()})
-    _write({paths.file("frame"): record.to_bytes()})
+class ViewWriter:
+    """Writes views: their files at once, and about once a second, when these are on the disk, names their records.
+
+    A view with a record is finished, also after a loss of power. One thread at a time uses it. As a context manager it
+    finishes what was written, also of a run that is stopped or has no space left.
+    """
+
+    def __init__(self, finished: Callable[[int], None]) -> None:
+        """Begin without views; ``finished`` is called with the number of each one that is finished."""
+        self._finished = finished
+        self._files: list[Path] = []
+        self._records: dict[Path, Path] = {}
+        self._numbers: list[int] = []
+        self._due = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        with suppress(*([] if error is None else [OSError])):
+            self.settle()
+
+    def write(self, paths: ViewPaths, files: Mapping[str, bytes], record: ViewRecord) -> None:
+        """Write a view's files, by kind, and its record under another name."""
+        # the record of a damaged view would vouch for files that are not on the disk yet
+        remove_durably(paths.file("frame"))
+        nameless = partial_path(paths.file("frame"))
+        contents = {paths.file(kind): data for kind, data in files.items()} | {nameless: record.to_bytes()}
+        for path, data in contents.items():
+            _write(path, data)
+        if not self._numbers:
+            self._due = time.monotonic() + SETTLED_SECONDS
+        self._files += contents
+        self._records[nameless] = paths.file("frame")
+        self._numbers.append(record.index)
+        if time.monotonic() >= self._due:
+            self.settle()
+
+    def settle(self) -> None:
+        """Finish all views that were written."""
+        make_durable(self._files)
+        rename_durably(self._records)
+        for index in self._numbers:
+            self._finished(index)
+        for written in (self._files, self._records, self._numbers):
+            written.clear()
 
 
-def _write(files: Mapping[Path, bytes]) -> None:
+def _write(path: Path, data: bytes) -> None:
     try:
-        write_files_atomically(files)
+        write_undurably(path, data)
     except FileNotFoundError:
-        for path in files:
-            create_folder(path.parent)
-        write_files_atomically(files)
+        create_folder(path.parent)
+        write_undurably(path, data)

@@ -6,8 +6,10 @@ import os
 import re
 import secrets
 import stat
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
@@ -24,6 +26,7 @@ LARGEST_FILE = 32 << 20
 LARGEST_INPUT = 1 << 30
 """Bytes; the largest file of all that is read whole, such as a mesh."""
 
+_FLUSHES = 8
 _CONTROLS = re.compile(r"[\0-\x08\x0e-\x1f]")
 _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
@@ -150,22 +153,51 @@ def decoded(data: bytes) -> str | None:
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
     """Write a file, whole or not at all, and durably: see :func:`written_file`."""
-    write_files_atomically({Path(path): data})
+    with written_file(Path(path)) as stream:
+        stream.write(data)
 
 
-def write_files_atomically(files: Mapping[Path, bytes]) -> None:
-    """Write several files, each whole or not at all; when this returns, a loss of power cannot take them away.
+def write_undurably(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all; until :func:`make_durable`, a loss of power may take or damage it.
 
     Raises
     ------
     OSError
-        As for :func:`written_file`; none of the files has been replaced then, unless replacing one failed.
+        As for :func:`written_file`.
     """
-    with ExitStack() as stack:
-        streams = {path: stack.enter_context(_partial_file(path)) for path in files}
-        for path, data in files.items():
-            streams[path].write(data)
-        _replace_durably(streams)
+    with _partial_file(path) as stream:
+        stream.write(data)
+        stream.flush()
+        _replace(path, stream)
+
+
+def make_durable(files: Collection[Path]) -> None:
+    """Flush files and their folders to the disk, many at a time: it writes them together.
+
+    Raises
+    ------
+    OSError
+        One is missing or cannot be flushed.
+    """
+    with ThreadPoolExecutor(_FLUSHES) as pool:
+        deque(pool.map(_flush_file, files), 0)
+        # last, so that no name is without content
+        deque(pool.map(_flush_folder, {path.parent for path in files}), 0)
+
+
+def rename_durably(names: Mapping[Path, Path]) -> None:
+    """Put files, which are on the disk, in the places of others: old path -> new path."""
+    for old, new in names.items():
+        os.replace(old, new)
+    for folder in {new.parent for new in names.values()}:
+        _flush_folder(folder)
+
+
+def remove_durably(path: Path) -> None:
+    """Remove a file, if it is there; a loss of power cannot bring it back."""
+    with suppress(FileNotFoundError):
+        path.unlink()
+        _flush_folder(path.parent)
 
 
 @contextmanager
@@ -182,7 +214,10 @@ def written_file(path: Path) -> Iterator[BinaryIO]:
     """
     with _partial_file(path) as stream:
         yield stream
-        _replace_durably({path: stream})
+        stream.flush()
+        _flush(stream.fileno())
+        _replace(path, stream)
+        _flush_folder(path.parent)
 
 
 def content_named(path: Path, data: bytes) -> Path:
@@ -197,6 +232,12 @@ def is_content_named(path: Path) -> bool:
         return match is not None and content_named(path.with_stem(match[1]), read_file(path)) == path
     except OSError:
         return False
+
+
+def partial_path(path: Path) -> Path:
+    """A new temporary file for ``path``, beside it."""
+    # a name of 255 bytes is the longest that most file systems take
+    return path.with_name(f".partial-{secrets.token_hex(8)}-{path.name[-50:]}")
 
 
 def partial_name(name: str) -> str | None:
@@ -253,8 +294,7 @@ def _partial_file(path: Path) -> Iterator[BinaryIO]:
 def _locked_partial(path: Path) -> BinaryIO:
     """A new temporary file, locked as long as it is open: :func:`remove_abandoned` tells it by that."""
     while True:
-        # a name of 255 bytes is the longest that most file systems take
-        stream = open(path.with_name(f".partial-{secrets.token_hex(8)}-{path.name[-50:]}"), "xb")  # noqa: SIM115  # closed by the caller
+        stream = open(partial_path(path), "xb")  # noqa: SIM115  # closed by the caller
         try:
             _lock(stream)
             taken = not os.path.exists(stream.name)
@@ -281,18 +321,19 @@ def _lock(stream: BinaryIO) -> None:
         lock_by_system(stream.fileno(), shared=False)
 
 
-def _replace_durably(streams: Mapping[Path, BinaryIO]) -> None:
-    """Put written temporary files in their places: contents first, then names, so that no name is without content."""
-    for stream in streams.values():
-        stream.flush()
-        _flush(stream.fileno())
-        if os.name == "nt":
-            stream.close()  # Windows replaces no open files
-    # locked until they have their names
-    for path, stream in streams.items():
-        os.replace(path.with_name(Path(stream.name).name), path)
-    for folder in {path.parent for path in streams}:
-        _flush_folder(folder)
+def _replace(path: Path, stream: BinaryIO) -> None:
+    """Put a written temporary file in its place; it is locked until it has its name."""
+    if os.name == "nt":
+        stream.close()  # Windows replaces no open files
+    os.replace(path.with_name(Path(stream.name).name), path)
+
+
+def _flush_file(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDWR)  # Windows flushes what may be written to
+    try:
+        _flush(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _flush_folder(folder: Path) -> None:

@@ -190,7 +190,8 @@ def wheels_for(name: str) -> list[Path]:
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av="))]
     # all that scikit-image's marching cubes need
     stable.append("lazy-loader>=0.4")
-    of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr", "PyYAML", "scikit-image"))]
+    by_python = ("embreex", "isal", "pyfqmr", "PyYAML", "scikit-image")
+    of_each_python = [text for text in needed if text.startswith(by_python)]
     # the newest for all of these, and for numpy 1.26 and 2.x
     of_each_python.append("scipy==1.17.*")
     oldest = wheels([*stable, *of_each_python], name, PYTHONS[0])

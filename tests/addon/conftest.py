@@ -32,6 +32,19 @@ def opened(addon, case_path):
     return bpy.context.scene
 
 
+@pytest.fixture
+def in_view(addon):
+    """The 3D view, looking through the scene's camera, as the context."""
+    import bpy
+
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    area.spaces.active.region_3d.view_perspective = "CAMERA"
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        yield area.spaces.active
+
+
 def pin(scene, point, pixel):
     """Pull a new pin from a surface point, model frame, mm, to a pixel, as a drag does."""
     from blender_addon.landmarks import edit, solve

@@ -1,14 +1,11 @@
 """Nothing that a case remembers outlives its frame or surface: neither its file nor what lies beside that."""
 
-import shutil
-
 import bpy
 import numpy as np
 import pytest
 
 from blender_addon.dataset.operators import output_folder
 from oneframe.case.case_file import read_case
-from oneframe.commands.__main__ import dispatch
 from tests.video.surgical_film import write_film
 
 NAMED = '\n[dataset]\nposes = "poses.npy"\n'
@@ -101,18 +98,3 @@ def test_a_file_that_has_become_another_case_meanwhile_is_not_replaced(opened):
     with pytest.raises(RuntimeError, match=r"found one of another frame \(frame.png\); choose another name"):
         bpy.ops.oneframe.save_case(filepath=str(first))
     assert first.read_text() == text
-
-
-def test_files_beside_another_case_stay(opened):
-    """A copy under a fixed name, and the plan of the drill, which is of another surface."""
-    folder = opened / "kept"
-    line = ["case", "--surface", opened / "first" / "surface.ply", "--frame", opened / "first" / "frame.png"]
-    dispatch([*map(str, line), "--camera", str(opened / "first" / "case.toml"), "--out", str(folder)])
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    shutil.copy(opened / "film.avi", opened / "second")
-    take_frame(opened / "second" / "film.avi")
-    with pytest.raises(
-        RuntimeError, match=r"frame.png: expected no such file or that of this case.*choose another folder"
-    ):
-        bpy.ops.oneframe.save_case(filepath=str(folder / "another.toml"), collect=True)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

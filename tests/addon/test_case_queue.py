@@ -4,11 +4,11 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.case_queue import queued
 from blender_addon.refine.status_line import status
+from blender_addon.setup import queued
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, pose_evidence
-from blender_addon.state.scene_files import forget_stamps
+from blender_addon.state.scene_files import forget_stamps, recent
 from blender_addon.video import shown_frame
 from oneframe.blender.alignment import surface_object
 from oneframe.case.case_file import read_case
@@ -71,6 +71,8 @@ def test_each_frame_starts_at_the_pose_before_and_keeps_its_own(queue):
     bpy.ops.oneframe.queue_step()
     assert np.allclose(pose(), second, atol=1e-9)
     assert states(queue) == [ROUGH, ROUGH, ROUGH]
+    # of the frames the latest one alone is among the recent cases
+    assert [path for path in recent("cases") if queue in path.parents] == [queue / "last" / "case.toml"]
 
 
 def test_a_checked_pose_is_recorded_in_its_case_until_it_moves(queue):
@@ -88,7 +90,7 @@ def test_the_status_line_leads_through_the_queue_until_all_are_checked(queue):
     for _ in range(3):
         assert status(found_here())[0].endswith("Next: Checked, if it is right")
         bpy.ops.oneframe.queue_check()
-    assert status(bpy.context.scene)[0].endswith("Next: Render Dataset")
+    assert status(bpy.context.scene)[0].endswith("Next: oneframe render queue, which renders them all")
     entry = queued_cases(queue)[0]
     entry.write_text(entry.read_text().replace("checked =", "# checked ="))
     forget_stamps()

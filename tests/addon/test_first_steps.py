@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.frames.found import film_of_case
+from blender_addon.frames.film_poses import film_of_case
 from blender_addon.setup import open_case as sample
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.setup.case_in_scene import unsaved_parts
@@ -38,22 +38,19 @@ def test_a_case_without_a_pose_opens_at_a_guess_and_is_saved_with_a_pose(addon, 
     assert unsaved_parts(scene) == ()
 
 
-def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon, folder):
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    with bpy.context.temp_override(window=window, area=area):
-        names = [name for name in dir(bpy.types) if name.startswith("ONEFRAME_FH_")]
-        handlers = {name: getattr(bpy.types, name) for name in names}
-        assert {name for name, kind in handlers.items() if kind.poll_drop(bpy.context)} == {
-            "ONEFRAME_FH_case",
-            "ONEFRAME_FH_ct",
-        }
-        case = handlers.pop("ONEFRAME_FH_case")
-        # as a drop calls it
-        room, _, name = case.bl_import_operator.partition(".")
-        getattr(getattr(bpy.ops, room), name)("INVOKE_DEFAULT", filepath=str(folder / "case.toml"))
-        assert bpy.context.scene.oneframe.surface is not None
-        assert all(kind.poll_drop(bpy.context) for kind in handlers.values())
+def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(in_view, folder):
+    names = [name for name in dir(bpy.types) if name.startswith("ONEFRAME_FH_")]
+    handlers = {name: getattr(bpy.types, name) for name in names}
+    assert {name for name, kind in handlers.items() if kind.poll_drop(bpy.context)} == {
+        "ONEFRAME_FH_case",
+        "ONEFRAME_FH_ct",
+    }
+    case = handlers.pop("ONEFRAME_FH_case")
+    # as a drop calls it
+    room, _, name = case.bl_import_operator.partition(".")
+    getattr(getattr(bpy.ops, room), name)("INVOKE_DEFAULT", filepath=str(folder / "case.toml"))
+    assert bpy.context.scene.oneframe.surface is not None
+    assert all(kind.poll_drop(bpy.context) for kind in handlers.values())
     kinds = {kind for handler in handlers.values() for kind in handler.bl_file_extensions.split(";")}
     assert ".toml" not in kinds
     assert {".png", ".ply", ".yaml", ".csv", ".nrrd"} <= kinds

@@ -4,13 +4,12 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon.case_queue import queued
-from blender_addon.frames import found
+from blender_addon.frames import film_poses
+from blender_addon.setup import queued
 from blender_addon.setup.alignment_record import recorded_case
-from blender_addon.state import another_frame, from_scene, pose_evidence
+from blender_addon.state import frame_in_view, from_scene, pose_evidence
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.video import session, shown_frame
-from oneframe.alignment.reprojection import apply_twist
 from oneframe.case import case_queue
 from oneframe.case.case_file import read_case
 from oneframe.case.pose_record import OTHER_FRAME, REGISTERED, PoseRecord
@@ -18,11 +17,10 @@ from oneframe.registration.register import Registrar
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED
 from oneframe.transforms import inverse_rigid, rotation_angle_deg
 from tests.alignment.test_refinement import hills
-from tests.registration.test_registration import PIVOT, SOURCE, photograph, seen_from, write_case
+from tests.registration.test_registration import SOURCE, photograph, seen_from, write_case
 from tests.remembered import registration, remembered
 from tests.video.surgical_film import write_film
 
-ROUGH = apply_twist(np.array([0.5, -0.5, 3.0, *np.radians([0.6, -0.8, 0.4])]), SOURCE, PIVOT)
 POSES = [seen_from(8, 5), seen_from(-20, 30), seen_from(15, 90)]
 MIRRORED = len(POSES)
 """Number of the frame that shows another surface."""
@@ -31,8 +29,6 @@ MIRRORED = len(POSES)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     made, mesh = tmp_path_factory.mktemp("case"), hills(1)
-    write_case(made, mesh, ROUGH)
-    (made / "case.toml").rename(made / "rough.toml")
     write_case(made, mesh, SOURCE)
     images = [*(photograph(mesh, pose) for pose in POSES), photograph(mesh, SOURCE)[:, ::-1]]
     write_film(made / "film.avi", [np.rint(255 * image[..., ::-1]).astype(np.uint8) for image in images], "MJPG")
@@ -68,12 +64,9 @@ def opened(addon, folder, tmp_path):
     return opened
 
 
-def off_by_deg(pose, true):
-    return rotation_angle_deg(pose[:3, :3] @ true[:3, :3].T)
-
-
 def is_at(pose, true):
-    return off_by_deg(pose, true) < 0.5 and np.linalg.norm((pose - true)[:3, 3]) < 1.0
+    off_deg = rotation_angle_deg(pose[:3, :3] @ true[:3, :3].T)
+    return off_deg < 0.5 and np.linalg.norm((pose - true)[:3, 3]) < 1.0
 
 
 def plain(value):
@@ -103,15 +96,15 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
     bpy.ops.oneframe.project_colour()
     before = state_of(scene, tmp_path / "case.toml")
     shown_frame.show(scene, 1)
-    assert another_frame.seen(scene) == ("frame 1 of film.avi", "not registered", None)
+    assert frame_in_view.other(scene) == ("frame 1 of film.avi", "not registered", None)
     bpy.ops.oneframe.register_frames()
-    frames, mesh_from_model = found.of(scene).frames, from_scene.mesh_from_model_of(scene.oneframe.surface)
+    frames, mesh_from_model = film_poses.of(scene).frames, from_scene.mesh_from_model_of(scene.oneframe.surface)
     for at in range(MIRRORED + 1):
         verdict, pose = frames[at].verdict, frames[at].cam_from_model
         shown_frame.show(scene, at)
-        assert another_frame.seen(scene).cam_from_model is pose
+        assert frame_in_view.other(scene).cam_from_model is pose
         if at == MIRRORED:
-            assert (verdict.state, pose, another_frame.seen(scene).text) == (REFUSED, None, "lost")
+            assert (verdict.state, pose, frame_in_view.other(scene).text) == (REFUSED, None, "lost")
             continue
         assert verdict.state == ACCEPTED
         assert is_at(pose @ inverse_rigid(mesh_from_model), POSES[at])
@@ -123,11 +116,11 @@ def test_frames_are_found_looked_at_without_a_trace_and_colour_the_surface(opene
             with pytest.raises(RuntimeError, match=r"found frame \d of film.avi; press Back"):
                 getattr(bpy.ops.oneframe, name)(**given)
     bpy.ops.oneframe.case_frame()
-    assert another_frame.seen(scene) is None
+    assert frame_in_view.other(scene) is None
     assert state_of(scene, tmp_path / "case.toml") == before
     # what was found holds for the pose that it began with
     bpy.ops.oneframe.nudge(step_px=1.0)
-    assert found.of(scene) is None
+    assert film_poses.of(scene) is None
 
 
 @pytest.mark.parametrize("state", [ACCEPTED, DOUBTFUL, REFUSED])
@@ -138,7 +131,7 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
     bpy.ops.oneframe.landmark_set(point=(1, 2, 3), pixel=(100, 100))
     bpy.ops.oneframe.register_frames()
     at = MIRRORED if state == REFUSED else 1
-    before, taken = state_of(scene, tmp_path / "case.toml"), found.frame_at(scene, at)
+    before, taken = state_of(scene, tmp_path / "case.toml"), film_poses.frame_at(scene, at)
     bpy.ops.ed.undo_push(message="registered")
     # also while the case's own frame is in view
     session.of(scene).show(at)
@@ -160,21 +153,21 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
         assert PoseRecord.of_table(record.table(), "record") == record
     # the film's picture of the case's own frame has the pose of the case
     shown_frame.show(scene, at)
-    assert another_frame.seen(scene) is None
+    assert frame_in_view.other(scene) is None
     bpy.ops.ed.undo()
     scene = bpy.context.scene
     assert state_of(scene, tmp_path / "case.toml") == before
-    assert found.frame_at(scene, at) is taken
+    assert film_poses.frame_at(scene, at) is taken
 
 
 def registered_in(scene):
     """Number -> state of what is found."""
-    return {number: each.verdict.state for number, each in found.of(scene).frames.items()}
+    return {number: each.verdict.state for number, each in film_poses.of(scene).frames.items()}
 
 
 def forget():
     """As another session of Blender begins."""
-    found._known.clear()
+    film_poses._known.clear()
     forget_stamps()
 
 
@@ -189,21 +182,21 @@ def test_found_frames_are_kept_beside_the_case_and_a_stopped_run_goes_on(opened,
         if share > 0.4:
             raise Stopped
 
-    operator_work = found.begun(scene, film)
+    operator_work = film_poses.begun(scene, film)
     registrar = Registrar(from_scene.loaded_case(scene))
     with pytest.raises(Stopped):
         operator_work.register(registrar, film, stop)
     before = registered_in(scene)
     assert len(before) == 2
-    poses = {number: each.cam_from_model for number, each in found.of(scene).frames.items()}
+    poses = {number: each.cam_from_model for number, each in film_poses.of(scene).frames.items()}
     forget()
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
     scene = bpy.context.scene
     assert registered_in(scene) == before
     seen = []
-    found.begun(scene, film).register(registrar, film, seen.append)
+    film_poses.begun(scene, film).register(registrar, film, seen.append)
     assert seen == [0.5, 1.0]
-    frames = found.of(scene).frames
+    frames = film_poses.of(scene).frames
     assert [frames[number].verdict.state for number in range(MIRRORED + 1)] == [ACCEPTED] * 3 + [REFUSED]
     for number, pose in poses.items():
         np.testing.assert_allclose(frames[number].cam_from_model, pose, atol=1e-9)
@@ -220,13 +213,13 @@ def test_found_frames_are_kept_beside_the_case_and_a_stopped_run_goes_on(opened,
     other = tmp_path / "film.avi"
     other.write_bytes((folder / "film.avi").read_bytes() + b"0000")
     bpy.ops.oneframe.open_video(filepath=str(other))
-    assert found.of(bpy.context.scene) is None
+    assert film_poses.of(bpy.context.scene) is None
 
 
 def test_found_frames_go_into_the_queue_at_their_poses(opened, tmp_path):
     scene = opened("case.toml", '[alignment]\nmethod = "landmarks"\n')
     bpy.ops.oneframe.register_frames()
-    frames = found.of(scene).frames
+    frames = film_poses.of(scene).frames
     shown_frame.show(scene, MIRRORED)
     bpy.ops.oneframe.queue_video_frames()
     bpy.ops.oneframe.queue_found(count=1)
@@ -251,7 +244,7 @@ def test_found_frames_go_into_the_queue_at_their_poses(opened, tmp_path):
     np.testing.assert_allclose(
         pose_evidence.remembered_uncertainty(scene).covariance, frames[2].uncertainty.covariance, rtol=1e-9
     )
-    assert found.of(scene).source.name == "frame.png"
+    assert film_poses.of(scene).reference.name == "frame.png"
     bpy.ops.oneframe.queue_check()
     here = queued.position(scene)
     bpy.ops.oneframe.queue_step(step=-here)

@@ -1,4 +1,4 @@
-"""Nothing of a pose is lost: all that is settled is in the history, and a person's check is not replaced unasked."""
+"""Nothing of a pose is lost: all that is settled is in the history."""
 
 import bpy
 import numpy as np
@@ -6,15 +6,12 @@ import pytest
 
 from blender_addon.refine.status_line import status
 from blender_addon.setup import history
-from blender_addon.setup.alignment_record import pose_record
 from blender_addon.setup.case_in_scene import unsaved_parts
-from blender_addon.setup.save_case import checked_pose
-from blender_addon.state import from_scene, pose_evidence
+from blender_addon.state import from_scene
 from blender_addon.state.scene_files import forget_stamps
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import earlier_cases, history_path
-from oneframe.case.pose_record import PoseRecord
-from tests.addon.test_case_queue import move, pose, queue  # noqa: F401
+from tests.addon.test_case_queue import move, pose
 
 
 @pytest.fixture
@@ -109,21 +106,6 @@ def test_a_case_that_was_never_saved_has_its_history_beside_the_frame(addon, wri
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "mine/mine.toml"))
     assert not history_path(beside).exists()
     assert len(earlier_cases(tmp_path / "mine/mine.toml")) == 2
-
-
-def test_a_checked_pose_is_replaced_after_a_question_only_whoever_found_the_other(queue):  # noqa: F811
-    bpy.ops.oneframe.queue_check()
-    bpy.ops.oneframe.queue_step(step=-1)
-    path = queue / "frame" / "case.toml"
-    assert checked_pose(scene(), path) == ""
-    assert pose_record(scene()).checked
-    for record in (PoseRecord("manual"), PoseRecord("refined")):
-        move([1.0, 0.0, 0.0])
-        pose_evidence.remember(scene(), record, pose())
-        assert "was checked" in checked_pose(scene(), path)
-    bpy.ops.oneframe.queue_step()
-    assert earlier_cases(path)[0].case.alignment.checked, "the check is in the history"
-    assert not read_case(path).alignment.checked
 
 
 def test_two_windows_on_one_case_lose_nothing_of_each_other(case):

@@ -47,29 +47,18 @@ def is_same(key: bpy.types.KeyMapItem, other: dict) -> bool:
     )
 
 
-def why_allowed(keymap: str, key: bpy.types.KeyMapItem, operator: str, other_keymap: str) -> str:
-    """Why our key may take the place of one of Blender's; empty if it may not."""
-    if other_keymap in WHOLE_PROGRAM:
-        return "acts in other editors alone" if operator in OF_OTHER_EDITORS else ""
-    if keymap == "3D View" or (key.ctrl and key.type not in MOUSE):
-        return ""
-    if key.type in MOUSE:
-        return "a tool's drag and wheel take the place of selecting and zooming, as those of Blender's own tools do"
-    if key.alt:
-        return "would key a pose, which is never animated" if operator.startswith("anim.keyframe_delete") else ""
-    return "in the add-on's tools, keys without Ctrl and Alt act on the surface; Blender's would move or hide it"
-
-
-def test_no_key_takes_one_of_blenders_without_a_reason(addon, blenders):
+def test_no_key_takes_one_of_the_whole_program_or_with_ctrl(addon, blenders):
+    """Other keys act on the surface in the add-on's tools, where Blender's would move or hide it."""
     assert {name for name, _, _ in blenders} >= WHOLE_PROGRAM | IN_VIEW
+    own = [(keymap, key) for keymap, key in own_keys() if keymap != "3D View"]
     taken = [
         (keymap, key.to_string(), key.idname, name, operator)
-        for keymap, key in own_keys()
+        for keymap, key in own
         for name, operator, other in blenders
-        if name in WHOLE_PROGRAM | IN_VIEW and is_same(key, other)
-        if not why_allowed(keymap, key, operator, name)
+        if name in WHOLE_PROGRAM and operator not in OF_OTHER_EDITORS and is_same(key, other)
     ]
     assert not taken
+    assert not [key.to_string() for _, key in own if key.ctrl and key.type not in MOUSE]
 
 
 def test_no_key_means_two_things(addon):

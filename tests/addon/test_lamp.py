@@ -8,10 +8,10 @@ import pytest
 
 from blender_addon.colour.lamp import keep_lamp
 from blender_addon.dataset import view_preview as dataset
-from blender_addon.frames import found
+from blender_addon.frames import film_poses
 from blender_addon.setup import history
 from blender_addon.setup.case_in_scene import unsaved_parts
-from blender_addon.state.known_case import lamp_of
+from blender_addon.state.case_of_file import lamp_of
 from blender_addon.video import session
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.case.case_file import read_case
@@ -53,14 +53,6 @@ def test_a_lamp_is_undone_saved_and_in_the_history(opened, case_path):  # noqa: 
     scene = bpy.context.scene
     assert read_case(case_path).light == lamp_of(scene) == LAMP
     assert unsaved_parts(scene) == ()
-
-
-def test_the_lamp_of_the_file_stays_to_the_last_digit(opened, case_path):  # noqa: F811
-    given = LensLight((-13.123456789, 0.1, 0.0), 0.0512345678, 1.9, {"method": "found", "explained": 0.8})
-    law = f"lamp_cam_mm = {list(given.lamp_cam_mm)}\nambient = {given.ambient}\nfalloff = 1.9\n"
-    case_path.write_text(f'{case_path.read_text()}\n[light]\n{law}method = "found"\nexplained = 0.8\n')
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    assert lamp_of(opened) == given
 
 
 @pytest.mark.parametrize("light", ["lens", "shadows"])
@@ -118,7 +110,7 @@ def filmed(folder, images):
     bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
     bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
     bpy.ops.oneframe.case_frame()
-    registered = found.begun(bpy.context.scene, session.scored(bpy.context.scene))
+    registered = film_poses.begun(bpy.context.scene, session.scored(bpy.context.scene))
     points = hills(1).vertices
     for number, pose in enumerate(POSES):
         uncertainty = PoseUncertainty.about_points(np.zeros(3), 1e-4 * np.eye(6), points, pose)

@@ -102,14 +102,13 @@ def test_points_in_either_order_pair_and_the_surface_moves_to_the_solution(scene
 
 def test_residuals_and_departure_are_those_of_the_current_pose(scene, pairs):
     add(*pairs)
-    assert solve.departure(scene, solution(scene)) is None
+    assert solve.departure_px(scene, solution(scene)) is None
     moved = displace(scene)
     seen = from_scene.camera(scene).project(transform_points(moved, pairs[0]))
     found = solve.residuals_px(scene)
     assert np.allclose([found[index] for index in range(len(seen))], pairs[1] - seen, rtol=0, atol=1e-4)
-    away = solve.departure(scene, solution(scene))
-    assert away.largest_px == pytest.approx(np.linalg.norm(pairs[1] - seen, axis=1).max(), abs=0.02)
-    assert away.rotation_deg == pytest.approx(np.degrees(np.linalg.norm(TWIST[3:])), rel=0.02)
+    away = solve.departure_px(scene, solution(scene))
+    assert away == pytest.approx(np.linalg.norm(pairs[1] - seen, axis=1).max(), abs=0.02)
     bpy.ops.oneframe.solve_landmarks()
     assert np.abs(pose_of(scene) - solved_directly(scene).cam_from_model).max() <= 1e-9
 
@@ -170,23 +169,6 @@ def test_names_of_landmarks_are_unique(scene, pairs):
     assert entries[1].name == "umbo.001"
     assert len({entry.name for entry in entries}) == len(entries)
     assert all(entry.name.strip() for entry in entries)
-
-
-def test_undo_and_redo_restore_landmarks_and_pose_together(scene, pairs):
-    displace(scene)
-    add(pairs[0][:6], pairs[1][:6])
-    bpy.ops.ed.undo_push(message="six")
-    six = pose_of(scene)
-    bpy.ops.oneframe.landmark_set(index=3, pixel=pairs[1][3] + 0.4)
-    bpy.ops.ed.undo_push(message="moved")
-    moved = pose_of(bpy.context.scene)
-    assert not np.allclose(moved, six, atol=1e-6)
-    for step, expected in ((bpy.ops.ed.undo, six), (bpy.ops.ed.redo, moved)):
-        step()
-        found = bpy.context.scene
-        assert np.array_equal(pose_of(found), expected)
-        # the solution shown is that of the restored landmarks
-        assert np.array_equal(solution(found).estimate.cam_from_model, expected)
 
 
 def test_a_landmark_is_deleted_and_a_missing_one_is_refused(scene, pairs):

@@ -11,8 +11,10 @@ import pytest
 
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, scene_files
+from blender_addon.state.landmarks import landmarks_mesh
 from blender_addon.video import shown_frame
 from blender_addon.view.overlay import frame_image_of
+from blender_addon.volume import ct
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.case.pose_record import PoseRecord
@@ -68,6 +70,12 @@ def test_the_window_and_the_command_make_the_same_case(addon, files, tmp_path, f
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
     line = ["case", "--surface", files / "surface", "--frame", files / frame, "--mask", files / "mask.png"]
     assert dispatch([*map(str, line), "--camera", str(files / "camera.json"), "--out", str(tmp_path / "command")]) == 0
+    # what is beside the case makes the same surface again
+    record = json.loads((folder / "surface_made_by.json").read_text())
+    assert str(files) not in json.dumps(record), "no name of a file"
+    named = {"CT": str(files / "ct.nii.gz"), "LABELS": str(files / "labels.nii.gz")}
+    dispatch([*(named.get(word, word) for word in record["command"].split()[1:-1]), str(tmp_path / "again")])
+    assert (tmp_path / "again" / "surface.ply").read_bytes() == (folder / "surface.ply").read_bytes()
     assert_same_case(folder, tmp_path / "command", "surface_made_by.json")
     # the scene has them too: nothing refers to what ends with the session
     before = tree(folder)
@@ -195,8 +203,11 @@ def test_the_initial_pose_follows_the_surface_until_somebody_moves_it(addon, fil
     bpy.ops.oneframe.nudge(axis="x")
     moved = from_scene.cam_from_mesh(scene)
     scene.oneframe_ct.threshold_hu = 500
+    bpy.ops.oneframe.landmark_set(point=(1.0, 2.0, 3.0))
+    before = landmarks_mesh(scene)[0].point
     bpy.ops.oneframe.make_surface()
     np.testing.assert_allclose(from_scene.cam_from_mesh(scene), moved, atol=1e-6)
+    np.testing.assert_allclose(landmarks_mesh(scene)[0].point, before, atol=1e-5)
     assert pose_record(scene).method == "manual"
 
 
@@ -216,3 +227,35 @@ def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):
     assert 'video = "film.avi"\nvideo_frame = 2\n' in written
     (folder / "case.toml").write_text(written.replace('video = "film.avi"\nvideo_frame = 2\n', ""))
     assert_same_case(folder, tmp_path / "command")
+
+
+def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(addon, files, tmp_path):
+    bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
+    bpy.ops.oneframe.open_labels(filepath=str(files / "labels.nii.gz"))
+    volume = ct.ct_of(bpy.context.scene).volume
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"), compress=False)
+    assert volume.values[10, 10].tobytes() not in (tmp_path / "kept.blend").read_bytes()
+    ct._loaded.clear()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
+    scene = bpy.context.scene
+    assert ct.ct_of(scene) is None
+    assert not bpy.ops.oneframe.make_surface.poll()
+    bpy.ops.oneframe.open_ct(filepath=scene.oneframe_ct.path)
+    assert np.array_equal(ct.ct_of(scene).volume.values, volume.values)
+    assert len(ct.ct_of(scene).labels.names) == 1
+
+
+def test_what_is_no_ct_or_has_no_bone_changes_nothing(addon, files):
+    bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
+    scene = bpy.context.scene
+    before = ct.ct_of(scene)
+    with pytest.raises(RuntimeError, match="label"):
+        bpy.ops.oneframe.open_ct(filepath=str(files / "labels.nii.gz"))
+    assert ct.ct_of(scene) is before
+    assert scene.oneframe_ct.path == str(files / "ct.nii.gz")
+    scene.oneframe_ct.threshold_hu = 3000
+    with pytest.raises(RuntimeError, match="HU"):
+        bpy.ops.oneframe.make_surface()
+    assert scene.oneframe.surface is None
+    bpy.ops.oneframe.otsu()
+    assert bpy.ops.oneframe.make_surface() == {"FINISHED"}

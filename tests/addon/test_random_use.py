@@ -1,7 +1,6 @@
 """Random sequences of the add-on's operators and Blender's own end in messages, never in tracebacks."""
 
 import random
-from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -98,22 +97,20 @@ class RandomUser:
         bpy.ops.object.mode_set(mode=mode)
 
     def object(self) -> None:
-        objects = list(bpy.context.view_layer.objects)
-        found = self.rng.choice([None, *objects])
-        other = self.rng.choice([None, *(one for one in objects if one != found)])
-        what: dict[str, Callable[[], object]] = {
-            "scale": lambda: setattr(found, "scale", (self.rng.choice([0, -1, 1, 1.1]), 1, 1)),
-            "move": lambda: setattr(found, "location", [self.rng.uniform(-50, 50) for _ in range(3)]),
-            "hide": lambda: setattr(found, "hide_viewport", not found.hide_viewport),
-            "rename": lambda: setattr(found, "name", "x"),
-            "parent": lambda: setattr(found, "parent", other),
-            "unlink": lambda: found.users_collection[0].objects.unlink(found),
-            "empty": lambda: found.type == "MESH" and found.data.clear_geometry(),
-        }
-        name = self.rng.choice(list(what))
+        name = self.rng.choice(["scale", "move", "hide", "unlink", "empty"])
+        found = self.rng.choice([None, *bpy.context.view_layer.objects])
         self.log.append(f"{name} {found and found.name}")
-        if found is not None:
-            what[name]()
+        match found and name:
+            case "scale":
+                found.scale = (self.rng.choice([0, -1, 1, 1.1]), 1, 1)
+            case "move":
+                found.location = [self.rng.uniform(-50, 50) for _ in range(3)]
+            case "hide":
+                found.hide_viewport = not found.hide_viewport
+            case "unlink":
+                found.users_collection[0].objects.unlink(found)
+            case "empty" if found.type == "MESH":
+                found.data.clear_geometry()
 
     def delete(self) -> None:
         kind = self.rng.choice(["objects", "objects", "images", "meshes", "cameras", "materials", "collections"])

@@ -18,7 +18,8 @@ from oneframe.alignment import align_case as align
 from oneframe.alignment.align_case import align_case
 from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.case.case_file import read_case
+from oneframe.case.case_file import Case, read_case
+from oneframe.case.case_writer import write_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.images.png import encode_png
 from oneframe.projection.z_buffer import rasterise_depth
@@ -34,18 +35,6 @@ from tests.remembered import refinement, remembered
 CAMERA = PinholeCamera(180, 135, fx=975.0, fy=978.0, cx=91.5, cy=65.5)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
 START = TRUE_POSE @ rigid(rotation_from_vector(np.radians([1.5, -1.0, 1.0])), np.array([1.0, -1.0, 2.0]))
-CASE = """
-units = "mm"
-[frame]
-image = "frame.png"
-[camera]
-size = [180, 135]
-K = [[975.0, 0, 91.5], [0, 978.0, 65.5], [0, 0, 1]]
-[surface]
-mesh = "surface.ply"
-[pose]
-cam_from_mesh = {pose}
-"""
 
 
 def photograph(mesh: TriangleMesh) -> np.ndarray:
@@ -68,7 +57,8 @@ def case_folder(tmp_path_factory):
     (folder / "mirrored.png").write_bytes(encode_png(mirrored))
     (folder / "flat.png").write_bytes(encode_png(np.full((135, 180, 3), 128, np.uint8)))
     for name, pose in (("start", START), ("true", TRUE_POSE)):
-        (folder / f"{name}.toml").write_text(CASE.format(pose=pose.tolist()))
+        path = folder / f"{name}.toml"
+        write_case(path, Case(path, 1.0, folder / "frame.png", CAMERA, None, folder / "surface.ply", pose))
     return folder
 
 

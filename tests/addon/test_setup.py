@@ -6,8 +6,7 @@ import json
 import bpy
 import numpy as np
 import pytest
-from bpy_extras.object_utils import world_to_camera_view
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from blender_addon.colour.operators import is_outdated
 from blender_addon.refine.status_line import status
@@ -17,7 +16,6 @@ from blender_addon.state import from_scene, pose_evidence, to_scene
 from blender_addon.state.scene_files import forget_stamps
 from blender_addon.view.overlay_passes import world_from_structure
 from oneframe.blender.alignment.surface_object import edited_mesh, mesh_from_model_of
-from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
@@ -126,28 +124,6 @@ def test_a_case_that_is_opened_and_saved_is_the_same(opened, case_path, tmp_path
         saved = read_case(copy).cam_from_mesh
         bpy.ops.oneframe.open_case(filepath=str(copy))
         assert np.array_equal(from_scene.cam_from_mesh(bpy.context.scene), saved)
-
-
-CAMERAS = [
-    PinholeCamera(1920, 1080, 12800.0, 12650.0, 700.3, 611.8),
-    PinholeCamera(480, 640, 60.0, 61.0, 250.0, 300.0),
-    PinholeCamera(640, 480, 900.0, 450.0, 320.0, 239.5),
-]
-"""Of a microscope, wide and upright, with oblong pixels."""
-
-
-def test_blenders_camera_projects_points_as_k_and_pose_do(opened, rng):
-    for camera in CAMERAS:
-        to_scene.set_camera(bpy.context, camera, None)
-        pose = updated_pose(opened)
-        pixels = rng.uniform([-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5], (50, 2))
-        points_cam = camera.rays_cam(pixels) * rng.uniform(200, 400, (50, 1))
-        settings = opened.oneframe
-        for point, pixel in zip((points_cam - pose[:3, 3]) @ pose[:3, :3], pixels, strict=True):
-            world = settings.surface.matrix_world @ Vector(point)
-            x, y, _ = world_to_camera_view(opened, settings.camera_object, world)
-            shown = np.array([x * camera.width - 0.5, (1 - y) * camera.height - 0.5])
-            assert np.abs(shown - pixel).max() < 0.02
 
 
 @pytest.mark.parametrize("order", ["fcs", "csf", "scf"])

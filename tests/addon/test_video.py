@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from blender_addon.video import session, shown_frame
-from blender_addon.video.frame_fetcher import FrameFetcher
+from blender_addon.video.session import FrameFetcher
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png
-from oneframe.video.film_reader import MOST, FilmFrame, Thumbnails, read_video_frame
+from oneframe.video.film_reader import read_video_frame
 from oneframe.video.frame_folder import write_frames
 from oneframe.video.frame_scores import best_frames, score_frames
 from tests.video.surgical_film import Event, surgical_film, write_film
@@ -169,19 +169,6 @@ def test_the_fetcher_gives_exact_frames_in_any_order_or_says_it_cannot(film, vid
     lost.wait(3)
     assert lost.frame(3) is None
     assert "gone.mkv" in lost.failure(3)
-
-
-@pytest.mark.parametrize("count", [1, MOST + 1, 5 * MOST])
-def test_thumbnails_are_few_and_regular(count):
-    kept = Thumbnails()
-    for number in range(count):
-        kept.add(FilmFrame(2 * number, 0.0, 0.0, np.full((2, 3, 3), number % 251, np.uint8)))
-    assert min(count, MOST / 2) <= len(kept) <= MOST
-    apart = 2 ** max(0, int(np.ceil(np.log2(count / MOST))))
-    for wanted in range(0, 2 * count, 7):
-        index, picture = kept.nearest(wanted)
-        assert abs(index - wanted) <= 2 * apart
-        assert (picture == index // 2 % 251).all()
 
 
 def test_the_film_that_is_open_survives_undo(addon, case_path, video):

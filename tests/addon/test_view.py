@@ -30,17 +30,6 @@ def scene(addon, write_tiny_case, tmp_path):
 
 
 @pytest.fixture
-def in_view(scene):
-    """The 3D view, looking through the frame's camera."""
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    area.spaces.active.region_3d.view_perspective = "CAMERA"
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    with bpy.context.temp_override(window=window, area=area, region=region):
-        yield area.spaces.active
-
-
-@pytest.fixture
 def gpu_context(addon):
     """Enables drawing without a window."""
     import gpu
@@ -177,7 +166,7 @@ def frame_path(scene):
     return absolute_path(scene.oneframe.frame_path)
 
 
-def test_view_operators_are_cyclic_and_move_nothing(in_view, scene):
+def test_view_operators_are_cyclic_and_move_nothing(scene, in_view):
     before, view, surface = poses(scene), scene.oneframe_view, scene.oneframe.surface
 
     def state():
@@ -248,7 +237,7 @@ def test_lines_over_the_view_fit_and_lose_nothing(text, room):
     assert all(strokes.width_of(line) <= room or " " not in line.strip() for line in lines)
 
 
-def test_view_operators_are_disabled_in_other_views(in_view, scene):
+def test_view_operators_are_disabled_in_other_views(scene, in_view):
     in_view.region_3d.view_perspective = "PERSP"
     for operator in OPERATORS:
         assert not getattr(bpy.ops.oneframe, operator).poll()
@@ -258,7 +247,7 @@ def test_view_operators_are_disabled_in_other_views(in_view, scene):
     assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "show_frame"))
 
 
-def test_a_hint_shows_what_would_act_now(in_view, scene):
+def test_a_hint_shows_what_would_act_now(scene, in_view):
     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     assert not binding("oneframe.refine")
     bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)

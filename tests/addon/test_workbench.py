@@ -40,14 +40,9 @@ def load_all(folder):
     bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
 
 
-def open_case(folder):
-    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
-
-
-@pytest.mark.parametrize("set_up", [load_all, open_case])
-def test_the_users_scene_stays_as_it_is(users_scene, write_tiny_case, tmp_path, set_up):
-    folder, before = write_tiny_case(tmp_path).parent, state(users_scene)
-    set_up(folder)
+def test_the_users_scene_stays_as_it_is(users_scene, folder):
+    before = state(users_scene)
+    load_all(folder)
     bpy.ops.oneframe.nudge(axis="x", step_px=5.0)
     bpy.ops.oneframe.project_colour(mode="vertex")
     bench = bpy.context.scene
@@ -58,20 +53,8 @@ def test_the_users_scene_stays_as_it_is(users_scene, write_tiny_case, tmp_path, 
     assert bench.world is None
 
 
-def test_undoing_the_first_step_returns_to_the_users_scene(users_scene, write_tiny_case, tmp_path):
-    bpy.ops.ed.undo_push(message="before")
-    bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
-    bpy.ops.ed.undo_push(message="opened")
-    bpy.ops.ed.undo()
-    assert bpy.context.scene.name == "mine"
-    assert len(bpy.data.scenes) == 1
-    bpy.ops.ed.redo()
-    assert bpy.context.scene.oneframe.surface is not None
-
-
-def test_the_workbench_is_found_again(users_scene, write_tiny_case, tmp_path):
+def test_the_workbench_is_found_again(users_scene, folder, tmp_path):
     """From the user's scene, and after saving and opening the file: there is one, and typed values come along."""
-    folder = write_tiny_case(tmp_path).parent
     bpy.context.scene.oneframe.camera.fx = "321"
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     bench = bpy.context.scene
@@ -86,33 +69,27 @@ def test_the_workbench_is_found_again(users_scene, write_tiny_case, tmp_path):
     assert bpy.context.scene.oneframe.frame_path == str(folder / "frame.png")
 
 
-def test_a_new_surface_shows_its_shape(addon, write_tiny_case, tmp_path):
+def test_a_new_surface_shows_its_shape(in_view, folder):
     """Also after another one was shown in flat colours."""
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    with bpy.context.temp_override(window=window, area=area):
-        case = str(write_tiny_case(tmp_path))
-        bpy.ops.oneframe.open_case(filepath=case)
-        for again in (
-            lambda: bpy.ops.oneframe.open_case(filepath=case),
-            lambda: bpy.ops.oneframe.load_surface(filepath=str(tmp_path / "surface.ply")),
-        ):
-            bpy.ops.oneframe.project_colour(mode="vertex")
-            shading = area.spaces.active.shading
-            assert (shading.light, shading.color_type, shading.show_cavity) == ("FLAT", "VERTEX", False)
-            again()
-            assert (shading.light, shading.color_type, shading.show_cavity) == ("STUDIO", "OBJECT", True)
+    case = str(folder / "case.toml")
+    bpy.ops.oneframe.open_case(filepath=case)
+    for again in (
+        lambda: bpy.ops.oneframe.open_case(filepath=case),
+        lambda: bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply")),
+    ):
+        bpy.ops.oneframe.project_colour(mode="vertex")
+        shading = in_view.shading
+        assert (shading.light, shading.color_type, shading.show_cavity) == ("FLAT", "VERTEX", False)
+        again()
+        assert (shading.light, shading.color_type, shading.show_cavity) == ("STUDIO", "OBJECT", True)
 
 
-def test_the_first_orbit_turns_about_the_surface(addon, write_tiny_case, tmp_path):
-    window = bpy.context.window_manager.windows[0]
-    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
-    with bpy.context.temp_override(window=window, area=area):
-        bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
-        scene, view = bpy.context.scene, area.spaces.active.region_3d
-        # Blender leaves the camera for the point at the depth of the view's location
-        depth = -(scene.oneframe.camera_object.matrix_world.inverted() @ view.view_location).z
-        assert depth == pytest.approx(300, rel=0.05)
-        assert view.view_distance == pytest.approx(depth, rel=0.01)
-        assert area.spaces.active.clip_start < 30
-        assert area.spaces.active.clip_end > 600
+def test_the_first_orbit_turns_about_the_surface(in_view, folder):
+    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
+    view = in_view.region_3d
+    # Blender leaves the camera for the point at the depth of the view's location
+    depth = -(bpy.context.scene.oneframe.camera_object.matrix_world.inverted() @ view.view_location).z
+    assert depth == pytest.approx(300, rel=0.05)
+    assert view.view_distance == pytest.approx(depth, rel=0.01)
+    assert in_view.clip_start < 30
+    assert in_view.clip_end > 600

@@ -14,7 +14,7 @@ from oneframe.dataset.run.resume_record import GroundTruthInfo, ViewRecord, read
 from oneframe.dataset.tables.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
 from oneframe.dataset.tables.coco import run_lengths
 from oneframe.dataset.tables.pose_tables import write_poses
-from oneframe.dataset.view import file_sums, write_view
+from oneframe.dataset.view import ViewWriter, file_sums
 from oneframe.poses.constraints import Rejections
 from oneframe.transforms import rigid, rotation_from_vector
 
@@ -48,13 +48,18 @@ def record_of(index: int) -> ViewRecord:
     )
 
 
+def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:
+    """A finished view of these files, by kind."""
+    with ViewWriter(lambda _: None) as writer:
+        writer.write(paths, files, replace(record, files=file_sums(paths, files)))
+
+
 def write_blank_dataset(root: Path) -> None:
     """Views and tables; the images are blank."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(layout, "VIEWS_PER_SCENE", 3)
         for index in range(5):
-            paths, files = ViewPaths(root, index), {"rgb": b""}
-            write_view(paths, files, replace(record_of(index), files=file_sums(paths, files)))
+            write_view(ViewPaths(root, index), {"rgb": b""}, record_of(index))
         write_camera(root, CAMERA, DEPTH_SCALE)
         records = [read_record(ViewPaths(root, index)) for index in range(5)]
         for scene in (records[:3], records[3:]):

@@ -26,7 +26,6 @@ from oneframe.dataset.tables.coco import run_lengths
 from oneframe.dataset.tables.dataset_info import write_dataset_info
 from oneframe.dataset.tables.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from oneframe.dataset.truths import TRUTHS, Shot
-from oneframe.dataset.view import file_sums, write_view
 from oneframe.files.tables import write_csv
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
@@ -35,6 +34,7 @@ from oneframe.poses.constraints import Rejections
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
+from tests.dataset.blank_dataset import write_view
 
 CAMERA = PinholeCamera(width=64, height=48, fx=151.3, fy=147.9, cx=30.2, cy=25.1)
 COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01
@@ -197,7 +197,7 @@ def write_one(root: Path, index: int, identity: str) -> np.ndarray:
         px_count_observed=int(observed.sum()),
         attempts=1,
         rejections=Rejections(),
-        files=file_sums(paths, files),
+        files={},
         rle_counts=run_lengths(mask),
     )
     write_view(paths, files, record)

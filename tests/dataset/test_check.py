@@ -21,13 +21,13 @@ from oneframe.dataset.check import findings
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import SPLIT, ViewPaths
 from oneframe.dataset.run.resume_record import read_record
-from oneframe.dataset.view import file_sums, write_view
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.process.command_line import exit_code
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector
+from tests.dataset.blank_dataset import write_view
 from tests.dataset.sealing import sealed
 from tests.dataset.synthetic_dataset import (
     CAMERA,
@@ -85,7 +85,7 @@ def replace_file(root: Path, index: int, kind: str, image: np.ndarray) -> None:
     record = read_record(paths)
     kinds = [name.split("/")[2] for name in record.files]
     files = {name: paths.file(name).read_bytes() for name in kinds} | {kind: encode_png(image)}
-    write_view(paths, files, replace(record, files=file_sums(paths, files)))
+    write_view(paths, files, record)
 
 
 def image_of(root: Path, index: int, kind: str) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Laws of a view's files: depth units, images, ground truth of the whole silhouette, and a record written last."""
 
 import io
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,10 +16,10 @@ from oneframe.dataset.options import OPTIONS
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.tables.coco import run_lengths
 from oneframe.dataset.truths import TRUTHS, Shot, Stored, depth_scale_for, quantised_depth
-from oneframe.dataset.view import RenderedSample, RenderedView, encode_view, file_sums, write_view
+from oneframe.dataset.view import RenderedSample, RenderedView, encode_view, file_sums
 from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics
 from oneframe.projection.silhouette import SilhouetteEdges
-from tests.dataset.blank_dataset import CAMERA, record_of
+from tests.dataset.blank_dataset import CAMERA, record_of, write_view
 from tests.dataset.synthetic_dataset import CAMERA as WIDE
 from tests.dataset.synthetic_dataset import COUNT, MESH, cast_rays, encoded, pose_of
 
@@ -72,7 +71,7 @@ def test_a_view_is_its_files_and_then_its_record(tmp_path):
     np.testing.assert_array_equal(np.load(io.BytesIO(files["depth_mm"])), depth)
 
     paths = ViewPaths(tmp_path, 1003)
-    write_view(paths, files, replace(record_of(1003), files=file_sums(paths, files)))
+    write_view(paths, files, record_of(1003))
     assert paths.relative("mask_observed") == "train_synt/000001/mask_observed/000003_000000.png"
     record = read_record(paths)
     assert record.index == 1003

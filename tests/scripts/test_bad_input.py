@@ -56,7 +56,7 @@ def claiming(png: bytes, side_px: int) -> bytes:
 
 
 FRAMES = {
-    "PNG cut off": (lambda png: png[:-200], "the file is cut off; copy it again"),
+    "PNG cut off": (lambda png: png[:-200], "the file is cut off; save it as PNG in sRGB, or copy it again"),
     "PNG that takes gigabytes": (
         lambda png: claiming(png, 20_000),
         r"expected an image of at most 25\.0 million pixels, found 20000x20000; crop it or scale it down",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.film_reader import Film, read_video_frame
+from oneframe.video.film_reader import MOST, Film, FilmFrame, Thumbnails, read_video_frame
 from oneframe.video.frame_mask import without_combs
 from oneframe.video.frame_scores import COMBED, score_frames
 from oneframe.video.picture import comb_ratio
@@ -139,3 +139,16 @@ def test_what_is_no_film_is_refused(tmp_path):
             score_frames(tmp_path / name)
         with pytest.raises(InputError, match=r"expected|does not exist"):
             read_video_frame(tmp_path / name, 1 if name == "large.mkv" else 0)
+
+
+@pytest.mark.parametrize("count", [1, MOST + 1, 5 * MOST])
+def test_thumbnails_are_few_and_regular(count):
+    kept = Thumbnails()
+    for number in range(count):
+        kept.add(FilmFrame(2 * number, 0.0, 0.0, np.full((2, 3, 3), number % 251, np.uint8)))
+    assert min(count, MOST / 2) <= len(kept) <= MOST
+    apart = 2 ** max(0, int(np.ceil(np.log2(count / MOST))))
+    for wanted in range(0, 2 * count, 7):
+        index, picture = kept.nearest(wanted)
+        assert abs(index - wanted) <= 2 * apart
+        assert (picture == index // 2 % 251).all()

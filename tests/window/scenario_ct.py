@@ -1,6 +1,7 @@
 """From a CT to its surface and a masked frame by hand: file dialog, undo, brush of the mask."""
 
 import numpy as np
+import x11
 from user import part
 
 SIZE, SPACING = (49, 49, 45), 0.6
@@ -50,6 +51,19 @@ def painting(user):
     yield from stroke((600, 250), (601, 250), ctrl=True)
     assert shown()[250, 600]
     assert not shown()[200, 500]
+
+    # ring and number follow the key, though the pointer rests
+    yield from user.move(user.middle())
+    before, size = (yield from user.look()), user.window.scene.oneframe.mask_brush_px
+    yield from user.key("LEFT_BRACKET")
+    yield from user.until(lambda: user.window.scene.oneframe.mask_brush_px < size, "a smaller brush", 20)
+    yield 0.5
+    changed = (x11.capture() != before).any(axis=-1)
+    x, y = user.middle()
+    row, header = user.window.height - round(y), user.region("TOOL_HEADER")
+    assert changed[row - 120 : row + 120, round(x) - 120 : round(x) + 120].any(), "the ring"
+    top = user.window.height - header.y - header.height
+    assert changed[top : top + header.height].any(), "the number in the header"
 
 
 def written_ct(path):

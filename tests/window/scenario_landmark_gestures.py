@@ -4,12 +4,12 @@ import addon_utils
 import bpy
 import numpy as np
 from bl_ext.user_default.oneframe.landmarks import solve
-from bl_ext.user_default.oneframe.landmarks.tool import TOOL
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector, transform_points
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.state.landmarks import points_model
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
+from bl_ext.user_default.oneframe.ui.keymap import LANDMARK_TOOL
 
 FEATURES = np.array([(170, 250), (330, 190), (800, 190), (860, 560), (460, 540)], float)
 ADDON = "bl_ext.user_default.oneframe"
@@ -23,7 +23,7 @@ def scenario(user):
     start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [4.0, -3.0, 8.0]) @ true
     surface_object.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
     with user.context():
-        bpy.ops.wm.tool_set_by_id(name=TOOL)
+        bpy.ops.wm.tool_set_by_id(name=LANDMARK_TOOL)
         # at the rough pose some features lie outside the frame
         bpy.ops.oneframe.zoom_frame(factor=0.7)
         bpy.ops.ed.undo_push(message="rough pose")

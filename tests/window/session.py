@@ -57,33 +57,11 @@ def play_scenario(
     timeout_s: float,
     size_wh: tuple[int, int] = SIZE,
 ) -> dict:
-    """Play a scenario file in a separate Blender.
+    """Play a scenario file, with a generator function ``scenario(user)``, in a separate Blender; returns its facts.
 
-    Parameters
-    ----------
-    blender
-        The program.
-    scenario
-        A file with a generator function ``scenario(user)``.
-    resources
-        A configuration with the extension installed; it is copied, not changed.
-    case
-        The case file that the user opens; it is copied with its folder.
-    folder
-        An empty folder for everything that the session writes.
-    pictures
-        Folder for the pictures of the window, as PNG; emptied first.
-    timeout_s, size_wh
-        Time after which Blender is stopped; size of the window in pixels.
-
-    Returns
-    -------
-    The facts that the scenario found.
-
-    Raises
-    ------
-    AssertionError
-        The scenario failed, or Blender ended with an error.
+    ``resources``, a configuration with the extension installed, and the folder of ``case``, which the user opens, are
+    copied into ``folder``, which is empty at first. ``pictures`` gets those of the window, as PNG. Raises
+    AssertionError if the scenario fails, or Blender ends with an error or after ``timeout_s``.
     """
     own = folder / "resources"
     shutil.copytree(resources, own, copy_function=_copy)

@@ -9,29 +9,21 @@ from tests.window.conftest import PICTURES
 
 pytestmark = pytest.mark.window
 
-HERE = Path(__file__).parent
 TIMEOUT_S = 600
-STARTS = {"killed": r"^Blender ended with -9", "left_by_cross": r"^Blender ended with 0", "read_back": ""}
-"""Start of Blender -> how it ends, without a result; the last one ends with one."""
+ENDS = r"^Blender ended with -9", r"^Blender ended with 0", ""
+"""Of the three starts: the first two end without a result."""
 
 
 def test_a_pose_outlives_a_kill_the_cross_and_a_new_file(blender, resources, sample, tmp_path):
-    shared = tmp_path / "case"
-    for name, ends in STARTS.items():
-        (tmp_path / name).mkdir()
-        given = {
-            "resources": resources,
-            "case": shared / sample.name if shared.exists() else sample,
-            "folder": tmp_path / name,
-            "pictures": PICTURES / f"kept_{name}",
-            "timeout_s": TIMEOUT_S,
-        }
-        scenario = HERE / f"kept_{name}.py"
+    case, scenario = sample, Path(__file__).with_name("kept.py")
+    for number, ends in enumerate(ENDS):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        given = {"resources": resources, "case": case, "folder": folder, "pictures": PICTURES / f"kept_{number}"}
         if ends:
-            # it writes no result
             with pytest.raises(AssertionError, match=ends):
-                session.play_scenario(blender, scenario, **given)
+                session.play_scenario(blender, scenario, timeout_s=TIMEOUT_S, **given)
             # the next start finds what this one has left
-            shared = tmp_path / name / "case"
+            case = folder / "case" / sample.name
         else:
-            print(session.play_scenario(blender, scenario, **given))
+            print(session.play_scenario(blender, scenario, timeout_s=TIMEOUT_S, **given))

@@ -119,19 +119,12 @@ class User(Hands):
         selector = yield from self.file_selector()
         parameters = selector.spaces.active.params
         parameters.directory, parameters.filename = str(path.parent).encode(), path.name
-        yield from self.accept_file()
+        yield from self.leave_file_selector("RET")
 
-    def accept_file(self) -> Action:
-        """Accept the file that the file selector suggests; waits for it to open."""
+    def leave_file_selector(self, key: str = "ESC") -> Action:
+        """Cancel the file selector, or accept what it has; waits for it to open, and to close."""
         selector = yield from self.file_selector()
-        yield from self.key("RET", (selector.x + selector.width / 2, selector.y + selector.height / 2))
-        yield from self.until(lambda: not self._selector(), "the file selector to close")
-        yield from self.redraw()
-
-    def leave_file_selector(self) -> Action:
-        """Cancel the file selector; waits for it to open, and to close."""
-        selector = yield from self.file_selector()
-        yield from self.key("ESC", (selector.x + selector.width / 2, selector.y + selector.height / 2))
+        yield from self.key(key, (selector.x + selector.width / 2, selector.y + selector.height / 2))
         yield from self.until(lambda: not self._selector(), "the file selector to close")
         yield from self.redraw()
 

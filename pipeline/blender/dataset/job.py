@@ -19,7 +19,7 @@ from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import NONE, SHADOWS, DatasetOptions
 from ...dataset.run.run_folder import Shard
-from ...dataset.view import RenderedSample, write_view
+from ...dataset.view import RenderedSample, ViewWriter
 from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
@@ -133,7 +133,11 @@ def open_job(job: Job) -> OpenJob:
 
 
 def render_views(
-    renderer: ViewRenderer, out: Path, views: Iterable[int | None], finished: Callable[[int], None]
+    renderer: ViewRenderer,
+    out: Path,
+    views: Iterable[int | None],
+    finished: Callable[[int], None],
+    written: Callable[[int], None] = lambda _: None,
 ) -> None:
     """Render views and write them; encoding and writing run in parallel with the next render.
 
@@ -146,20 +150,24 @@ def render_views(
     views
         Numbers of the views; ``None`` means "nothing to do now".
     finished
-        Called from another thread with the number of a view that is on disk.
+        Called from any thread with the number of a view that is on disk, to stay.
+    written
+        Called from another thread with that of a view whose files are written.
     """
 
-    def write(index: int, sample: RenderedSample) -> None:
+    def write(writer: ViewWriter, index: int, sample: RenderedSample) -> None:
         paths = ViewPaths(out, index)
-        write_view(paths, *renderer.encode(paths, sample))
-        finished(index)
+        writer.write(paths, *renderer.encode(paths, sample))
+        written(index)
 
     waiting: deque[Future[None]] = deque()
     try:
-        with ThreadPoolExecutor(1, "encode") as encoder:
+        with ViewWriter(finished) as writer, ThreadPoolExecutor(1, "encode") as encoder:
             for index in views:
                 if index is not None:
-                    waiting.append(encoder.submit(write, index, renderer.make(index)))
+                    waiting.append(encoder.submit(write, writer, index, renderer.make(index)))
+                elif not waiting:
+                    writer.settle()
                 while waiting and (len(waiting) > IN_FLIGHT or waiting[0].done()):
                     waiting.popleft().result()
             while waiting:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TextIO
 
 import numpy as np
@@ -14,7 +15,7 @@ from ...dataset.checksums import FileSurvey, survey_files, write_checksums
 from ...dataset.dataset_file import read_description
 from ...dataset.layout import CONTACT_SHEET, RECORD, VIDEO_FILES, ViewPaths, evenly_spaced, other_files
 from ...dataset.option_arguments import option_arguments
-from ...dataset.run.render_processes import WorkerPool, assigned_views, report_finished
+from ...dataset.run.render_processes import FINISHED, WRITTEN, WorkerPool, assigned_views, report
 from ...dataset.run.run_folder import RunFolder, check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, view_ranges
 from ...dataset.tables.bop import write_camera, write_models
@@ -277,7 +278,8 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     # the files may have changed since the run began
     check_description(job.out, opened.description, opened.given_poses)
     with opened.renderer(threads=_threads(workers)) as renderer:
-        render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
+        finished, written = (partial(report, stream, answer) for answer in (FINISHED, WRITTEN))
+        render_views(renderer, job.out, views, finished, written)
 
 
 def _threads(workers: int) -> int:

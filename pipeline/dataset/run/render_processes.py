@@ -1,11 +1,12 @@
 """Processes that render views of one job: numbers go in, and come back as each view is on disk.
 
-A process is the render command with ``--worker``. It reads one number a line, and answers "finished: number" when
-that view is on disk; other lines of its output come from Blender. When its input ends, which also happens if its parent
-dies in any way, it ends at once.
+A process is the render command with ``--worker``. It reads one number a line, and answers "written: number" when that
+view's files are, and it takes another one, and "finished: number" when the view is on disk, to stay; other lines of its
+output come from Blender. When its input ends, which also happens if its parent dies in any way, it ends at once.
 """
 
 import queue
+import re
 import subprocess
 import sys
 import threading
@@ -19,10 +20,10 @@ from ...errors import InputError, RunError
 from ...process.command_line import EXIT_INPUT, EXIT_RUN
 from ...process.own_process import end_process
 
-_FINISHED = "finished: "
+WRITTEN, FINISHED = "written", "finished"
 
 AHEAD = 2
-"""Number of unfinished views that a process holds: one being rendered and one waiting, so that it never idles."""
+"""Number of unwritten views that a process holds: one being rendered and one waiting, so that it never idles."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,9 @@ class RenderProcess:
         )
         self.assigned: deque[int] = deque()
         """Views that it has not finished, in its order."""
-        self.has_ended = False
-        """Whether it has ended and all that it answered has been read."""
-        self._answers: queue.SimpleQueue[int | None] = queue.SimpleQueue()
+        self.free = AHEAD
+        """Number of views that it may take."""
+        self._answers: queue.SimpleQueue[tuple[str, int] | None] = queue.SimpleQueue()
         self._errors: deque[str] = deque(maxlen=20)
         self._readers = [threading.Thread(target=read, daemon=True) for read in (self._read, self._collect)]
         for reader in self._readers:
@@ -77,6 +78,7 @@ class RenderProcess:
     def assign(self, index: int) -> None:
         """Give it a view."""
         self.assigned.append(index)
+        self.free -= 1
         stream = self._process.stdin
         try:
             if stream is not None:
@@ -86,26 +88,23 @@ class RenderProcess:
             # it died, and its exit code says more; or it no longer reads its input, so end it
             self.kill()
 
-    def wait_for_view(self) -> int | None:
-        """The next view that is on disk; ``None`` if the process has ended."""
-        index = self._answers.get()
-        if index is None:
-            self.has_ended = True
-            return None
-        with suppress(ValueError):
-            self.assigned.remove(index)
-        return index
-
-    def is_alive(self) -> bool:
-        """Whether it still runs."""
-        return self._process.poll() is None
+    def answers(self) -> Iterator[int | None]:
+        """Each view that is on disk, and ``None`` for one that is only written, until the process has ended."""
+        while answer := self._answers.get():
+            word, index = answer
+            if word == WRITTEN:
+                self.free += 1
+                yield None
+                continue
+            with suppress(ValueError):
+                self.assigned.remove(index)
+            yield index
 
     def close_input(self) -> None:
         """Let it end."""
         if self._process.stdin is not None:
-            with suppress(
-                OSError
-            ):  # numbers that a dead process has not taken; else Python reports them as it collects
+            # numbers that a dead process has not taken; else Python reports them as it collects
+            with suppress(OSError):
                 self._process.stdin.close()
 
     def kill(self) -> None:
@@ -123,17 +122,17 @@ class RenderProcess:
 
     def _read(self) -> None:
         for line in self._process.stdout or ():
-            if line.startswith(_FINISHED):
-                self._answers.put(int(line.removeprefix(_FINISHED)))
+            if answer := re.fullmatch(rf"({WRITTEN}|{FINISHED}): ([0-9]+)\n", line):
+                self._answers.put((answer[1], int(answer[2])))
         self._answers.put(None)
 
     def _collect(self) -> None:
         self._errors.extend(self._process.stderr or ())
 
 
-def report_finished(index: int, stream: TextIO) -> None:
-    """Answer the parent that a view is on disk."""
-    stream.write(f"{_FINISHED}{index}\n")
+def report(stream: TextIO, answer: str, index: int) -> None:
+    """Tell the parent of a view."""
+    stream.write(f"{answer}: {index}\n")
     stream.flush()
 
 
@@ -182,8 +181,8 @@ class WorkerPool:
             self._threads.append(thread)
             thread.start()
 
-    def views(self) -> Iterator[int]:
-        """Views for the parent process, until none is left and no worker holds one."""
+    def views(self) -> Iterator[int | None]:
+        """Views for the parent process, until none is left and no worker holds one; ``None`` now and then meanwhile."""
         while True:
             self._check()
             try:
@@ -192,7 +191,9 @@ class WorkerPool:
             except IndexError:
                 pass
             for thread in self._threads:
-                thread.join()
+                while thread.is_alive():
+                    yield None
+                    thread.join(0.1)
             self._check()
             if not self._views:
                 return
@@ -211,11 +212,10 @@ class WorkerPool:
 
     def _feed(self, process: RenderProcess, number: int) -> None:
         self._assign(process)
-        while not process.has_ended:
-            index = process.wait_for_view()
+        for index in process.answers():
             if index is not None:
                 self._finished(index)
-                self._assign(process)
+            self._assign(process)
         ending = process.ending()
         # its unfinished views go back to the queue
         self._views.extendleft(reversed(process.assigned))
@@ -226,7 +226,7 @@ class WorkerPool:
             self.messages.append(f"worker {number} {ending.how}; the others continue {last}".rstrip())
 
     def _assign(self, process: RenderProcess) -> None:
-        while len(process.assigned) < AHEAD:
+        while process.free:
             try:
                 index = self._views.popleft()
             except IndexError:

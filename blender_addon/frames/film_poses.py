@@ -16,7 +16,6 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
-from ..case_queue.queued import present, queue_of
 from ..class_registration import at_end, listening
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -31,8 +30,9 @@ from ..pipeline.registration.register import RegisteredFrame, Registrar, Registr
 from ..pipeline.registration.surface_check import SurfaceCheck
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
-from ..state import another_frame, from_scene, scene_files
-from ..state.another_frame import SeenFrame
+from ..setup.queued import present, queue_of
+from ..state import frame_in_view, from_scene, scene_files
+from ..state.frame_in_view import FrameInView
 from ..state.scene_files import Stamp, forget_stamps, known_stamp, recent
 from ..video import session, shown_frame
 from ..video.session import FilmSession
@@ -42,7 +42,7 @@ WRITTEN_EVERY_S = 2.0
 """So much of a run is lost at most, if Blender is killed."""
 
 
-class Source(NamedTuple):
+class AlignedFrame(NamedTuple):
     """The aligned frame by which others are found: its name, the record of its pose, and surface and units."""
 
     name: str
@@ -52,12 +52,12 @@ class Source(NamedTuple):
 
 
 @dataclass
-class FoundFrames:
+class FilmPoses:
     """The frames of a film that are registered so far.
 
     Attributes
     ----------
-    source
+    reference
         By which they are.
     file
         Where they are kept; ``None`` before the case has a file, or where none can be written.
@@ -69,7 +69,7 @@ class FoundFrames:
         What the frames of the latest run tell of the surface.
     """
 
-    source: Source
+    reference: AlignedFrame
     file: Path | None
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     change: FilmChange | None = None
@@ -103,8 +103,10 @@ class FoundFrames:
         """Keep them in their file."""
         if self.file is None or not self.frames:
             return
-        source, frames = self.source, sorted(self.frames.items())
-        entries = [pose_entry("", number, each, source.mesh_from_model, source.mm_per_unit) for number, each in frames]
+        reference, frames = self.reference, sorted(self.frames.items())
+        entries = [
+            pose_entry("", number, each, reference.mesh_from_model, reference.mm_per_unit) for number, each in frames
+        ]
         with writing(self.file):
             write_bytes_atomically(self.file, encoded_list(entries))
 
@@ -115,7 +117,7 @@ class FoundFrames:
         return counts if self.change is None else f"{counts}; {self.change.words()}"
 
 
-_known: dict[tuple[str, bytes], FoundFrames] = {}
+_known: dict[tuple[str, bytes], FilmPoses] = {}
 """Digest, and mesh_from_model -> what is found in this session or read."""
 
 
@@ -126,15 +128,15 @@ class _Place(NamedTuple):
     file: Path | None
 
 
-def of(scene: bpy.types.Scene) -> FoundFrames | None:
+def of(scene: bpy.types.Scene) -> FilmPoses | None:
     """What is found in the scene's film from the present pose of the case's frame, or by another frame of its queue."""
     film = session.of(scene)
     if film is None:
         return None
     try:
         own, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
-        if found := _found(own, mesh_from_model, lambda: _own_source(scene, mesh_from_model)):
-            return found
+        if poses := _poses_at(own, mesh_from_model, lambda: _own_reference(scene, mesh_from_model)):
+            return poses
         cases = (_case_at(path, known_stamp(path)) for path in _other_cases(scene))
         others = (_found_by(case, film, _counts(scene), mesh_from_model) for case in cases if case is not None)
         return next(filter(None, others), None)
@@ -153,15 +155,15 @@ def film_of_case(scene: bpy.types.Scene) -> Path | None:
     return next((path for path in places if known_stamp(path) != (0, 0)), None)
 
 
-def begun(scene: bpy.types.Scene, film: FilmSession) -> FoundFrames:
+def begun(scene: bpy.types.Scene, film: FilmSession) -> FilmPoses:
     """What is found from the present pose of the case's frame, to be continued."""
     place, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
-    found = _found(place, mesh_from_model, lambda: _own_source(scene, mesh_from_model))
-    if found is None:
-        found = FoundFrames(_own_source(scene, mesh_from_model), None)
-        _known[place.digest, mesh_from_model.tobytes()] = found
-    found.file = _writable(found.file or place.file)
-    return found
+    poses = _poses_at(place, mesh_from_model, lambda: _own_reference(scene, mesh_from_model))
+    if poses is None:
+        poses = FilmPoses(_own_reference(scene, mesh_from_model), None)
+        _known[place.digest, mesh_from_model.tobytes()] = poses
+    poses.file = _writable(poses.file or place.file)
+    return poses
 
 
 def frame_at(scene: bpy.types.Scene, at: int) -> RegisteredFrame | None:
@@ -177,8 +179,10 @@ def record_of(scene: bpy.types.Scene, number: int) -> PoseRecord:
     if film is None or registered is None or frame is None:
         return UNKNOWN
     camera = from_scene.camera(scene).for_images(film.scores.info.size_wh, film.path.name)
-    source = registered.source
-    return registration_record(frame, camera, source.mesh_from_model, source.record, source.name, *tool_and_date())
+    reference = registered.reference
+    return registration_record(
+        frame, camera, reference.mesh_from_model, reference.record, reference.name, *tool_and_date()
+    )
 
 
 def text_of(verdict: Verdict) -> str:
@@ -188,19 +192,19 @@ def text_of(verdict: Verdict) -> str:
     return f"{WORDS[verdict.state]}{sure}"
 
 
-def _found(place: _Place, mesh_from_model: np.ndarray, source: Callable[[], Source]) -> FoundFrames | None:
+def _poses_at(place: _Place, mesh_from_model: np.ndarray, reference: Callable[[], AlignedFrame]) -> FilmPoses | None:
     key = place.digest, mesh_from_model.tobytes()
     if key not in _known:
         if place.file is None or known_stamp(place.file) == (0, 0):
             return None
-        frames, own = {}, source()
+        frames, own = {}, reference()
         try:
             entries = parsed_json(read_content(place.file, "a list of poses", most=LARGEST_FILE), place.file.name)
             frames = registered_of(entries, mesh_from_model, own.mm_per_unit)
         except (InputError, KeyError, TypeError, ValueError):
             # not of this version, or damaged: registered anew
             pass
-        _known[key] = FoundFrames(own, place.file, frames)
+        _known[key] = FilmPoses(own, place.file, frames)
     return _known[key] if _known[key].frames else None
 
 
@@ -211,12 +215,10 @@ def _other_cases(scene: bpy.types.Scene) -> list[Path]:
     return [other for other, shown in others if shown is not None and os.path.realpath(shown) != image]
 
 
-def _found_by(
-    case: Case, film: FilmSession, counts: tuple[int, int], mesh_from_model: np.ndarray
-) -> FoundFrames | None:
+def _found_by(case: Case, film: FilmSession, counts: tuple[int, int], mesh_from_model: np.ndarray) -> FilmPoses | None:
     digest = _digest(film, counts, case.camera, case.distortion, case.cam_from_mesh)
-    source = Source(case.image.name, case.alignment, mesh_from_model, case.mm_per_unit)
-    return _found(_Place(digest, _file_of(case.path, film, digest)), mesh_from_model, lambda: source)
+    reference = AlignedFrame(case.image.name, case.alignment, mesh_from_model, case.mm_per_unit)
+    return _poses_at(_Place(digest, _file_of(case.path, film, digest)), mesh_from_model, lambda: reference)
 
 
 def _digest(
@@ -247,9 +249,9 @@ def _writable(file: Path | None) -> Path | None:
     return file if file is not None and os.access(file.parent, os.W_OK) else None
 
 
-def _own_source(scene: bpy.types.Scene, mesh_from_model: np.ndarray) -> Source:
+def _own_reference(scene: bpy.types.Scene, mesh_from_model: np.ndarray) -> AlignedFrame:
     name, units = bpy.path.basename(scene.oneframe.frame_path), MM_PER_UNIT[scene.oneframe.units]
-    return Source(name, pose_record(scene), mesh_from_model, units)
+    return AlignedFrame(name, pose_record(scene), mesh_from_model, units)
 
 
 @lru_cache(maxsize=1000)
@@ -267,17 +269,17 @@ def _keep(scene: bpy.types.Scene) -> None:
     if film is None:
         return
     place, mesh_from_model = _own_place(scene, film), from_scene.mesh_from_model_of(from_scene.surface_of(scene))
-    found, file = _known.get((place.digest, mesh_from_model.tobytes())), _writable(place.file)
-    if found is None or file is None:
+    poses, file = _known.get((place.digest, mesh_from_model.tobytes())), _writable(place.file)
+    if poses is None or file is None:
         return
     # cases of a queue share them
-    if found.file is None or found.file.parent.parent != file.parent.parent:
-        found.file = file
-        found.write()
+    if poses.file is None or poses.file.parent.parent != file.parent.parent:
+        poses.file = file
+        poses.write()
         forget_stamps()
 
 
-def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
+def _seen(scene: bpy.types.Scene) -> FrameInView | None:
     film = session.of(scene)
     # until the case has a frame, it is the film's
     if film is None or not shown_frame.is_shown(scene) or not scene.oneframe.frame_path:
@@ -286,12 +288,12 @@ def _seen(scene: bpy.types.Scene) -> SeenFrame | None:
         return None
     name, frame = f"frame {film.score.index} of {film.path.name}", frame_at(scene, film.shown)
     if frame is None:
-        return SeenFrame(name, "not registered", None)
-    return SeenFrame(name, text_of(frame.verdict), frame.cam_from_model)
+        return FrameInView(name, "not registered", None)
+    return FrameInView(name, text_of(frame.verdict), frame.cam_from_model)
 
 
 PARTS = (
-    listening(another_frame.finders, _seen),
+    listening(frame_in_view.lookups, _seen),
     listening(scene_files.saved, _keep),
     at_end(_known.clear, _case_at.cache_clear),
 )

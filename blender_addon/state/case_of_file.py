@@ -20,7 +20,7 @@ UNNAMED = Path("/case.toml")
 """Where the case lies while the scene has no file: the names of its files are relative to that folder."""
 
 
-def known_case(scene: bpy.types.Scene) -> Case | None:
+def case_of_file(scene: bpy.types.Scene) -> Case | None:
     """The case of the scene's file, or what of it still holds for another frame or surface; ``None`` for none."""
     text = scene.oneframe.case_text
     return _parsed(f'units = "{scene.oneframe.units}"\n{text}', _place(scene)) if text else None
@@ -28,13 +28,13 @@ def known_case(scene: bpy.types.Scene) -> Case | None:
 
 def further_frames(scene: bpy.types.Scene) -> tuple[UnreadFrame, ...]:
     """The case's frames beside the one that is shown, as its file has them."""
-    known = known_case(scene)
+    known = case_of_file(scene)
     return () if known is None else known.frames
 
 
 def lamp_of(scene: bpy.types.Scene) -> LensLight | None:
     """The lamp at the lens of the scene's case; ``None`` if none is known."""
-    known = known_case(scene)
+    known = case_of_file(scene)
     return None if known is None else known.light
 
 
@@ -51,18 +51,18 @@ def _parsed(text: str, path: Path) -> Case:
 def remember_file(scene: bpy.types.Scene, case: Case) -> None:
     """Tie the scene to the file of a case, as it was read or written: Save Case writes there."""
     scene.oneframe.case_path = str(case.path.resolve())
-    keep_known(scene, case)
+    keep_case_of_file(scene, case)
 
 
-def keep_known(scene: bpy.types.Scene, case: Case) -> None:
-    """Keep a case, in the scene's units, as that of the scene's file, see :func:`known_case`."""
+def keep_case_of_file(scene: bpy.types.Scene, case: Case) -> None:
+    """Keep a case, in the scene's units, as that of the scene's file, see :func:`case_of_file`."""
     # the first line has the units
     scene.oneframe.case_text = case_text(_place(scene), case).partition("\n")[2]
 
 
 def part_from_case(scene: bpy.types.Scene, *, surface: bool = False) -> None:
     """End the tie to the case's file and dataset: another frame or surface comes, and must not get into them."""
-    settings, known = scene.oneframe, known_case(scene)
+    settings, known = scene.oneframe, case_of_file(scene)
     if settings.case_path:
         settings.property_unset("case_path")
         settings.property_unset("dataset_out")
@@ -73,4 +73,4 @@ def part_from_case(scene: bpy.types.Scene, *, surface: bool = False) -> None:
         # which was relative to that file
         dataset[key] = str(known.path.parent / str(dataset[key]))
     name = None if surface else known.object_name
-    keep_known(scene, replace(known, path=UNNAMED, dataset=dataset, frames=(), object_name=name))
+    keep_case_of_file(scene, replace(known, path=UNNAMED, dataset=dataset, frames=(), object_name=name))

@@ -14,7 +14,7 @@ from ..pipeline.images.image_reader import read_image
 from . import events, from_scene, pose_evidence
 
 
-class SeenFrame(NamedTuple):
+class FrameInView(NamedTuple):
     """Another frame that the view shows at its own pose ``(4, 4)``, mm, if that is found; the text says how sure it is.
 
     The case's frame, pose and landmarks stay as they are.
@@ -25,19 +25,19 @@ class SeenFrame(NamedTuple):
     cam_from_model: np.ndarray | None
 
 
-finders: list[Callable[[bpy.types.Scene], SeenFrame | None]] = []
+lookups: list[Callable[[bpy.types.Scene], FrameInView | None]] = []
 """Say which other frame the view shows at its own pose; ``None`` for none."""
 
 
-def seen(scene: bpy.types.Scene) -> SeenFrame | None:
+def other(scene: bpy.types.Scene) -> FrameInView | None:
     """The other frame that the view shows at its own pose; ``None`` while it shows the case's."""
-    return next((found for find in finders if (found := find(scene)) is not None), None)
+    return next((found for find in lookups if (found := find(scene)) is not None), None)
 
 
 def check_own(scene: bpy.types.Scene) -> None:
     """Raise :class:`InputError` while the view shows another frame: what is done there would go to the case's own."""
-    if (other := seen(scene)) is not None:
-        raise InputError(f"expected the case's frame in the view, found {other.name}; press Back to Case Frame")
+    if (shown := other(scene)) is not None:
+        raise InputError(f"expected the case's frame in the view, found {shown.name}; press Back to Case Frame")
 
 
 leaving: list[Callable[[], None]] = []

@@ -11,7 +11,6 @@ from ..camera.intrinsics_file import CameraFile
 from ..camera.pinhole import PinholeCamera
 from ..camera.plausibility import fit_of
 from ..errors import InputError
-from ..files.keys import nearest_name
 from ..files.numbers import MM_PER_UNIT
 from ..files.outputs import check_outputs, writing
 from ..images.masked_frame import with_mask_tinted
@@ -54,8 +53,6 @@ class CaseInputs:
         The folder of ``oneframe surface``, or a mesh file.
     structures
         Further structures, with their meshes in the frame and unit of the surface.
-    only
-        Names of the structures that are taken from the folder; ``None`` for all.
     units
         ``"mm"`` or ``"m"``: the unit of the meshes and the pose.
     frame
@@ -72,7 +69,6 @@ class CaseInputs:
 
     surface: Path
     structures: tuple[Structure, ...]
-    only: tuple[str, ...] | None
     units: str
     frame: Frame
     camera: CameraFile
@@ -168,12 +164,7 @@ def _surface(given: CaseInputs) -> SurfaceFolder:
         found = read_surface_folder(given.surface)
     else:
         found = SurfaceFolder(given.surface)
-    known = {structure.name: structure for structure in found.structures}
-    for name in given.only or ():
-        if name not in known:
-            raise InputError(f"{given.surface}: expected a structure {name!r}; {nearest_name(name, tuple(known))}")
-    taken = [structure for name, structure in known.items() if given.only is None or name in given.only]
-    structures = [*taken, *given.structures]
+    structures = [*found.structures, *given.structures]
     names = [structure.name for structure in structures]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"structures: expected a different name for each, found {repeated[0]!r} twice")

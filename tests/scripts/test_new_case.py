@@ -199,11 +199,10 @@ def test_the_colours_are_those_that_blender_reads(given, tmp_path, kind):
     assert own.all() == (kind != "rgba")
 
 
-def test_structures_by_choice(given, tmp_path):
+def test_structures_beside_those_of_the_folder(given, tmp_path):
     for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
         shutil.copy(given / "surface" / "structures" / "facial_nerve.ply", given / name)
-    break_record(given, lambda record: record["structures"].update(bone=record["structures"]["facial_nerve"]))
-    words = line(given, only="facial_nerve")
+    words = line(given)
     for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
         words += ["--structure", str(given / name)]
     assert dispatch(words) == 0

@@ -97,5 +97,5 @@ def _lines(path: Path) -> list[str]:
 def _entry(line: str) -> dict[str, str]:
     entry: Any = parsed_json(line.encode(), "it")
     if not isinstance(entry, dict) or not all(isinstance(entry.get(key), str) for key in ("time", "case")):
-        raise InputError(f"found {line[:60]!r}")
+        raise InputError("found no line of it")
     return entry

@@ -98,8 +98,9 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     check_outputs(without_kept(folder_outputs(out, names), inputs), inputs)
     frame = given.frame
     kept_frame = KeptFile(out / FRAME, frame.encoded())
-    camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
+    camera, distortion, doubts = _camera(given.camera, frame, rescale=given.rescale_camera)
     yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {frame.masked:.1%} masked"
+    yield from (f"note: {message}" for message in frame.notes)
     yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
         "" if distortion is None else ", with distortion"
     )
@@ -172,11 +173,10 @@ def _surface(given: CaseInputs) -> SurfaceFolder:
     return replace(found, structures=tuple(sorted(structures, key=lambda structure: structure.name)))
 
 
-def _camera(
-    file: CameraFile, size_wh: tuple[int, int], *, rescale: bool
-) -> tuple[PinholeCamera, Distortion | None, Sequence[str]]:
+def _camera(file: CameraFile, frame: Frame, *, rescale: bool) -> tuple[PinholeCamera, Distortion | None, Sequence[str]]:
     """K and distortion for the frame, and what is doubtful about them."""
-    fit = fit_of(file, size_wh)
+    size_wh = frame.size_wh
+    fit = fit_of(file, size_wh, frame.pixel_aspect)
     camera, doubts = fit.camera, list(fit.messages)
     if file.size is not None and file.size != size_wh:
         mismatch, *doubts = fit.messages

@@ -1,8 +1,8 @@
 """The command ``oneframe case``."""
 
-from dataclasses import MISSING, dataclass, replace
+from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..process.command import choice, option, switch
@@ -44,9 +44,6 @@ class Arguments:
     mask: Path | None = option(
         "FILE", "an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha"
     )  # fmt: skip
-    denoise: bool = switch(
-        "remove noise from the frame (non-local means), if it has so much that more is won than lost"
-    )  # fmt: skip
     camera: Path | None = option(
         "FILE", "K and distortion: JSON, YAML or XML of OpenCV, ROS, Kalibr, COLMAP, another case",
         excludes="camera",
@@ -77,8 +74,8 @@ def run(arguments: Arguments) -> None:
         if getattr(arguments, name) is not None and arguments.K is None:
             raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
     frame, *others = arguments.frame
-    for name in ("frame_number", "mask", "pose", "denoise"):
-        if others and getattr(arguments, name) not in (None, False):
+    for name in ("frame_number", "mask", "pose"):
+        if others and getattr(arguments, name) is not None:
             raise InputError(
                 f"command line: --{name.replace('_', '-')}: expected one frame with it, found {len(others) + 1}"
             )
@@ -102,7 +99,7 @@ def run(arguments: Arguments) -> None:
         surface=arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
         structures=tuple(structures),
         units=arguments.units,
-        frame=_frame(arguments, output),
+        frame=_frame(arguments),
         camera=camera,
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
@@ -119,30 +116,29 @@ def run(arguments: Arguments) -> None:
     )
 
 
-def _frame(arguments: Arguments, output: TextIO) -> "Frame":
-    """The first frame that is named: an image, or one of a video; with its mask, and without noise if that is asked."""
+def _frame(arguments: Arguments) -> "Frame":
+    """The first frame that is named: an image, or one of a video; with its mask."""
     import numpy as np
 
     from ..case.frame import Frame, read_frame
-    from ..images.pixel_values import to_uint8
     from ..video import SUFFIXES
 
     path = arguments.frame[0]
     if arguments.frame_number is not None:
-        from ..video.film_reader import read_video_frame
+        from ..video.film_reader import film_frame
+        from ..video.frame_folder import DEINTERLACE
+        from ..video.frame_scores import COMBED
 
-        pixels = read_video_frame(path, arguments.frame_number)
-        frame = Frame(path, pixels / np.float32(255), np.ones(pixels.shape[:2], np.bool_))
+        decoded, film = film_frame(path, arguments.frame_number)
+        colours, shown = decoded.image / np.float32(255), np.ones(decoded.image.shape[:2], np.bool_)
+        notes = film.notes
+        if decoded.comb > COMBED:
+            notes.append(f"the frame is interlaced, and shows two moments; {DEINTERLACE}")
+        frame = Frame(path, colours, shown, pixel_aspect=film.pixel_aspect, notes=tuple(notes))
     elif path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
     else:
         frame = read_frame(path)
     if arguments.mask is not None:
         frame = frame.with_mask(arguments.mask)
-    if arguments.denoise:
-        from ..video.frame_measures import denoised
-
-        codes, said = denoised(to_uint8(frame.colours), frame.shown)
-        output.write(f"{said}\n")
-        frame = frame if codes is None else replace(frame, colours=codes / np.float32(255))
     return frame

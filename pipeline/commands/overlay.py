@@ -81,7 +81,8 @@ def _film(arguments: Arguments, given: tuple[Path, Path], loaded: "LoadedCase", 
         output.writelines(f"note: {message}\n" for message in messages)
         drawing = OverlayFilm(loaded, film, poses, None if arguments.plain else text_mask)
         with Progress(drawing.count, "frames", stream=output) as shown, writing(made_folder(arguments.out)):
-            stream_video(arguments.out, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
+            pictures, aspect = drawing.pictures(shown.advance), drawing.pixel_aspect
+            stream_video(arguments.out, pictures, drawing.count, fps=drawing.fps, pixel_aspect=aspect)
     return [*drawing.lines(), *(["the frames are undistorted"] if loaded.case.distortion else [])]
 
 

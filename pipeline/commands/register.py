@@ -141,7 +141,8 @@ def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "Registrat
     with Film(arguments.frames, every=arguments.every, width=WIDEST) as film, writing(path):
         drawing = marked_film(loaded, film, evidence.frames, text_mask)
         with Progress(drawing.count, "frames of the film", stream=output) as shown:
-            stream_video(path, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
+            pictures, aspect = drawing.pictures(shown.advance), drawing.pixel_aspect
+            stream_video(path, pictures, drawing.count, fps=drawing.fps, pixel_aspect=aspect)
 
 
 def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..camera.distortion import Distortion, distorted_pixels
 from ..camera.pinhole import PinholeCamera
-from ..case.loaded_case import LoadedCase
+from ..case.loaded_case import LoadedCase, check_listed
 from ..errors import InputError
 from ..images.legend import Write, put_border
 from ..poses.pose_file import read_frame_poses
@@ -64,12 +64,12 @@ def opened_film(
             mesh_from_model=loaded.surface.mesh_from_model,
             mm_per_unit=loaded.case.mm_per_unit,
         )
+        check_listed(loaded, found, poses.name)
         size_wh, camera = film.info.size_wh, loaded.frame.camera.for_images(film.info.size_wh, video.name)
         if camera.size_wh != loaded.frame.camera.size_wh:
             width, height = loaded.frame.camera.size_wh
             messages.append(f"{video.name}: {size_wh[0]}x{size_wh[1]} px, the K of {width}x{height} is scaled to it")
-        if film.info.cut_off:
-            messages.append(f"{video.name}: {film.info.cut_off}")
+        messages += [f"{video.name}: {note}" for note in film.info.notes]
         yield film, found, messages
 
 
@@ -101,6 +101,7 @@ class OverlayFilm:
         self._straight = _resampler(camera, loaded.case.distortion)
         self.counts = dict.fromkeys(("drawn", "without_pose", "out_of_view", "repeated", "left_out"), 0)
         self.fps, self.count = output_rate(film.info)
+        self.pixel_aspect = film.info.pixel_aspect
 
     def pictures(self, progress: Callable[[], None]) -> Iterator[np.ndarray]:
         """The :attr:`count` pictures of the film, :attr:`fps` a second; ``progress`` is called for each."""

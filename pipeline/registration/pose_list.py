@@ -17,6 +17,7 @@ from ..case.loaded_case import LoadedCase
 from ..case.pose_record import REGISTERED, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
+from ..files.keys import described
 from ..files.tables import parsed_json
 from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ..transforms import checked_rigid, inverse_rigid
@@ -207,7 +208,8 @@ def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[st
         image = entry.get("image") if isinstance(entry, dict) else None
         if not isinstance(image, str) or not image:
             raise InputError(
-                f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image {image!r}'
+                f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image = '
+                f"{described(image)}"
             )
         lens = None
         if DISTORTION in entry:

@@ -107,8 +107,8 @@ def test_the_build_adds_version_platforms_and_wheels_to_the_manifest(extension_z
     assert extension_zip.name == f"oneframe-{__version__}-{build_extension.this_platform().replace('-', '_')}.zip"
     wheels = [Path(name).name.partition("-")[0].lower() for name in files if name.endswith(".whl")]
     assert sorted(wheels) == [
-        "av", "embreex", "lazy_loader", "opencv_contrib_python_headless", "pyfqmr", "pyyaml", "scikit_image", "scipy",
-        "simpleitk",
+        "av", "embreex", "isal", "lazy_loader", "opencv_contrib_python_headless", "pyfqmr", "pyyaml", "scikit_image",
+        "scipy", "simpleitk",
     ]  # fmt: skip
     assert not any("__pycache__" in name for name in files)
     for name in (

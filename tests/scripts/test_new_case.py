@@ -2,8 +2,10 @@
 
 import json
 import shutil
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -197,6 +199,24 @@ def test_the_colours_are_those_that_blender_reads(given, tmp_path, kind):
     mask = np.arange(HEIGHT)[:, None] >= 10
     assert np.array_equal(shown, own & mask)
     assert own.all() == (kind != "rgba")
+
+
+def test_what_a_film_states_of_its_frames_is_said(given, run_oneframe):
+    film = given / "film.mp4"
+    texture = cv2.GaussianBlur(np.random.default_rng(1).normal(128, 400, (HEIGHT, 3 * WIDTH, 3)), (0, 0), 2.5)
+    with av.open(str(film), "w") as out:
+        stream = out.add_stream("libx264", 25, options={"qp": "4"})
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.sample_aspect_ratio = Fraction(4, 3)
+        for number in range(4):
+            moment = texture[:, 12 * number :][:, :WIDTH].clip(0, 255)
+            moment[1::2] = texture[1::2, 12 * number + 6 :][:, :WIDTH].clip(0, 255)
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(moment.astype(np.uint8))))
+        out.mux(stream.encode())
+    said = run_oneframe(*line(given, frame=film, frame_number=2)).stdout
+    assert "note: the film states pixels 1.333 times as wide as high" in said
+    assert "note: the frame is interlaced" in said
+    assert "warning: fx = 900 and fy = 905, but the film states" in said
 
 
 def test_structures_beside_those_of_the_folder(given, tmp_path):

@@ -18,7 +18,6 @@ FRAMES = 60
 FILMS = {
     "noise": {"noise": 8.0, "drift_px": 0.5},
     "cut": {"cuts": (30,)},
-    "zoom": {"zooms": ((24, 36, 1.5),)},
     "resting instrument": {"resting_tool": (6, 41)},
 }
 
@@ -26,12 +25,11 @@ FILMS = {
 def a_film(pictures, seed: int, settings: dict) -> tuple[list[np.ndarray], np.ndarray]:
     """Frames, and which of them are clear; at least a sixth of every scene."""
     rng = np.random.default_rng(seed)
-    cuts = [0, *settings.get("cuts", ()), *(end for *_, end, _ in settings.get("zooms", ())), FRAMES]
+    cuts = [0, *settings.get("cuts", ()), FRAMES]
     while True:
         events = random_events(rng, FRAMES)
         clear = clear_frames(events)
-        for begin, end, *_ in (*settings.get("zooms", ()), settings.get("resting_tool", (0, 0))):
-            clear[begin:end] = False
+        clear[slice(*settings.get("resting_tool", (0, 0)))] = False
         if all(clear[begin:end].mean() > 1 / 6 for begin, end in pairwise(cuts)):
             return list(surgical_film(pictures, events, rng, **settings)), clear
 

@@ -80,10 +80,12 @@ def test_a_film_that_begins_late_is_not_cut_off(tmp_path, suffix):
         assert [number_of(frame.image) for frame in film] == list(range(60))
 
 
-@pytest.mark.parametrize("transfer", ["arib-std-b67", "smpte2084"])
-def test_a_film_in_hdr_is_refused(tmp_path, transfer):
+@pytest.mark.parametrize(
+    "stated", [{"color_trc": "arib-std-b67"}, {"color_trc": "smpte2084"}, {"color_primaries": "smpte432"}]
+)
+def test_a_film_in_hdr_or_of_wide_colours_is_refused(tmp_path, stated):
     with pytest.raises(InputError, match=r"film.mp4: expected a film for screens of usual range, found HDR"):
-        Film(write_frames(tmp_path / "film.mp4", 2, color_trc=transfer))
+        Film(write_frames(tmp_path / "film.mp4", 2, **stated))
 
 
 COLOURS = [

@@ -38,9 +38,6 @@ class Arguments:
         "show, gives its colour (default: the anatomy in the file's name, else structure_1, ...)",
         (), each=True, flag="--structure",
     )  # fmt: skip
-    only: tuple[str, ...] = option(
-        "NAME", "of the structures in the folder, take this one; may be repeated (default: all)", (), each=True
-    )  # fmt: skip
     units: str = choice("unit of the meshes and of --pose (default mm)", "mm", choices=("mm", "m"))
     frame: tuple[Path, ...] = option("FILE", "PNG, JPEG or TIFF, one or more; or a video", MISSING)
     frame_number: int | None = option("N", "frame N of the video, counted from 0", least=0)
@@ -101,7 +98,6 @@ def run(arguments: Arguments) -> None:
     given = CaseInputs(
         surface=arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
         structures=tuple(structures),
-        only=arguments.only or None,
         units=arguments.units,
         frame=_frame(arguments),
         camera=camera,

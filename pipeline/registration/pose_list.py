@@ -75,8 +75,8 @@ def registration_record(
     registered: RegisteredFrame,
     camera: PinholeCamera,
     mesh_from_model: np.ndarray,
-    source: PoseRecord,
-    source_name: str,
+    case_record: PoseRecord,
+    case_name: str,
     tool: str,
     date: str,
 ) -> PoseRecord:
@@ -90,7 +90,7 @@ def registration_record(
         The camera of the frame at its full size.
     mesh_from_model
         ``(4, 4)``, mm.
-    source, source_name
+    case_record, case_name
         The record of the aligned frame's pose, and the name of its file.
     tool, date
         Program and version; day in ISO 8601.
@@ -99,15 +99,15 @@ def registration_record(
     if pose is None or uncertainty is None:
         return UNKNOWN
     # nobody knows how far it is off where the aligned frame's pose says nothing
-    is_known = source.standard_deviation_mm is not None
+    is_known = case_record.standard_deviation_mm is not None
     return PoseRecord(
         method=REGISTERED,
         tool=tool,
         date=date,
         doubt="" if verdict.state == ACCEPTED else verdict.reason,
         probability=verdict.probability,
-        start_frame=source_name,
-        start_method=source.method,
+        start_frame=case_name,
+        start_method=case_record.method,
         error_px=uncertainty.spread_px(camera, pose) if is_known else None,
         **uncertainty.deviations(),
         **uncertainty.entry(mesh_from_model),

@@ -219,11 +219,10 @@ def test_what_a_film_states_of_its_frames_is_said(given, run_oneframe):
     assert "warning: fx = 900 and fy = 905, but the film states" in said
 
 
-def test_structures_by_choice(given, tmp_path):
+def test_structures_beside_those_of_the_folder(given, tmp_path):
     for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
         shutil.copy(given / "surface" / "structures" / "facial_nerve.ply", given / name)
-    break_record(given, lambda record: record["structures"].update(bone=record["structures"]["facial_nerve"]))
-    words = line(given, only="facial_nerve")
+    words = line(given)
     for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
         words += ["--structure", str(given / name)]
     assert dispatch(words) == 0
@@ -345,7 +344,6 @@ WRONG = {
     "a structure twice": (
         lambda given: {"structure": f"facial_nerve={given}/surface/surface.ply"}, "'facial_nerve' twice"
     ),
-    "a structure that the folder lacks": (lambda given: {"only": "facial nrve"}, "did you mean 'facial_nerve'"),
 }  # fmt: skip
 
 

@@ -1,7 +1,6 @@
 """The folder that ``oneframe surface`` leaves: the names of its files, and its record, read strictly."""
 
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -15,7 +14,7 @@ from ..files.numbers import is_number
 from ..files.outputs import made_folder, writing
 from ..files.tables import parsed_json
 from ..surface.mesh import Ball, TriangleMesh, ball_around
-from ..surface.mesh_writer import SAFE_NAME, write_ply
+from ..surface.mesh_writer import safe_name, write_ply
 from ..surface.structure_colour import structure_colour
 from .case_file import Structure
 
@@ -66,8 +65,7 @@ def write_meshes(folder: Path, surface: TriangleMesh, structures: Mapping[str, T
 
 def structure_file(name: str) -> str:
     """The file of a structure, relative to the folder, with a name that every program reads."""
-    safe = name if SAFE_NAME.fullmatch(name) else "_".join(re.findall("[A-Za-z0-9]+", name)) or "structure"
-    return f"{STRUCTURES}/{safe}.ply"
+    return f"{STRUCTURES}/{safe_name(name)}.ply"
 
 
 def focus_table(focus: Ball) -> dict[str, object]:

@@ -5,13 +5,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..files.keys import nearest_name
 from .stereo import LEFT, RIGHT, camera_from_planned, further_eyes
+
+if TYPE_CHECKING:
+    import numpy as np
 
 ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs OpenGL"}
 """Each is a file of :mod:`oneframe.blender.render`."""
@@ -237,7 +238,7 @@ class DatasetOptions:
         return {name: getattr(self, name) for name, option in OPTIONS.items() if option.is_content}
 
     @property
-    def camera_from_planned(self) -> np.ndarray | None:
+    def camera_from_planned(self) -> "np.ndarray | None":
         """As of :func:`.stereo.camera_from_planned`."""
         return camera_from_planned(self.content())
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..case.case_file import read_case
 from ..case.frame import PosedFrame, UnreadFrame, load_posed_frame
-from ..case.loaded_case import LoadedCase, load_case
+from ..case.loaded_case import LoadedCase, check_listed, load_case
 from ..colour.lens_shading import lens_shading_of
 from ..colour.ray_tracer import RayTracer
 from ..colour.reference_view import reference_view, traced_surface
@@ -199,7 +199,10 @@ def evaluation_run(
     given = []
     for case_path, list_path in pairs:
         loaded = load_case(read_case(case_path))
-        given.append((loaded, read_photographs(list_path, loaded.case)[0]))
+        listed, _ = read_photographs(list_path, loaded.case)
+        to_model = loaded.surface.mesh_from_model
+        check_listed(loaded, (each.cam_from_mesh @ to_model for each in listed), list_path.name)
+        given.append((loaded, listed))
     cases = named_cases(given)
     network = None if inception is None else Inception(inception)
     photographs = {

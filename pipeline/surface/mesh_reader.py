@@ -126,8 +126,9 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _stl_text_points(data: bytes, where: str) -> np.ndarray:
-    """``(F, 3, 3)`` corners of the facets of a text STL; several solids in one file become one mesh."""
+    """``(F, 3, 3)`` corners of the facets of a text STL."""
     text = data.lower()
+    _check_single(len(re.findall(rb"^[ \t]*endsolid\b", text.replace(b"\r", b"\n"), re.MULTILINE)), "solids", where)
     facets, corners = len(re.findall(rb"\bendfacet\b", text)), _STL_CORNER.findall(text)
     last = text.rstrip().rpartition(b"\n")[2].rpartition(b"\r")[2]
     if not last.lstrip().startswith(b"endsolid") or b"\0" in data or len(corners) != 3 * facets:
@@ -139,6 +140,15 @@ def _stl_text_points(data: bytes, where: str) -> np.ndarray:
         return np.array(corners, np.bytes_).astype(np.float64).reshape(-1, 3, 3)
     except ValueError as error:
         raise InputError(f"{where}: expected corners of numbers ({error}); copy or export it again") from None
+
+
+def _check_single(count: int, kind: str, where: str) -> None:
+    """Check that a file holds one surface: in several, a nerve would become part of the bone."""
+    if count > 1:
+        raise InputError(
+            f"{where}: expected one surface, found {count} {kind}; save each as a file of its own (3D Slicer: PLY, or "
+            "STL that is not merged) and give the structures with --structure, or join them, in Blender with Ctrl J"
+        )
 
 
 def triangulated(vertices: np.ndarray, lengths: np.ndarray, corners: np.ndarray, where: str) -> np.ndarray:
@@ -214,6 +224,7 @@ def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
         raise InputError(f"{where}: expected a text, found binary data; the file is corrupt: copy or export it again")
     text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
     points, lengths, corners, largest, most = array("d"), array("q"), array("q"), 0, 0
+    objects, named = set[tuple[bytes, bytes]](), {b"o ": b"", b"g ": b""}
     for number, line in enumerate(text.split(b"\n"), start=1):
         words = line.partition(b"#")[0].lstrip(b" \t")
         kind, words = words[:2].replace(b"\t", b" "), words[2:]
@@ -232,16 +243,20 @@ def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
                     largest, most = number, max(face)
                 lengths.append(len(face))
                 corners.extend(face)
+                objects.add((named[b"o "], named[b"g "]))
+            elif kind in named:
+                named[kind] = words.strip()
         except (ValueError, OverflowError):
             raise InputError(
                 f"{where}: line {number}: expected 'v x y z', or 'f' with numbers of vertices, found "
-                f"{line[:60].decode('latin-1')!r}; the file is truncated or corrupt: copy or export it again"
+                "something else; the file is truncated or corrupt: copy or export it again"
             ) from None
     if len(corners) and most >= len(points) // 3:
         raise InputError(
             f"{where}: line {largest}: expected vertex numbers 1..{len(points) // 3}, found {most + 1}; "
             "the file is truncated or corrupt: copy or export it again"
         )
+    _check_single(len(objects), "objects or groups (o, g)", where)
     vertices = np.array(points, np.float64).reshape(-1, 3)
     return vertices, np.array(lengths, np.int64), np.array(corners, np.int64), unfinished_warnings(data, where)
 

@@ -31,23 +31,24 @@ map_Kd {texture}
 
 
 def texture_path(path: Path) -> Path:
-    """The image of a textured OBJ or PLY: of the same name if readers find that, or else of a similar one."""
-    return _companion(path, ".png")
+    """The image of a textured OBJ or PLY, named by :func:`safe_name`."""
+    return Path(path).with_name(f"{safe_name(Path(path).stem)}.png")
 
 
 def material_path(path: Path) -> Path:
-    """The .mtl file of a textured OBJ, named as :func:`texture_path`."""
-    return _companion(path, ".mtl")
+    """The .mtl file of a textured OBJ, named by :func:`safe_name`."""
+    return Path(path).with_name(f"{safe_name(Path(path).stem)}.mtl")
 
 
-def _companion(path: Path, suffix: str) -> Path:
-    stem = unicodedata.normalize("NFC", Path(path).stem)
-    if not SAFE_NAME.fullmatch(stem):
-        # the digest keeps "bone 1" and "bone_1" apart
-        digest = hashlib.sha256(stem.encode()).hexdigest()[:8]
-        ascii_stem = unicodedata.normalize("NFKD", stem).encode("ascii", "ignore").decode()
-        stem = "_".join([*re.findall("[A-Za-z0-9]+", ascii_stem[:100]), digest])
-    return Path(path).with_name(stem + suffix)
+def safe_name(name: str) -> str:
+    """The name for a file, without suffix: the same if every reader finds that, or else a similar one of its own."""
+    name = unicodedata.normalize("NFC", name)
+    if SAFE_NAME.fullmatch(name):
+        return name
+    # the digest keeps "bone 1" and "bone_1" apart
+    digest = hashlib.sha256(name.encode()).hexdigest()[:8]
+    letters = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return "_".join([*re.findall("[A-Za-z0-9]+", letters[:100]), digest])
 
 
 def write_ply(

@@ -95,10 +95,13 @@ class Volume:
         ``(Z, Y, X)`` int16, Hounsfield units; never written to.
     grid
         Where the voxels lie.
+    whole
+        The grid of the file from which they were cropped; ``None`` if they were not.
     """
 
     values: np.ndarray
     grid: VoxelGrid
+    whole: VoxelGrid | None = None
 
 
 @dataclass(frozen=True)

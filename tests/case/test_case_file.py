@@ -101,7 +101,7 @@ BAD = {
     "unknown key": ({"image": 'imaeg = "frame.png"'}, "\\[frame\\] unknown key 'imaeg'; did you mean 'image'\\?"),
     "film without a number": (
         {"image": PARTS["image"] + '\nvideo = "a.mkv"'},
-        "\\[frame\\]: expected video, .* together, found 'a.mkv' and None",
+        "\\[frame\\]: expected video, .* together, found a text and None",
     ),
     "skew": (intrinsics("[[320, 0.5, 31.5], [0, 330, 23.5], [0, 0, 1]]"), "K: expected no skew, found 0.5; .*rectify"),
     "K transposed": (intrinsics("[[320, 0, 0], [0, 330, 0], [31.5, 23.5, 1]]"), "K: expected \\[\\[fx, 0, cx\\]"),

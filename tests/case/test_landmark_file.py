@@ -63,9 +63,14 @@ BAD = {
     "word": (HEADER + "\ntip,1,2,three,,,\n", "line 3: z: expected a number, found 'three'"),
     "part of a point": (HEADER + "tip,1,,3,,,\n", "line 2: y: expected a number, found an empty cell"),
     "decimal commas": (HEADER.replace(",", ";") + "tip;1,5;2;3;;;\n", "x: expected a number, .*write a decimal point"),
+    "markups of Slicer": (
+        '{"@schema": "markups-schema", "markups": [{"label": "Doe"}]}',
+        "found markups of 3D Slicer, which",
+    ),
+    "a table of other things": ('{"patient": "Doe"}', "name, surface and pixel, found a table"),
     "another separator than in the header": (
         HEADER.replace(",", ";") + "tip,1,2,3,10,20,true\n",
-        "line 2: expected cells between ';' as in the header, found 'tip,1,2,3",
+        "line 2: expected cells between ';' as in the header, found other signs",
     ),
     "too many cells": (
         HEADER + "tip,1,5,2,0,3,0,10,20\n",
@@ -87,6 +92,7 @@ def test_what_is_doubtful_is_refused_with_its_line(tmp_path, name):
     text, message = BAD[name]
     with pytest.raises(InputError, match=rf"^pairs\.csv: .*{message}"):
         read(tmp_path, text)
+    assert "Doe" not in message_of(tmp_path, text)
 
 
 @given(text=st.text(st.sampled_from('name,xyzuv;\n"1.5-e[]{}: \r')), header=st.booleans())

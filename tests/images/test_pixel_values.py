@@ -30,10 +30,6 @@ def test_centres_are_the_pixels_themselves(size):
     assert np.array_equal(sample_bilinear(image, pixels.astype(float)), image.reshape(-1, 3))
 
 
-def test_nan_is_outside():
-    assert sample_bilinear(np.ones((4, 4)), np.array([[np.nan, 1.0]])) == [0]
-
-
 @pytest.mark.parametrize("curve", TRANSFERS.values(), ids=TRANSFERS)
 def test_codes_and_light_go_both_ways(curve):
     codes = np.arange(256) / 255

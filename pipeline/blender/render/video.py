@@ -12,7 +12,6 @@ import numpy as np
 from ...files.content import written_file
 from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import to_uint8
-from ...images.png import encode_png
 from ..bridge.data_blocks import temporary_data
 from ..bridge.image import render_path
 from ..bridge.versions import new_image_strip, set_mp4
@@ -24,36 +23,22 @@ STRIP_FRAMES = 1000
 
 
 def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
-    """Encode ``(H, W, 3)`` float images (code values 0..1) as H.264; leaves no file behind if it fails.
+    """As :func:`stream_video`, of float images (code values 0..1) that Blender renders: all are made before the first.
 
     H.264 needs even sides: an odd number of rows or columns is made even by repeating the last one.
-
-    Raises
-    ------
-    OSError
-        The video cannot be written.
-    RunError
-        Temporary files cannot be written.
     """
     with temporary_folder() as folder:
-        files, height, width = [], 0, 0
+        files = []
         for number, image in enumerate(images):
-            whole = padded(image)
-            height, width = whole.shape[:2]
-            file = folder / f"{number:06d}.png"
+            files.append(folder / f"{number:06d}.npy")
             with writing_temporary():
-                file.write_bytes(encode_png(to_uint8(whole)))
-            files.append(file)
-        written = folder / "video.mp4"
-        with temporary_data():
-            scene = bpy.data.scenes.new("oneframe video")
-            _set_up(scene, files, width=width, height=height, fps=FRAMES_PER_SECOND)
-            scene.render.filepath = render_path(written)
-            bpy.ops.render.render(animation=True, scene=scene.name)
-        _keep(written, path)
+                np.save(files[-1], to_uint8(image))
+        stream_video(path, map(np.load, files), len(files), fps=FRAMES_PER_SECOND)
 
 
-def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: float) -> None:
+def stream_video(
+    path: Path, images: Iterable[np.ndarray], count: int, *, fps: float, pixel_aspect: float = 1.0
+) -> None:
     """Encode ``count`` images ``(H, W, 3)`` uint8 as H.264, each as soon as it comes: one at a time is kept.
 
     Blender's sequencer asks for each frame just before it encodes it. The images must not use Blender's renderer.
@@ -66,6 +51,8 @@ def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: f
         At least one image. If there are fewer than ``count``, the last one stays.
     fps
         Images per second.
+    pixel_aspect
+        Width of a pixel over its height, for players.
 
     Raises
     ------
@@ -106,6 +93,8 @@ def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: f
         with temporary_data():
             scene = bpy.data.scenes.new("oneframe video")
             _set_up(scene, files, width=first.shape[1], height=first.shape[0], fps=fps)
+            # of no side may Blender's be below 1
+            scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = max(pixel_aspect, 1), max(1 / pixel_aspect, 1)
             editor = scene.sequence_editor_create()
             editor.use_cache_raw = editor.use_cache_final = False
             scene.render.filepath = render_path(written)

@@ -1,4 +1,4 @@
-"""From the voxels of bone to the surface that is written: extracted, its rim sharpened, smoothed, simplified.
+"""From the voxels of bone to the surface that is written: extracted, smoothed, simplified.
 
 Script and window both call :func:`bone_surface`, so that they give the same surface.
 """
@@ -15,7 +15,6 @@ from ...transforms import transform_points
 from ..volume import Volume, VoxelGrid, box_around
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
-from .rim import with_sharp_rim
 from .simplification import simplified
 
 Report = Callable[[str, float], None]
@@ -100,9 +99,6 @@ def bone_surface(
     faces = len(surface.mesh.faces)
     if faces == 0:
         raise InputError("surface: expected bone, found none left; remove less")
-    if removed is not None:
-        # before smoothing, which would draw the bone towards the saw teeth
-        surface = with_sharp_rim(surface, removed, volume.grid)
     surface = smoothed(
         surface, finish.smoothing_steps, progress=None if report is None else partial(report, "smoothed")
     )

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
+from unicodedata import category, normalize
 
 import numpy as np
 
@@ -71,9 +72,15 @@ def anatomical_name(text: str) -> str | None:
     return "_".join([known, *sides]) if known and len(sides) == 1 else known or None
 
 
+def plain_text(text: str) -> str:
+    """The letters of any script, digits and a few signs of a text; others become spaces."""
+    kept = (c if c.isalnum() or c in "_.,()/+-" or category(c)[0] == "M" else " " for c in normalize("NFC", text))
+    return " ".join("".join(kept).split())
+
+
 def _words(text: str) -> str:
     # 3D Slicer and networks write words apart by spaces, underscores, dots or capitals
-    return re.sub(r"[\W_]+", " ", re.sub(r"([a-z])([A-Z])", r"\1 \2", text)).lower().strip()
+    return " ".join(re.split(r"[ _.,()/+-]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", plain_text(text)).lower())).strip()
 
 
 def is_bone(label: str) -> bool:

@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,10 @@ from ...errors import InputError
 from ..simple_itk import simple_itk
 from ..volume import VoxelGrid
 from .dicom_header import (
+    APART,
     CT,
     DIRECTORY,
-    ENHANCED_CT,
+    IN_TURN,
     Slice,
     dicom_reader,
     file_meta_information,
@@ -31,6 +33,12 @@ from .voxel_values import ValueSurvey
 MOST_FILES = 50_000
 """In a folder of DICOM files and the folders in it, of any kind."""
 
+PADDING_HU = -1024
+"""What padding becomes: air."""
+
+_SMALL_NUMBER = re.compile(r"\d{1,4}(\.\d{1,3})?")
+"""What is printed of a tag: too short to name anybody."""
+
 
 @dataclass(frozen=True)
 class SeriesInfo:
@@ -43,11 +51,13 @@ class SeriesInfo:
     modality
         ``"CT"``, ``"MR"``, ...; ``"other"`` if not one of :data:`MODALITIES`.
     slices
-        Number of slices.
+        Number of slices; of images, where a file has several.
     size
         Columns and rows.
     spacing_mm
         Distance of columns, of rows, and of slices (0 for a single slice).
+    apart
+        What tells it from others that share its Series Instance UID; empty if there are none.
     """
 
     number: int
@@ -55,6 +65,7 @@ class SeriesInfo:
     slices: int
     size: tuple[int, int]
     spacing_mm: tuple[float, float, float]
+    apart: str
 
     @property
     def may_be_a_volume(self) -> bool:
@@ -64,7 +75,7 @@ class SeriesInfo:
     def __str__(self) -> str:
         size = " x ".join(map(str, (*self.size, self.slices)))
         spacing = " x ".join(f"{value:.4g}" for value in self.spacing_mm)
-        return f"{self.number}: {self.modality}, {self.slices} slices, {size} voxels, {spacing} mm"
+        return f"{self.number}: {self.modality}, {self.slices} slices, {size} voxels, {spacing} mm{self.apart}"
 
 
 @dataclass(frozen=True)
@@ -78,36 +89,36 @@ class Series:
 def find_series(folder: Path) -> tuple[Series, ...]:
     """The series of images in a folder and the folders in it, from all their headers."""
     paths = _dicom_paths(folder)
-    found: dict[str, dict[tuple[str, ...], list[tuple[int, Slice]]]] = {}
+    files: dict[str, dict[tuple[str, ...], list[Slice]]] = {}
     for index, (path, group) in enumerate(paths):
-        kind = group.get(0x0002, "")
-        if kind in ENHANCED_CT:
-            raise InputError(
-                f"{folder}: expected one slice per file, found an enhanced (multi-frame) CT; convert it to NIfTI, "
-                "for example with dcm2niix"
-            )
-        tags = tags_of(path)
-        if tags is None:
-            if kind == CT:
+        header = tags_of(path)
+        # enhanced CT, too
+        is_ct = f"{group.get(0x0002)}.".startswith(f"{CT}.")
+        if header is None:
+            if is_ct:
                 raise unreadable(f"{folder}: file {index + 1} of {len(paths)} in the order of their names", path)
             continue
-        if not tags["modality"] and kind == CT:
+        tags, frames = header
+        if not tags["modality"] and is_ct:
             # an anonymised file may say it by the class of its image alone
             tags["modality"] = "CT"
-        number = int(tags["series number"]) if re.fullmatch(r"-?\d{1,9}", tags["series number"]) else 0
         # identifiers are not always unique
-        same = found.setdefault(tags["series"], {}).setdefault((tags["instance"], tags["position"]), [])
+        same = files.setdefault(tags["series"], {}).setdefault((tags["instance"], tags["position"]), [])
         # the same file twice, such as in two copies of a folder, counts once
-        if not any(filecmp.cmp(path, other.path, shallow=False) for _, other in same):
-            same.append((number, slice_of(path, tags)))
-    if not found:
+        if not any(filecmp.cmp(path, other.path, shallow=False) for other in same):
+            same.append(slice_of(path, tags, frames))
+    if not files:
         raise InputError(
             f"{folder}: expected DICOM files (.dcm or without a suffix), found no image in this folder; "
             "give the folder of the series, or a volume as a file"
         )
-    parts = {uid: [part for same in alike.values() for part in same] for uid, alike in found.items()}
-    ordered = sorted(parts, key=lambda uid: (min(number for number, _ in parts[uid]), -len(parts[uid]), uid))
-    return tuple(_series(index + 1, [part for _, part in parts[uid]]) for index, uid in enumerate(ordered))
+    parts = [
+        (min(map(_series_number, part)), -len(part), uid, apart, part)
+        for uid, alike in files.items()
+        for apart, part in _volumes([part for same in alike.values() for part in same])
+    ]
+    ordered = sorted(parts, key=lambda part: part[:4])
+    return tuple(_series(index + 1, part, apart) for index, (*_, apart, part) in enumerate(ordered))
 
 
 def chosen_series(series: Sequence[Series], number: int | None, where: str) -> Series:
@@ -117,7 +128,15 @@ def chosen_series(series: Sequence[Series], number: int | None, where: str) -> S
             raise InputError(f"{where}: expected a series from 1 to {len(series)}, found {number}; {_listing(series)}")
         chosen = series[number - 1]
     else:
-        volumes = [one for one in series if one.info.may_be_a_volume] or list(series)
+        # a part of a series is never left out, however small
+        volumes = [one for one in series if one.info.may_be_a_volume or one.info.apart] or list(series)
+        alone = [one for one in series if one.info.modality == "CT" and one.info.slices == 1]
+        if len(alone) >= FEWEST_SLICES and not any(one.info.may_be_a_volume for one in series):
+            raise InputError(
+                f"{where}: expected a series of slices, found {len(alone)} series of one slice each: each file has a "
+                "Series Instance UID or Frame of Reference UID of its own; give them one, for example with DCMTK: "
+                'dcmodify -m "(0020,000e)=1.2.3" -m "(0020,0052)=1.2.4" FILES'
+            )
         if len(volumes) > 1:
             raise InputError(
                 f"{where}: expected one series, found {len(series)}; {_listing(series)}; choose one with --series N"
@@ -128,25 +147,18 @@ def chosen_series(series: Sequence[Series], number: int | None, where: str) -> S
     return chosen
 
 
-def series_voxels(chosen: Series, corners_mm: np.ndarray | None, folder: str) -> tuple[np.ndarray, VoxelGrid]:
-    """The voxels of a series in HU, read-only ``(Z, Y, X)`` int16, and where they lie.
+def series_voxels(
+    chosen: Series, corners_mm: np.ndarray | None, folder: str
+) -> tuple[np.ndarray, VoxelGrid, VoxelGrid]:
+    """The voxels of a series in HU, read-only ``(Z, Y, X)`` int16, where they lie, and where those of the whole do.
 
     ``corners_mm``, ``(8, 3)``, is a box in LPS to keep, or all if ``None``; ``folder`` begins messages.
     """
     where = f"{folder}: series {chosen.info.number}"
-    places = []
     for part in chosen.slices:
-        if part.place is None:
-            raise InputError(
-                f"{where}: expected position, orientation and pixel spacing of each slice, found slices without, so "
-                "left and right are unknown; export the original series again"
-            )
-        if not part.is_grey:
-            raise InputError(f"{where}: expected grey slices (MONOCHROME2), found others; it is no CT: choose another")
         if part.fault:
-            raise InputError(f"{where}: expected {part.fault}; export the original series again")
-        places.append(part.place)
-    grid, order = stack_of(places, where)
+            raise InputError(f"{where}: expected {part.fault}")
+    grid, order = stack_of([part.place for part in chosen.slices if part.place is not None], where)
     check_axes(grid.mesh_from_index, where)
     stored = [z + 1 for z in range(len(order)) if not chosen.slices[order[z]].is_rescaled]
     if 0 < len(stored) < len(order):
@@ -161,14 +173,20 @@ def series_voxels(chosen: Series, corners_mm: np.ndarray | None, folder: str) ->
     check_memory(2 * columns * rows * slices + 32 * grid.size[0] * grid.size[1], grid.size, where)
     survey, voxels = ValueSurvey(), np.empty((slices, rows, columns), np.int16)
     for z in range(first[2], stop[2]):
-        pixels = _pixels(chosen.slices[order[z]], f"{where}, slice {z + 1} of {len(order)}")
-        survey.add(pixels)
+        part = chosen.slices[order[z]]
+        pixels = _pixels(part, f"{where}, slice {z + 1} of {len(order)}")
+        if part.padding_hu is not None:
+            padded = (pixels > part.padding_hu[0] - 1e-3) & (pixels < part.padding_hu[1] + 1e-3)
+            survey.add(pixels[~padded])
+            pixels = np.where(padded, PADDING_HU, pixels)
+        else:
+            survey.add(pixels)
         # what is out of range is refused below
         kept = np.rint(pixels[first[1] : stop[1], first[0] : stop[0]]).clip(-(2**15), 2**15 - 1)
         voxels[z - first[2]] = kept
     survey.check_hounsfield(where)
     voxels.setflags(write=False)
-    return voxels, grid.shifted(first, (columns, rows, slices))
+    return voxels, grid.shifted(first, (columns, rows, slices)), grid
 
 
 def _pixels(part: Slice, where: str) -> np.ndarray:
@@ -205,14 +223,46 @@ def _dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
     return paths
 
 
-def _series(number: int, slices: list[Slice]) -> Series:
+def _series_number(part: Slice) -> int:
+    number = part.apart["Series Number"]
+    return int(number) if re.fullmatch(r"-?\d{1,9}", number) else 0
+
+
+def _volumes(slices: list[Slice]) -> list[tuple[str, list[Slice]]]:
+    """The slices of a series, apart where a tag says that they are not of one volume, and which tag that is."""
+    placed = [part.place for part in slices if part.place is not None]
+    if len(placed) == len(slices):
+        normal = np.cross(*placed[0].axes)
+        slices = [
+            slices[index] for index in np.argsort([place.position_mm @ normal for place in placed], kind="stable")
+        ]
+    volumes = [("", slices)]
+    for name in (*APART, *IN_TURN):
+        divided = []
+        for apart, part in volumes:
+            values = [each.apart[name] for each in part]
+            different = sorted(set(values))
+            runs = 1 + sum(one != other for one, other in pairwise(values))
+            if len(different) == 1 or (name in IN_TURN and runs == len(different)):
+                divided.append((apart, part))
+                continue
+            for number, value in enumerate(different, 1):
+                words = f" {value}" if _SMALL_NUMBER.fullmatch(value) else ""
+                among = f"{apart}, {name}{words} ({number} of {len(different)} in this series)"
+                divided.append((among, [each for each in part if each.apart[name] == value]))
+        volumes = divided
+    return volumes
+
+
+def _series(number: int, slices: list[Slice], apart: str) -> Series:
     first, step = slices[0], 0.0
     placed: list[Any] = [part.place for part in slices if part.place is not None]
     if len(placed) > 1:
         along = np.sort([place.position_mm @ np.cross(*placed[0].axes) for place in placed])
         step = float(np.median(np.diff(along)))
-    spacing = placed[0].spacing_mm if placed else (0.0, 0.0)
-    info = SeriesInfo(number, first.modality, len(slices), first.size, (float(spacing[0]), float(spacing[1]), step))
+    column, row = placed[0].spacing_mm if placed else (0.0, 0.0)
+    images = sum(part.frames for part in slices)
+    info = SeriesInfo(number, first.modality, images, first.size, (float(column), float(row), step), apart)
     return Series(info, tuple(slices))
 
 

@@ -1,10 +1,10 @@
 """Label maps: read as nnU-Net, 3D Slicer and ITK-SNAP write them.
 
-Names of the labels come from a JSON file beside it (nnU-Net's ``dataset.json``, also one folder up, or
-``labels.json``), or from ITK-SNAP's label descriptions as text. Those in the file itself (``Segment0_Name`` of a
+Names of the labels come from files beside it (:func:`names_beside`). Those in the file itself (``Segment0_Name`` of a
 ``.seg.nrrd``) stand before them where they name anatomy; other words of a header may name the patient.
 """
 
+import csv
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -15,15 +15,22 @@ from ...errors import InputError
 from ...files.content import LARGEST_TEXT, decoded, read_content
 from ...files.tables import parsed_json
 from ...transforms import transform_points
-from ..bone.structures import anatomical_name, is_bone
+from ..bone.structures import anatomical_name, is_bone, plain_text
 from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_corners
+from .header_checks import apart_mm
 from .volume_header import read_header, volume_suffix
 from .volume_reader import file_voxels
 
 LONGEST_NAME = 80
 
 _SNAP_LINE = re.compile(r'\s*(\d+)(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
-"""Label, red, green, blue, opacity, visibility, mesh visibility, name."""
+"""ITK-SNAP: label, red, green, blue, opacity, visibility, mesh visibility, name."""
+
+_SLICER_LINE = re.compile(r"\s*(\d+)\s+(?!\(none\)|\d+\s)(\S+)(?:\s+\d+){3,4}(?:\s.*)?")
+"""3D Slicer: label, name, red, green, blue, opacity."""
+
+_NEGATED = np.diag([-1.0, -1.0, 1.0, 1.0])
+"""RAS for LPS."""
 
 
 def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
@@ -46,7 +53,7 @@ def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
     header = read_header(path)
     values, grid = file_voxels(path, header, "labels")
     if like is not None:
-        _check_place(values, grid, like.grid, path.name)
+        _check_place(values, grid, like, path.name)
     named = names_beside(path)
     for label, name in header.segments.items():
         if known := name if is_bone(name) else anatomical_name(name):
@@ -54,13 +61,26 @@ def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
     return LabelMap(values, grid, _distinct(_present(values), named))
 
 
-def _check_place(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: str) -> None:
-    """Check that labels ``(Z, Y, X)`` lie in the grid of their volume, and have not lost their place."""
-    if grid.size == wanted.size and _is_default(grid) and not _is_default(wanted):
-        raise InputError(
-            f"{where}: expected labels with the place of the volume, found {' x '.join(map(str, grid.size))} voxels as "
-            "in the volume, but 1 mm apart from (0, 0, 0): the header was lost; save them with the volume's affine"
-        )
+def _check_place(values: np.ndarray, grid: VoxelGrid, like: Volume, where: str) -> None:
+    """Check that labels ``(Z, Y, X)`` lie in the grid of their volume, and have not lost their place.
+
+    As many voxels of the same size fill the same box, if in another order; but one that negated numbers have put there.
+    """
+    wanted, whole = like.grid, like.whole or like.grid
+    spacing = np.sort([grid.spacing_mm, whole.spacing_mm])
+    if sorted(grid.size) == sorted(whole.size) and (
+        _is_default(grid) or np.allclose(spacing[0], spacing[1], rtol=1e-3)
+    ):
+        distance = np.linalg.norm(grid.corners_mm[:, None] - whole.corners_mm, axis=2)
+        is_elsewhere = distance.min(axis=1).max() > 0.5 * spacing.min()
+        is_negated = not apart_mm(grid.mesh_from_index, _NEGATED @ whole.mesh_from_index, grid.size)
+        if apart_mm(grid.mesh_from_index, whole.mesh_from_index, grid.size) and (is_elsewhere or is_negated):
+            raise InputError(
+                f"{where}: expected labels in the place of the volume, found as many voxels "
+                f"{'with x and y negated' if is_negated else f'up to {distance.min(axis=1).max():.1f} mm elsewhere'}: "
+                "their header was lost, or they are of another volume; save them with the volume's affine, for example "
+                "with nibabel: Nifti1Image(labels.dataobj, volume.affine)"
+            )
     first, stop = box_around(values)
     points = transform_points(grid.mesh_from_index, box_corners(first, stop - 1.0))
     index = transform_points(wanted.index_from_mesh, points)
@@ -75,22 +95,34 @@ def _check_place(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: 
 
 
 def names_beside(path: Path) -> dict[int, str]:
-    """Names of labels by value, from the files that stand beside a label map; empty if there are none."""
+    """Names of labels by value, from the files that stand beside a label map; empty if there are none.
+
+    JSON as of nnU-Net, label descriptions of ITK-SNAP, colour tables of 3D Slicer.
+    """
     stem = path.name[: -len(volume_suffix(path) or "")] or path.name
-    own = [path.with_name(stem + ".json"), path.with_name("labels.json"), path.with_name("dataset.json")]
-    for candidate in [*own, path.resolve().parent.parent / "dataset.json"]:
-        if candidate.is_file():
-            table = parsed_json(read_content(candidate, "names of labels", most=LARGEST_TEXT), candidate.name)
-            if isinstance(table, dict):
-                names = _names_in_json(table.get("labels", table))
-                # a flat table holds names alone: what a scanner's converter writes beside a map has numbers, too
-                if names and ("labels" in table or len(names) == len(table)):
-                    return names
-    for name in (stem + ".txt", stem + ".label", "labels.txt", "labels.label"):
-        candidate = path.with_name(name)
-        if candidate.is_file() and (names := _names_in_text(candidate)):
+    texts = (".json", ".txt", ".label", ".ctbl", "_ColorTable.ctbl", "_ColorTable.csv")
+    own = [stem + ".json", "labels.json", "dataset.json", "../dataset.json"]
+    own += [name for suffix in texts[1:] for name in (stem + suffix, "labels" + suffix)]
+    for name in own:
+        candidate = path.resolve().parent / name
+        if candidate.is_file() and (names := _names_in(candidate)):
             return names
     return {}
+
+
+def _names_in(path: Path) -> dict[int, str]:
+    content = read_content(path, "names of labels", most=LARGEST_TEXT)
+    if path.suffix == ".json":
+        table = parsed_json(content, path.name)
+        names = _names_in_json(table.get("labels", table)) if isinstance(table, dict) else {}
+        # a flat table holds names alone: what a scanner's converter writes beside a map has numbers, too
+        return names if names and ("labels" in table or len(names) == len(table)) else {}
+    lines = [line for line in (decoded(content) or "").splitlines() if not line.startswith("#")]
+    if path.suffix == ".csv":
+        rows = [(row.get("LabelValue") or "", row.get("Name") or "") for row in csv.DictReader(lines)]
+        return {int(label): name for label, name in rows if label.isdecimal() and name}
+    matches = (_SNAP_LINE.fullmatch(line) or _SLICER_LINE.fullmatch(line) for line in lines)
+    return {int(match[1]): match[2] for match in matches if match}
 
 
 def _names_in_json(labels: object) -> dict[int, str]:
@@ -105,18 +137,11 @@ def _names_in_json(labels: object) -> dict[int, str]:
     return names
 
 
-def _names_in_text(path: Path) -> dict[int, str]:
-    """Label descriptions of ITK-SNAP."""
-    text = decoded(read_content(path, "names of labels", most=LARGEST_TEXT)) or ""
-    matches = (_SNAP_LINE.fullmatch(line) for line in text.splitlines() if not line.startswith("#"))
-    return {int(match[1]): match[2] for match in matches if match}
-
-
 def _distinct(labels: Iterable[int], named: Mapping[int, str]) -> dict[int, str]:
     """A name for each label but 0; the number stands in for a missing one, and behind one that occurs twice."""
     names: dict[int, str] = {}
     for label in labels:
-        name = " ".join(re.sub(r"[^\w .,()/+-]", " ", named.get(label, "")).split())[:LONGEST_NAME] or f"label {label}"
+        name = plain_text(named.get(label, ""))[:LONGEST_NAME] or f"label {label}"
         names[label] = f"{name} {label}" if name in names.values() else name
     return names
 

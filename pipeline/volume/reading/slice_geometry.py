@@ -16,7 +16,10 @@ from ..volume import VoxelGrid
 FEWEST_SLICES = 3
 
 LARGEST_DEVIATION = 0.05
-"""How far a slice may lie from its place in equal steps, in steps; headers round to 0.1 mm or less."""
+"""How far a slice may lie from its place in equal steps, in steps."""
+
+ROUNDED_MM, LARGEST_ROUNDING_MM = 0.1, 0.06
+"""What archives round positions to; half of it, and a little for the fit."""
 
 LARGEST_DRIFT = 0.1
 """How far the stack may shift across its normal, in pixels; more is the tilt of the gantry."""
@@ -54,14 +57,15 @@ def stack_of(places: Sequence[SlicePlace], where: str) -> tuple[VoxelGrid, np.nd
     positions = np.stack([place.position_mm for place in places])
     order = np.argsort(positions @ normal, kind="stable")
     positions = positions[order]
-    _check_steps(positions @ normal, where)
-    _check_tilt(positions, normal, float(first.spacing_mm.min()), where)
-    step = (positions[-1] - positions[0]) @ normal / (len(places) - 1)
+    tenths = positions / ROUNDED_MM
+    rounding_mm = LARGEST_ROUNDING_MM if np.abs(tenths - np.rint(tenths)).max() < 1e-4 else 0.0
+    step, start = _equal_steps(positions @ normal, rounding_mm, where)
+    _check_tilt(positions, normal, max(LARGEST_DRIFT * float(first.spacing_mm.min()), 2 * rounding_mm), where)
     matrix = np.eye(4)
     matrix[:3, 0] = first.axes[0] * first.spacing_mm[0]
     matrix[:3, 1] = first.axes[1] * first.spacing_mm[1]
     matrix[:3, 2] = normal * step
-    matrix[:3, 3] = positions[0]
+    matrix[:3, 3] = positions[0] + (start - positions[0] @ normal) * normal
     return VoxelGrid((*first.size, len(places)), matrix), order
 
 
@@ -84,27 +88,29 @@ def _check_alike(places: Sequence[SlicePlace], where: str) -> None:
         )
 
 
-def _check_steps(along_mm: np.ndarray, where: str) -> None:
-    """Check that sorted distances along the normal are equally spaced."""
+def _equal_steps(along_mm: np.ndarray, rounding_mm: float, where: str) -> tuple[float, float]:
+    """The step of sorted distances along the normal, which must be equally spaced, and where they start."""
     steps = np.diff(along_mm)
     together = int(np.count_nonzero(steps < 0.01 * max(float(np.median(steps)), 0.1)))
     if together:
         raise InputError(
             f"{where}: expected one slice at each place, found {together} place{'s'[: together > 1]} with several; "
-            "several reconstructions or times are in one series: export one of them"
+            "several reconstructions or times, or a slice and its copy, are in one series: export one of them"
         )
+    step, start = np.polyfit(np.arange(len(along_mm)), along_mm, 1)
+    if np.abs(along_mm - start - step * np.arange(len(along_mm))).max() <= max(LARGEST_DEVIATION * step, rounding_mm):
+        return float(step), float(start)
     # gaps do not count
     typical = float(np.median(steps[steps < 1.5 * steps.min()]))
-    if np.abs(along_mm - np.linspace(along_mm[0], along_mm[-1], len(along_mm))).max() <= LARGEST_DEVIATION * typical:
-        return
-    counts = steps / typical
-    gaps = np.flatnonzero(np.rint(counts) >= 2)
-    if len(gaps) and np.abs(counts - np.rint(counts)).max() <= 2 * LARGEST_DEVIATION:
-        missing = int((np.rint(counts[gaps]) - 1).sum())
+    counts = np.rint(steps / typical)
+    gaps = np.flatnonzero(counts >= 2)
+    if len(gaps) and np.abs(steps - counts * typical).max() <= 2 * max(LARGEST_DEVIATION * typical, rounding_mm):
         after = ", ".join(str(gap + 1) for gap in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
+        missing = int(counts[gaps].sum()) - len(gaps)
         raise InputError(
-            f"{where}: expected slices every {typical:.4g} mm, {missing} {'is' if missing == 1 else 'are'} missing "
-            f"(after slice {after} of {len(along_mm)}, counted along the series); copy or export the series again"
+            f"{where}: expected slices every {typical:.4g} mm, found {missing} missing (after slice {after} of "
+            f"{len(along_mm)}, counted along the series): copy or export the series again, or "
+            "resample one that was taken in two steps to one, for example with dcm2niix or 3D Slicer"
         )
     raise InputError(
         f"{where}: expected slices in equal steps, found steps of {steps.min():.4g} to {steps.max():.4g} mm; "
@@ -112,12 +118,12 @@ def _check_steps(along_mm: np.ndarray, where: str) -> None:
     )
 
 
-def _check_tilt(positions: np.ndarray, normal: np.ndarray, pixel_mm: float, where: str) -> None:
+def _check_tilt(positions: np.ndarray, normal: np.ndarray, largest_mm: float, where: str) -> None:
     """Check that slices lie above each other, not shifted as by a tilted gantry."""
     offsets = positions - positions[0]
     across = offsets - (offsets @ normal)[:, None] * normal
     drift_mm = float(np.linalg.norm(across, axis=1).max())
-    if drift_mm > LARGEST_DRIFT * pixel_mm:
+    if drift_mm > largest_mm:
         angle_deg = np.rad2deg(np.arctan2(drift_mm, float((offsets @ normal)[-1])))
         raise InputError(
             f"{where}: expected slices straight above each other, found them shifted as by a gantry tilted by "

@@ -47,10 +47,11 @@ def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | 
     if series is not None:
         _require_folder(path, "series are for folders")
     if _is_folder(path):
-        values, grid = series_voxels(chosen_series(find_series(path), series, str(path)), box, str(path))
+        values, grid, whole = series_voxels(chosen_series(find_series(path), series, str(path)), box, str(path))
     else:
-        values, grid = file_voxels(path, read_header(_volume_file(path)), "HU", box)
-    return Volume(values, grid)
+        header = read_header(_volume_file(path))
+        (values, grid), whole = file_voxels(path, header, "HU", box), header.grid
+    return Volume(values, grid, whole)
 
 
 def list_series(folder: Path) -> tuple[SeriesInfo, ...]:

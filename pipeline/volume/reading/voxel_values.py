@@ -10,6 +10,9 @@ MOST_LABELS = 255
 _FEW = 64
 """Up to so many different values, and none negative, it is a label map rather than a CT."""
 
+_ROUNDING = 0.05
+"""How far labels may lie from whole numbers: stored by a scale in 8 bits, 25 labels are off by as much."""
+
 _LEAST_SPAN_HU = 100.0
 """Between the smallest and the largest value of a CT; less means that it was normalised."""
 
@@ -31,7 +34,7 @@ class ValueSurvey:
             if not finite.all():
                 self._not_finite += int(values.size - np.count_nonzero(finite))
                 values = values[finite]
-            fractional = values[values != np.rint(values)]
+            fractional = values[np.abs(values - np.rint(values)) > _ROUNDING]
             if self._fractional is None and len(fractional):
                 self._fractional = float(fractional[0])
         if values.size:
@@ -54,7 +57,9 @@ class ValueSurvey:
         expected = f"{where}: expected a CT in Hounsfield units (HU; air -1000, water 0), found"
         self._check_finite(expected)
         if self._lowest < -(2**15) or self._highest >= 2**15:
-            raise InputError(f"{expected} {self._range}, beyond 16 bits; convert it to HU")
+            raise InputError(
+                f"{expected} {self._range}, beyond 16 bits: no HU, or padding; convert it to HU, with -1000 for padding"
+            )
         if self._lowest >= 0 and self._fractional is None and self._variety <= _FEW:
             raise InputError(
                 f"{expected} {self._variety} different {self._range}: it looks like a label map; give it as labels, "
@@ -72,24 +77,24 @@ class ValueSurvey:
         """Check that the voxels are labels: whole numbers from 0, of few different values."""
         expected = f"{where}: expected a label map (whole numbers from 0), found"
         self._check_finite(expected)
-        if self._lowest < 0:
+        if self._lowest < -_ROUNDING:
             raise InputError(f"{expected} {self._range}: it looks like a CT; give it as the volume")
         if self._fractional is not None:
             raise InputError(
-                f"{expected} fractions such as {self._fractional:.10g}: it looks like probabilities; save the label of "
-                "each voxel (above 0.5, or the largest)"
+                f"{expected} fractions such as {self._fractional:.4g}: probabilities, a resampled mask, or labels "
+                "stored too coarsely; save the label of each voxel as a whole number"
             )
-        if self._highest >= 2**16:
+        if self._highest >= 2**16 - 0.5:
             raise InputError(f"{expected} {self._range}; the largest label is 65535: number them anew")
         if self._variety > MOST_LABELS:
             raise InputError(f"{expected} {self._variety} different {self._range}: it looks like an image, not labels")
-        if self._highest == 0:
+        if self._highest < 0.5:
             raise InputError(f"{expected} 0 everywhere; it holds no structure: choose another file")
 
     @property
     def label_type(self) -> type[np.uint8] | type[np.uint16]:
         """The smallest type that holds all labels."""
-        return np.uint8 if self._highest < 256 else np.uint16
+        return np.uint8 if self._highest < 255.5 else np.uint16
 
     def _check_finite(self, expected: str) -> None:
         if self._not_finite:

@@ -78,7 +78,11 @@ def test_an_anonymised_ct_without_modality_is_told_by_its_class(write_series, tm
 
 
 BAD = {
-    "a missing slice": ({"missing": [4]}, r"slices every 0.9 mm, 1 is missing \(after slice 4 of 7"),
+    "a missing slice": ({"missing": [4]}, r"slices every 0.9 mm, found 1 missing \(after slice 4 of 7"),
+    "two steps": (
+        {"places": [0, 1, 2, 3, 5, 7, 9, 11]},
+        "found 4 missing .*or resample one that was taken in two steps",
+    ),
     "varying steps": ({"places": [0, 1, 2, 3, 4.3, 5.6, 6.9, 8.2]}, "steps of 0.9 to 1.17 mm; resample"),
     "a tilted gantry": ({"shear_mm": 0.9 * np.tan(np.deg2rad(12))}, r"gantry tilted by 12.00°.*resample"),
     "two slices at a place": ({"places": [0, 1, 2, 3, 0, 1, 2, 3]}, "found 4 places with several"),
@@ -87,7 +91,13 @@ BAD = {
     "no position": ({"ImagePositionPatient": None}, "slices without, so left and right are unknown"),
     "no spacing": ({"PixelSpacing": None}, "slices without"),
     "no offset": ({"RescaleIntercept": 0}, "no negative ones"),
-    "colours inverted": ({"PhotometricInterpretation": "MONOCHROME1"}, "expected grey slices"),
+    "colours inverted": ({"PhotometricInterpretation": "MONOCHROME1"}, r"grey slices .*inverted ones \(MONOCHROME1\)"),
+    "no HU": ({"RescaleType": "OD"}, "found Rescale Type OD"),
+    "no slope": ({"RescaleSlope": 0}, "found 0, which"),
+    "high bit": ({"BitsStored": 12}, "found High Bit 15 of 12 Bits Stored"),
+    "padding beyond its bits": (
+        *({"BitsStored": 12, "HighBit": 11, "PixelPaddingValue": 63536}, "Value of 12 Bits Stored, found 63536"),
+    ),
 }
 
 
@@ -149,13 +159,64 @@ def test_slices_without_a_rescale_among_others_are_refused(write_series, tmp_pat
         read_volume(tmp_path)
 
 
+@pytest.mark.parametrize(("signed", "padding"), [(0, 63536), (0, 4095), (1, -32768), (1, -2000)])
+def test_padding_is_air_whatever_its_value(write_series, tmp_path, signed, padding):
+    values = write_series(tmp_path, PixelRepresentation=signed, PixelPaddingValue=padding)
+
+    def pad(dataset) -> None:
+        stored = np.frombuffer(dataset.PixelData, np.uint16).copy()
+        stored[:9] = padding & 0xFFFF
+        dataset.PixelData = stored.tobytes()
+
+    changed(tmp_path, pad)
+    values.reshape(len(values), -1)[:, :9] = -1024
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+
+
+@pytest.mark.parametrize("step", [0.625, 1.25])
+def test_positions_that_an_archive_rounded_are_in_equal_steps(write_series, tmp_path, step):
+    values = write_series(tmp_path, 20, places=np.round(step * np.arange(20), 1) / 0.9)
+    volume = read_volume(tmp_path)
+    np.testing.assert_array_equal(volume.values, values)
+    assert volume.grid.spacing_mm[2] == pytest.approx(step, abs=0.002)
+
+
 @pytest.mark.parametrize(
-    ("tags", "found"),
-    [({"RescaleSlope": 0}, "found 0, which"), ({"BitsStored": 12}, "found High Bit 15 of 12 Bits Stored")],
+    ("tags", "listed"),
+    [
+        ({"FrameOfReferenceUID": ["1.2.31234", "1.2.41234"]}, r"Frame of Reference UID \(1 of 2 in this series\)"),
+        ({"KVP": [80, 140]}, r"KVP 140.0 \(1 of 2"),
+        ({"ConvolutionKernel": ["H30s", "H60s"]}, r"mm, Convolution Kernel \(2 of 2"),
+        ({"TemporalPositionIdentifier": [1, 2]}, "Temporal Position Identifier 1 "),
+        ({"AcquisitionNumber": [1, 2]}, "Acquisition Number 2 "),
+    ],
 )
-def test_slices_that_gdcm_reads_otherwise_than_written_are_refused(write_series, tmp_path, tags, found):
-    write_series(tmp_path, **tags)
-    with pytest.raises(InputError, match=found):
+def test_two_volumes_in_one_series_are_chosen_from(write_series, tmp_path, tags, listed):
+    """Half a step apart they would be one volume of a comb."""
+    ((tag, pair),) = tags.items()
+    values = [
+        write_series(
+            *(tmp_path / str(value), 8),
+            seed=seed,
+            origin=(-10, 20, 300 + 0.45 * seed),
+            **{"SeriesInstanceUID": "1.2", tag: value},
+        )
+        for seed, value in enumerate(pair)
+    ]
+    with pytest.raises(InputError, match=rf"expected one series, found 2; .*{listed}.*choose one with --series N"):
+        read_volume(tmp_path)
+    found = [read_volume(tmp_path, series=number).values for number in (1, 2)]
+    order = (1, 0) if tag == "KVP" else (0, 1)
+    np.testing.assert_array_equal(found, [values[index] for index in order])
+
+
+def test_acquisitions_one_after_the_other_are_one_volume_and_series_of_one_slice_none(write_series, tmp_path):
+    """As the table steps through a head; as some programs make names unknown."""
+    values = write_series(tmp_path)
+    changed(tmp_path, lambda d: setattr(d, "AcquisitionNumber", 1 + (d.ImagePositionPatient[2] > 303)))
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+    changed(tmp_path, lambda d: setattr(d, "SeriesInstanceUID", f"1.2.{d.InstanceNumber}"))
+    with pytest.raises(InputError, match=r"found 8 series of one slice each: .*dcmodify"):
         read_volume(tmp_path)
 
 
@@ -172,8 +233,8 @@ def test_slices_that_share_an_identifier_are_told_apart_by_position(write_series
 
 
 def test_two_images_of_one_identifier_at_one_place_are_refused(write_series, tmp_path):
-    write_series(tmp_path, SeriesInstanceUID="1.2", SOPInstanceUID="1.2.3")
-    write_series(tmp_path, seed=1, number=4, SeriesInstanceUID="1.2", SOPInstanceUID="1.2.3")
+    for seed in range(2):
+        write_series(tmp_path / str(seed), seed=seed, SeriesInstanceUID="1.2", SOPInstanceUID="1.2.3")
     with pytest.raises(InputError, match="found 8 places with several"):
         read_volume(tmp_path)
 
@@ -226,19 +287,23 @@ def test_transfer_syntaxes_that_cannot_be_read_are_named(write_series, tmp_path)
         read_volume(tmp_path)
 
 
-def test_enhanced_damaged_and_single_files_are_refused(write_series, tmp_path):
+def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "cut")
     for path in (tmp_path / "cut").iterdir():
         path.write_bytes(path.read_bytes()[:-20])
     write_series(tmp_path / "ct")
     single = next((tmp_path / "ct").iterdir())
     write_series(tmp_path / "many")
-    changed(tmp_path / "many", lambda d: setattr(d.file_meta, "MediaStorageSOPClassUID", "1.2.840.10008.5.1.4.1.1.2.1"))
+
+    def framed(dataset) -> None:
+        dataset.NumberOfFrames, dataset.PixelData = 3, dataset.PixelData * 3
+
+    changed(tmp_path / "many", framed)
     (tmp_path / "empty").mkdir()
     for path, message in {
         tmp_path / "cut": "damaged or cut off",
         single: "expected a folder of DICOM files, found one of them",
-        tmp_path / "many": "enhanced .*convert it to NIfTI",
+        tmp_path / "many": r"found 3 images in one file \(multi-frame\); convert it to NIfTI",
         tmp_path / "empty": "found no image",
         tmp_path / "nowhere.nii": "does not exist",
     }.items():

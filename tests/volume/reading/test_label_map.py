@@ -44,6 +44,9 @@ def test_names_of_slicer(tmp_path):
     assert read_labels(path).names[3] == "Temporal Bone"
 
 
+SLICER = (
+    "# Color table file x.ctbl\n# 2 values\n0 Background 0 0 0 0\n3 лицевой_нерв 255 0 255 255\n12 (none) 0 0 0 0\n"
+)
 SNAP = '# ITK-SnAP\n    0   0   0   0   0  0  0   "Clear Label"\n    3   255   0  0   1  1  1   "chorda"\n'
 
 
@@ -56,6 +59,8 @@ SNAP = '# ITK-SnAP\n    0   0   0   0   0  0  0   "Clear Label"\n    3   255   0
         ("labels.json", {"3": "stapes"}, "stapes"),
         ("case_1.txt", SNAP, "chorda"),
         ("case_1.label", SNAP.encode("utf-16"), "chorda"),
+        ("case_1_ColorTable.ctbl", SLICER, "лицевой_нерв"),
+        ("case_1_ColorTable.csv", "LabelValue,Name,Color_R\n3,कान की हड्डी,255\n", "कान की हड्डी"),
         ("other.json", {"labels": {"3": "no"}}, "label 3"),
         ("dataset.json", {"name": "without labels"}, "label 3"),
         ("case_1.json", {"Modality": "CT", "SeriesNumber": 3}, "label 3"),
@@ -85,14 +90,41 @@ def test_a_map_on_a_finer_grid_keeps_its_own(tmp_path):
     np.testing.assert_array_equal(labels.values, finer)
 
 
+@pytest.mark.parametrize("dtype", [np.int16, np.int32, np.uint8])
+def test_labels_that_a_scale_made_inexact_are_whole(tmp_path, dtype):
+    nib = pytest.importorskip("nibabel")
+    image = nib.Nifti1Image(LABELS.T.astype(np.float64), np.diag([-0.5, -0.5, 0.5, 1]))
+    image.header.set_data_dtype(dtype)
+    nib.save(image, tmp_path / "a.nii.gz")
+    assert (nib.load(tmp_path / "a.nii.gz").get_fdata() != LABELS.T).any()
+    np.testing.assert_array_equal(read_labels(tmp_path / "a.nii.gz").values, LABELS)
+
+
+@pytest.mark.parametrize("cropped", [False, True])
+def test_a_map_on_the_volumes_grid_is_in_its_place_or_refused(tmp_path, cropped):
+    """Its axes in another order are; with x and y negated it is not, even if that is the same box."""
+    centred = like(origin=(-1.5, -1.25, 3))
+    if cropped:
+        centred = Volume(centred.values[1:], centred.grid.shifted(np.array([0, 0, 1]), (7, 6, 4)), centred.grid)
+    turned = write(tmp_path / "turned.nrrd", LABELS.transpose(1, 0, 2)[::-1], origin=(-1.5, 1.25, 3))
+    text = turned.read_bytes().replace(b"(0,0.5,0) (0,0,0.5)", b"(0,0,0.5) (0,-0.5,0)")
+    turned.write_bytes(text)
+    assert read_labels(turned, centred).grid.size == (7, 5, 6)
+    for origin, words in (((1.5, 1.25, 3), "x and y negated"), ((0, 0, 0), "up to 3.6 mm elsewhere")):
+        path = write(tmp_path / "a.nrrd", origin=origin)
+        if origin[0]:
+            path.write_bytes(path.read_bytes().replace(b"(0.5,0,0) (0,0.5,0)", b"(-0.5,0,0) (0,-0.5,0)"))
+        with pytest.raises(InputError, match=f"found as many voxels .*{words}: their header was lost"):
+            read_labels(path, centred)
+
+
 BAD = {
-    "elsewhere": (LABELS, {"origin": (100, 2, 3)}, "all of them outside: they cover"),
-    "lost header": (LABELS, {"spacing": (1, 1, 1), "origin": (0, 0, 0)}, "the header was lost"),
+    "elsewhere": (LABELS[1:], {"origin": (100, 2, 3)}, "all of them outside: they cover"),
+    "lost header": (LABELS, {"spacing": (1, 1, 1), "origin": (0, 0, 0)}, "header was lost"),
     "a CT": (LABELS.astype(np.int16) - 1000, {}, "looks like a CT; give it as the volume"),
     "an image": (np.arange(400, dtype=np.uint16).reshape(8, 5, 10), {}, "400 different values .*an image, not labels"),
-    "probabilities": (LABELS.astype(np.float32) / 20, {}, "looks like probabilities"),
+    "probabilities": (LABELS.astype(np.float32) / 20, {}, "fractions such as 0.15: probabilities"),
     "labels beyond 16 bits": (LABELS.astype(np.uint32) * 9999, {}, "the largest label is 65535"),
-    "labels that are nearly whole": (LABELS.astype(np.float64) * 0.99999, {}, "fractions such as 2.99997"),
     "nothing": (LABELS * 0, {}, "found 0 everywhere"),
 }
 

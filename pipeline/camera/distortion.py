@@ -60,28 +60,25 @@ def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Dis
     distortion = Distortion(*numbers)
     if not any(astuple(distortion)):
         return None
-    if not _is_invertible(distortion, camera):
+    if _folds(distortion, camera):
         raise InputError(
             f"{where}: expected a distortion that is invertible over the frame, found {described(values)}, which "
-            "folds it over or moves parts of it by more than its size; use OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 "
-            "before k3)"
+            "folds it over; use OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 before k3)"
         )
     return distortion
 
 
-def _is_invertible(distortion: Distortion, camera: PinholeCamera) -> bool:
-    """Whether the distortion flips no cell of a grid over the frame (Jacobian determinant), and keeps it in sight."""
+def _folds(distortion: Distortion, camera: PinholeCamera) -> bool:
+    """Whether the distortion flips a cell of a grid over the frame (Jacobian determinant not positive)."""
     u, v = np.meshgrid(
         np.linspace(-0.5, camera.width - 0.5, FOLD_GRID), np.linspace(-0.5, camera.height - 0.5, FOLD_GRID)
     )
     with np.errstate(over="ignore", invalid="ignore"):
-        ideal = camera.rays_cam(np.stack([u, v], axis=-1))[..., :2]
-        points = distortion.distort(ideal)
+        points = distortion.distort(camera.rays_cam(np.stack([u, v], axis=-1))[..., :2])
         across, down = np.diff(points[:-1], axis=1), np.diff(points[:, :-1], axis=0)
         orientation = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
-        moved_px = np.abs(points - ideal).max() * max(camera.fx, camera.fy)
-    # coefficients that overflow give NaN, which is neither
-    return bool((orientation > 0).all() and moved_px < max(camera.size_wh))
+    # coefficients that overflow give NaN, which is not positive
+    return not bool((orientation > 0).all())
 
 
 def undistort(image: np.ndarray, camera: PinholeCamera, distortion: Distortion) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from ..case.pose_record import FURTHER_FRAMES, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.numbers import format_two_digits
 from ..least_squares import damped_least_squares
-from ..projection.rays import MeshRays
+from ..projection.z_buffer import nearest_at
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, cross_matrices, inverse_rigid, rotation_angle_deg, transform_points
 from .flow_refinement import FlowFit
@@ -223,7 +223,7 @@ class PoseCorrection:
 
     def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, pivot_model: np.ndarray) -> None:
         """Prepare a surface (model frame) and the camera of all frames; twists are about the ``(3,)`` pivot, mm."""
-        self._mesh, self._rays, self._camera, self._pivot = mesh, MeshRays(mesh), camera, pivot_model
+        self._mesh, self._camera, self._pivot = mesh, camera, pivot_model
 
     def fit(self, case_from_model: np.ndarray, tracks: Sequence[Track]) -> JointFit:
         """The poses that fit together, from a rough one ``(4, 4)`` of the case's frame; every track has pixels."""
@@ -250,7 +250,7 @@ class PoseCorrection:
         """All pixels, each with the number of its frame, at the poses of the case's frame and the others."""
         camera, case_from_model = self._camera, poses[0]
         rays_cam = camera.rays_cam(case_px)
-        depths_mm, normals_cam, met = self._hits(case_from_model, rays_cam)
+        depths_mm, normals_cam, met = self._hits(case_from_model, case_px)
         points_cam = depths_mm[:, None] * rays_cam
         points_model = (points_cam - case_from_model[:3, 3]) @ case_from_model[:3, :3]
         frames = Poses.of(poses[1:], self._pivot)[number]
@@ -268,12 +268,10 @@ class PoseCorrection:
         residuals, jacobian = np.where(known, residuals, 0.0), np.where(known[..., None], jacobian, 0.0)
         return _Linear(residuals, weight, float(cost.sum()), jacobian)
 
-    def _hits(self, case_from_model: np.ndarray, rays_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _hits(self, case_from_model: np.ndarray, case_px: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Depths ``(N,)``, unit normals ``(N, 3)`` in camera axes, and which rays meet the surface not too steeply."""
-        rays, origin = rays_cam @ case_from_model[:3, :3], camera_centre(case_from_model)
-        origins = np.tile(origin.astype(np.float32), (len(rays), 1))
-        face = self._rays.first_hits(origins, rays.astype(np.float32)).face
-        # in double precision: Embree's depth would not move with the pose by small steps
+        rays, origin = self._camera.rays_cam(case_px) @ case_from_model[:3, :3], camera_centre(case_from_model)
+        face = nearest_at(self._mesh, self._camera, case_from_model, case_px)[1]
         normals, corners = self._mesh.face_normals[face], self._mesh.vertices[self._mesh.faces[face, 0]]
         facing = (normals * rays).sum(axis=1)
         met = (face >= 0) & (np.abs(facing) > STEEPEST * np.linalg.norm(rays, axis=1))

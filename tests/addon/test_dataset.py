@@ -30,9 +30,8 @@ from oneframe.dataset.run.run_folder import Shard
 from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
 from oneframe.images.png import encode_png
 from oneframe.light.lens_light import LensLight, shading, working_distance_mm
-from oneframe.projection.overlay_scene import smooth_normals
 from oneframe.projection.visible_surface import central_point
-from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.projection.z_buffer import rasterise_depth, seen_normals
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.transforms import inverse_rigid, rigid, transform_points
@@ -313,9 +312,9 @@ def lit(mesh, pose):
     """Codes (H, W, 3), uint8: a painted surface in the light of the lens."""
     raster = rasterise_depth(mesh, CAMERA, pose)
     shown, (v, u) = raster.face >= 0, np.nonzero(raster.face >= 0)
-    rays = CAMERA.rays_cam(np.stack([u, v], axis=1).astype(float))
-    points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
-    normals = smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points)
+    uv = np.stack([u, v], axis=1).astype(float)
+    points = transform_points(inverse_rigid(pose), CAMERA.rays_cam(uv) / raster.inverse_depth[shown][:, None])
+    normals = seen_normals(mesh, CAMERA, pose, raster.face[shown], uv)
     light = LensLight((*LAMP.lamp_cam_mm[:2], 0.0), LAMP.ambient)
     factors = shading(
         light, points, normals, pose, working_distance_mm(pose, central_point(raster.depth_mm, CAMERA, pose))

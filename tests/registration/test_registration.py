@@ -21,8 +21,7 @@ from oneframe.case.pose_record import FURTHER_FRAMES
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.projection.rays import MeshRays
-from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.projection.z_buffer import nearest_at, rasterise_depth
 from oneframe.registration import known_views
 from oneframe.registration.correct_pose import PoseCorrection, Track
 from oneframe.registration.further_frames import FurtherFrame
@@ -268,10 +267,7 @@ def test_frames_bring_back_the_pose_of_the_source(mesh):
     poses = [seen_from(tilt, roll) for tilt, roll in ((25, 0), (-20, 30), (15, 90), (30, -60))]
     correction = PoseCorrection(mesh, CAMERA, PIVOT)
     rays = CAMERA.rays_cam(source_px)
-    hits = MeshRays(mesh).first_hits(
-        np.tile(camera_centre(SOURCE).astype(np.float32), (len(rays), 1)), (rays @ SOURCE[:3, :3]).astype(np.float32)
-    )
-    points = transform_points(inverse_rigid(SOURCE), rays * hits.distance[:, None])
+    points = transform_points(inverse_rigid(SOURCE), rays / nearest_at(mesh, CAMERA, SOURCE, source_px)[0][:, None])
     rough = apply_twist(np.array([2.0, -3.0, 4.0, *np.radians([3.0, -2.0, 2.0])]), SOURCE, PIVOT)
     distances = []
     for noise_px in (0.0, *[0.3] * 15):

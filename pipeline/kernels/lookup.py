@@ -12,7 +12,7 @@ from .compiled import compiled
 
 @compiled
 def _pixels_around(height: int, width: int, x: float, y: float) -> tuple[int, int, int, int, float, float]:
-    """Rows above and below, columns left and right of a place, how far it is from the first ones; moved in if outside."""
+    """Rows above and below a place, columns left and right, and how far it is from the first; moved in if outside."""
     x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
     left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
     return top, min(top + 1, height - 1), left, min(left + 1, width - 1), x - left, y - top

@@ -65,7 +65,7 @@ class _Painter:
         if self.source is not None:
             tolerance = self.source.depth_tolerance
             places, shown = lookup.placed_in_frame(
-                met.uv, met.inverse_depth, affine, self._surface[..., None], tolerance, ROUNDING_PX
+                met.uv, met.inverse_depth, affine, self._surface, tolerance, ROUNDING_PX
             )
             seen = seen & self._facing[met.face] & shown
         if self.vertices is not None and weights is not None:
@@ -171,7 +171,11 @@ class RayTracer:
             own = weights if weights is None or number == 0 else weights[left]
             affine = self._affine(painter, cam_from_model)
             colours, seen, near = painter.paint(part, own, affine, scale if filtered else None, share)
-            rgb[left[seen]], source[left[seen]], border[left[near]] = colours[seen], number + 1, True
+            if number == 0:
+                np.copyto(rgb, colours, where=seen[:, None])
+                source[seen], border = number + 1, near
+            else:
+                rgb[left[seen]], source[left[seen]], border[left[near]] = colours[seen], number + 1, True
             left = left[~seen]
         if self._surface.unseen is not None and weights is not None:
             rgb[left] = lookup.interpolated(self._surface.unseen, mesh.faces, met.face[left], weights[left])

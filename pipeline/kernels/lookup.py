@@ -11,16 +11,11 @@ from .compiled import compiled
 
 
 @compiled
-def _between(image: np.ndarray, x: float, y: float, channel: int) -> float:
-    """A channel of ``(H, W, C)`` at a column and row, interpolated bilinearly; coordinates outside are moved in."""
-    height, width = image.shape[:2]
+def _pixels_around(height: int, width: int, x: float, y: float) -> tuple[int, int, int, int, float, float]:
+    """Rows above and below a place, columns left and right, and how far it is from the first; moved in if outside."""
     x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
     left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
-    right, below = min(left + 1, width - 1), min(top + 1, height - 1)
-    across, down = x - left, y - top
-    upper = image[top, left, channel] * (1 - across) + image[top, right, channel] * across
-    lower = image[below, left, channel] * (1 - across) + image[below, right, channel] * across
-    return upper * (1 - down) + lower * down
+    return top, min(top + 1, height - 1), left, min(left + 1, width - 1), x - left, y - top
 
 
 @compiled
@@ -39,11 +34,11 @@ def placed_in_frame(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Column, row and depth ``(N, 3)`` in a frame, and ``(N,)`` bool: the frame shows the point.
 
-    ``affine`` is ``(3, 4)``, A and b; ``surface`` ``(H, W, 1)`` the inverse depth of what the frame shows, which the
+    ``affine`` is ``(3, 4)``, A and b; ``surface`` ``(H, W)`` the inverse depth of what the frame shows, which the
     point's own may differ from by a relative ``tolerance``; pixels may be outside by a ``margin``.
     """
     places, shown = np.zeros((len(uv), 3)), np.zeros(len(uv), np.bool_)
-    height, width = surface.shape[:2]
+    height, width = surface.shape
     for number in range(len(uv)):
         u, v, w = uv[number, 0], uv[number, 1], inverse_depth[number]
         z = affine[2, 0] * u + affine[2, 1] * v + affine[2, 2] + affine[2, 3] * w
@@ -55,7 +50,10 @@ def placed_in_frame(
             continue
         depth = z / w
         places[number, 0], places[number, 1], places[number, 2] = x, y, depth
-        shown[number] = abs(_between(surface, x, y, 0) * depth - 1) <= tolerance
+        top, below, left, right, across, down = _pixels_around(height, width, x, y)
+        upper = surface[top, left] * (1 - across) + surface[top, right] * across
+        lower = surface[below, left] * (1 - across) + surface[below, right] * across
+        shown[number] = abs((upper * (1 - down) + lower * down) * depth - 1) <= tolerance
     return places, shown
 
 
@@ -69,7 +67,7 @@ def looked_up(
     nearest texel's, if that shows the point's surface: then the fourth channel, its inverse depth, fits within the
     relative ``tolerance``. The fourth one is the first lookup's.
     """
-    values, count = np.zeros((len(places), 4), np.float32), len(offsets)
+    values, count, sums = np.zeros((len(places), 4), np.float32), len(offsets), np.empty(4)
     height, width = image.shape[:2]
     for number in range(len(places)):
         if not chosen[number]:
@@ -77,13 +75,18 @@ def looked_up(
         x, y, depth = places[number, 0], places[number, 1], places[number, 2]
         row, column = min(max(int(np.rint(y)), 0), height - 1), min(max(int(np.rint(x)), 0), width - 1)
         part = share if share > 0 and abs(image[row, column, 3] * depth - 1) <= tolerance else 0.0
+        for lookup in range(count):
+            top, below, left, right, across, down = _pixels_around(
+                height, width, x + offsets[lookup, 0], y + offsets[lookup, 1]
+            )
+            for channel in range(3 if lookup else 4):
+                upper = image[top, left, channel] * (1 - across) + image[top, right, channel] * across
+                lower = image[below, left, channel] * (1 - across) + image[below, right, channel] * across
+                sums[channel] = (sums[channel] if lookup else 0.0) + (upper * (1 - down) + lower * down)
         for channel in range(3):
-            total = 0.0
-            for lookup in range(count):
-                total += _between(image, x + offsets[lookup, 0], y + offsets[lookup, 1], channel)
-            value = total / count
+            value = sums[channel] / count
             values[number, channel] = value + part * (image[row, column, channel] - value)
-        values[number, 3] = _between(image, x + offsets[0, 0], y + offsets[0, 1], 3)
+        values[number, 3] = sums[3]
     return values
 
 

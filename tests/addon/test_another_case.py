@@ -19,7 +19,7 @@ from oneframe.case.case_history import earlier_cases
 from oneframe.case.pose_record import PoseRecord
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
-from tests.addon.conftest import pin
+from tests.addon.conftest import pin, refused
 from tests.video.surgical_film import write_film
 
 NAMED = '\n[dataset]\nposes = "poses.npy"\n'
@@ -72,8 +72,7 @@ def test_another_frame_or_surface_ends_the_tie_to_file_and_dataset(opened, way):
         settings = bpy.context.scene.oneframe
         assert (settings.case_path, settings.dataset_out) == ties
     assert output_folder(bpy.context.scene).parent != first.parent or way == "surface"
-    with pytest.raises(RuntimeError, match="found one of another "):
-        bpy.ops.oneframe.save_case(filepath=str(first))
+    refused(bpy.ops.oneframe.save_case, "found one of another ", filepath=str(first))
     assert first.read_bytes() == text
     other = opened / "other.toml"
     bpy.ops.oneframe.save_case(filepath=str(other))
@@ -109,8 +108,11 @@ def test_a_file_that_has_become_another_case_meanwhile_is_not_replaced(opened):
     first.write_text(text)
     bpy.ops.wm.open_mainfile(filepath=str(opened / "work.blend"))
     assert bpy.context.scene.oneframe.case_path == str(first)
-    with pytest.raises(RuntimeError, match=r"found one of another frame \(frame.png\); choose another name"):
-        bpy.ops.oneframe.save_case(filepath=str(first))
+    refused(
+        bpy.ops.oneframe.save_case,
+        r"found one of another frame \(frame.png\); choose another name",
+        filepath=str(first),
+    )
     assert first.read_text() == text
 
 

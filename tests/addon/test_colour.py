@@ -15,6 +15,7 @@ from oneframe.colour.reference_view import baked_colour_of, reference_view
 from oneframe.images.masked_frame import UNSEEN
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
+from tests.addon.conftest import refused
 
 pytestmark = pytest.mark.render
 
@@ -122,11 +123,6 @@ def test_colours_of_another_pose_are_outdated(opened):
     surface.matrix_world = Matrix.Translation((0.5, 0, 0)) @ surface.matrix_world
     bpy.context.view_layer.update()
     assert colour.is_outdated(opened, record)
-
-
-def refused(operator, message, **settings):
-    with pytest.raises(RuntimeError, match=message):
-        operator(**settings)
 
 
 def test_refusals_change_nothing(addon, opened, case_path):

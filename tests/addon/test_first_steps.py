@@ -18,6 +18,7 @@ from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.transforms import transform_points
+from tests.addon.conftest import refused
 from tests.video.surgical_film import write_film
 
 
@@ -70,8 +71,7 @@ def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
 
 
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
-    with pytest.raises(RuntimeError, match="oneframe sample"):
-        bpy.ops.oneframe.open_sample()
+    refused(bpy.ops.oneframe.open_sample, "oneframe sample")
     monkeypatch.setattr(sample, "SHIPPED", folder)
     case = read_case(folder / sample.TRUE)
     write_case(folder / sample.UNALIGNED, replace(case, posed=False))

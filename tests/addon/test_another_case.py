@@ -13,7 +13,6 @@ from blender_addon.mask.operators import frame_of
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene
 from blender_addon.state.landmarks import landmarks_mesh
-from blender_addon.video import shown_frame
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import earlier_cases
 from oneframe.case.pose_record import PoseRecord
@@ -191,18 +190,3 @@ def test_a_masked_version_of_the_frame_is_the_same_frame(aligned, folder, by):
         file.write_bytes(encode_png(np.dstack([picture, mask]) if by == "alpha" else np.ascontiguousarray(picture)))
         load("frame", file)
     assert state(aligned) == before
-
-
-def test_the_case_names_the_film_of_its_frame(addon, folder):
-    write_film(folder / "film.avi", [np.full((48, 64, 3), level, np.uint8) for level in (90, 120)], "MJPG")
-    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
-    bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
-    shown_frame.show(bpy.context.scene, 1)
-    bpy.ops.oneframe.take_frame()
-    for name in ("a.toml", "b.toml"):
-        bpy.ops.oneframe.save_case(filepath=str(folder / name), save_as=True)
-        assert read_case(folder / name).video == ("film.avi", 1)
-        bpy.ops.oneframe.open_case(filepath=str(folder / name))
-    load("frame", folder / "frame.png")
-    bpy.ops.oneframe.save_case(filepath=str(folder / "c.toml"))
-    assert read_case(folder / "c.toml").video is None

@@ -229,6 +229,9 @@ def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):
     assert 'video = "film.avi"\nvideo_frame = 2\n' in written
     (folder / "case.toml").write_text(written.replace('video = "film.avi"\nvideo_frame = 2\n', ""))
     assert_same_case(folder, tmp_path / "command")
+    load(frame=files / "photo.jpg")
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "photo.toml"))
+    assert read_case(tmp_path / "photo.toml").video is None
 
 
 def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(addon, files, tmp_path):

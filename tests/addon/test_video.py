@@ -159,17 +159,3 @@ def test_the_fetcher_says_what_it_cannot_give(film, tmp_path):
     lost.wait(3)
     assert lost.frame(3) is None
     assert "gone.mkv" in lost.failure(3)
-
-
-def test_the_film_that_is_open_survives_undo(addon, case_path, video):
-    bpy.ops.oneframe.open_case(filepath=str(case_path))
-    bpy.ops.ed.undo_push(message="opened")
-    bpy.ops.oneframe.nudge(axis="x")
-    bpy.ops.ed.undo_push(message="nudged")
-    bpy.ops.oneframe.open_video(filepath=str(video), from_s=0.4)
-    bpy.ops.ed.undo_push(message="film")
-    film = session.of(bpy.context.scene)
-    for step in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo):
-        step()
-        assert session.of(bpy.context.scene) is film
-        assert shown_frame.is_shown(bpy.context.scene)

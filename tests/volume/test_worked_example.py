@@ -48,7 +48,7 @@ def test_a_mastoidectomy_holds_its_margins_and_shows_the_incus():
     removed = removed_of(plan, volume, structures, tolerance_mm=0.0)
     assert removed is not None
     finish = finish_of(volume, solid, removed, structures, tolerance_mm=0.0)
-    surface = bone_surface(volume, 300, solid, removed, finish).surface
+    surface = bone_surface(volume, 300, solid, removed, finish)
     assert violations(clearances(surface, removed, volume.grid, structures, plan.margins_mm)) == []
     # its tip points backwards
     incus = structures["incus"].vertices

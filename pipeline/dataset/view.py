@@ -17,8 +17,7 @@ from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
 from .checksums import FileSum, sum_of
 from .layout import ViewPaths
 from .run.resume_record import GroundTruthInfo, ViewRecord
-from .tables.bop import bounding_box
-from .tables.coco import run_lengths
+from .tables.bop import bounding_box, run_lengths
 from .truths import DEPTH_LEVELS, TRUTHS, Shot, depth_scale_for
 
 SETTLED_SECONDS = 1.0

@@ -8,7 +8,7 @@ import json
 import numpy as np
 
 from ..dataset.layout import MODEL_FILES, RECORD, TARGETS, ViewPaths
-from ..dataset.tables.coco import run_lengths
+from ..dataset.tables.bop import run_lengths
 from ..dataset.truths import MASK, TRUTHS
 from ..errors import InputError
 

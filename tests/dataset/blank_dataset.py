@@ -11,8 +11,14 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.dataset import layout
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.run.resume_record import GroundTruthInfo, ViewRecord, read_record
-from oneframe.dataset.tables.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
-from oneframe.dataset.tables.coco import run_lengths
+from oneframe.dataset.tables.bop import (
+    bounding_box,
+    is_test_target,
+    run_lengths,
+    write_camera,
+    write_scene,
+    write_test_targets,
+)
 from oneframe.dataset.tables.pose_tables import write_poses
 from oneframe.dataset.view import ViewWriter, file_sums
 from oneframe.poses.constraints import Rejections

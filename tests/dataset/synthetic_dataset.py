@@ -17,12 +17,12 @@ from oneframe.dataset.run.resume_record import GroundTruthInfo, ViewRecord, read
 from oneframe.dataset.tables.bop import (
     bounding_box,
     is_test_target,
+    run_lengths,
     write_camera,
     write_models,
     write_scene,
     write_test_targets,
 )
-from oneframe.dataset.tables.coco import run_lengths
 from oneframe.dataset.tables.dataset_info import write_dataset_info
 from oneframe.dataset.tables.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from oneframe.dataset.truths import TRUTHS, Shot

@@ -253,12 +253,6 @@ def test_damage_is_found_and_named(copied, run, capsys, name):
     assert "NOT complete and consistent" in messages.splitlines()[-1]
 
 
-def test_poses_of_a_video_are_poses(filmed, run, capsys):
-    substitute(filmed / "video/poses.csv", ",0.7", ",0.71")
-    assert run(sealed(filmed)) == 1
-    assert re.search(r"^video/poses\.csv: row \d: expected a rotation", capsys.readouterr().out, re.MULTILINE)
-
-
 def test_what_hashes_do_not_tell_is_found(copied, run, capsys):
     """All hashes are those of the changed files."""
     vertices = MESH.vertices.copy()

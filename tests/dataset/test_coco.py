@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from pycocotools import mask as coder
 
-from oneframe.dataset.tables.coco import compressed_counts, run_lengths
+from oneframe.dataset.tables.bop import compressed_counts, run_lengths
 from tests.dataset.blank_dataset import CAMERA, OBJECT_NAME, record_of, scene_tables
 from tests.dataset.masks import masks
 

@@ -14,7 +14,7 @@ from oneframe.dataset import normals
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import OPTIONS
 from oneframe.dataset.run.resume_record import read_record
-from oneframe.dataset.tables.coco import run_lengths
+from oneframe.dataset.tables.bop import run_lengths
 from oneframe.dataset.truths import TRUTHS, Shot, Stored, depth_scale_for, quantised_depth
 from oneframe.dataset.view import RenderedSample, RenderedView, encode_view, file_sums
 from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics

@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.commands.__main__ import dispatch
-from oneframe.dataset.tables.bop import write_test_targets
-from oneframe.dataset.tables.coco import run_lengths
+from oneframe.dataset.tables.bop import run_lengths, write_test_targets
 from oneframe.errors import InputError, RunError
 from oneframe.packing.layout import mask_columns, mask_json
 from oneframe.packing.pack import PackOptions, pack_dataset, verify_pack

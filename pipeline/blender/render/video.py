@@ -12,7 +12,6 @@ import numpy as np
 from ...files.content import written_file
 from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import to_uint8
-from ...images.png import encode_png
 from ..bridge.data_blocks import temporary_data
 from ..bridge.image import render_path
 from ..bridge.versions import new_image_strip, set_mp4
@@ -24,33 +23,17 @@ STRIP_FRAMES = 1000
 
 
 def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
-    """Encode ``(H, W, 3)`` float images (code values 0..1) as H.264; leaves no file behind if it fails.
+    """As :func:`stream_video`, of float images (code values 0..1) that Blender renders: all are made before the first.
 
     H.264 needs even sides: an odd number of rows or columns is made even by repeating the last one.
-
-    Raises
-    ------
-    OSError
-        The video cannot be written.
-    RunError
-        Temporary files cannot be written.
     """
     with temporary_folder() as folder:
-        files, height, width = [], 0, 0
+        files = []
         for number, image in enumerate(images):
-            whole = padded(image)
-            height, width = whole.shape[:2]
-            file = folder / f"{number:06d}.png"
+            files.append(folder / f"{number:06d}.npy")
             with writing_temporary():
-                file.write_bytes(encode_png(to_uint8(whole)))
-            files.append(file)
-        written = folder / "video.mp4"
-        with temporary_data():
-            scene = bpy.data.scenes.new("oneframe video")
-            _set_up(scene, files, width=width, height=height, fps=FRAMES_PER_SECOND)
-            scene.render.filepath = render_path(written)
-            bpy.ops.render.render(animation=True, scene=scene.name)
-        _keep(written, path)
+                np.save(files[-1], to_uint8(image))
+        stream_video(path, map(np.load, files), len(files), fps=FRAMES_PER_SECOND)
 
 
 def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: float) -> None:

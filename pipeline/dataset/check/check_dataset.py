@@ -2,7 +2,7 @@
 
 Images are decoded with OpenCV, and depths computed by projecting the model (:mod:`oneframe.dataset.check.depth`), apart
 from the code that wrote them; tables are made again from the records. The check goes through the views one by one and
-keeps little of each, so its memory does not grow with the masks. Needs cv2, and PyAV for a video.
+keeps little of each, so its memory does not grow with the masks. Needs cv2.
 """
 
 from dataclasses import dataclass
@@ -13,11 +13,9 @@ import numpy as np
 
 from ...case.case_file import Case
 from ...errors import InputError
-from ...files.content import read_beginning, read_content
 from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ...surface.mesh import TriangleMesh, diameter
-from ...video.film_reader import Film
 from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
 from ..identity import geometry_hash, poses_hash
@@ -27,7 +25,6 @@ from ..layout import (
     OBJECT_ID,
     RECORD,
     SPLIT,
-    VIDEO_FILES,
     WORK,
     ViewPaths,
     advice_without_record,
@@ -37,8 +34,7 @@ from ..layout import (
 from ..model_file import read_model
 from ..run.resume_record import ViewRecord, read_record
 from ..run.survey import unrecorded_views, view_ranges
-from ..tables.pose_tables import POSE_COLUMNS
-from .comparison import RELATIVE, read_table, require_equal, require_pose, require_rotation
+from .comparison import read_table, require_equal, require_pose, require_rotation
 from .contents import check_names, check_sums
 from .depth import DepthAgreement
 from .findings import Findings
@@ -51,9 +47,6 @@ FOREIGN = "views of another run"
 AGAIN = "run the same `oneframe render` again"
 
 MODEL, MODELS_INFO, _, REDUCED_INFO = MODEL_FILES
-
-VIDEO, VIDEO_POSES = VIDEO_FILES
-FRAMES_PER_SECOND = 24
 
 
 @dataclass(frozen=True)
@@ -189,9 +182,6 @@ class _Check:
             self._check_further()
             if mesh is not None and FOREIGN not in findings.counts:
                 check_tables(root, description, self._finest_scale, findings)
-            if (root / "video").exists():
-                with findings.collecting("damaged files"):
-                    check_video(root, description)
         hashed += len(self._poses) * len(description.kinds) * self._hashes
         return CheckReport(count, findings, hashed, tuple(self._compared))
 
@@ -275,42 +265,3 @@ def _info(mesh: TriangleMesh) -> dict[str, object]:
     for name, values in (("min", low), ("size", high - low)):
         expected |= {f"{name}_{axis}": float(value) for axis, value in zip("xyz", values, strict=True)}
     return expected
-
-
-def check_video(root: Path, description: Description) -> None:
-    """Check that the video can be decoded to its end, and has a frame of the right size for each pose."""
-    poses = read_video_poses(root)
-    if read_beginning(root / VIDEO, "a video", 8, VIDEO)[4:] != b"ftyp":
-        raise InputError(f"{VIDEO}: expected an MP4 video, found another file")
-    # H.264 has even sides
-    width, height = (side + side % 2 for side in description.camera.size_wh)
-    with Film(root / VIDEO) as film:
-        found = (sum(1 for _ in film), *film.info.size_wh)
-    if found != (len(poses), width, height):
-        raise InputError(
-            f"{VIDEO}: expected {len(poses)} frames, as {VIDEO_POSES} has, of {width}x{height} px, found "
-            f"{found[0]} of {found[1]}x{found[2]}"
-        )
-
-
-def read_video_poses(root: Path) -> list[np.ndarray]:
-    """The 4x4 poses of ``video/poses.csv``, mm."""
-    header, *rows = read_content(root / VIDEO_POSES, "the poses of a video", VIDEO_POSES).splitlines()
-    columns = ("frame", "time_s", *POSE_COLUMNS)
-    try:
-        values = np.array([row.split(b",") for row in rows], np.float64)
-        numbers = np.arange(len(rows))
-        times = np.stack([numbers, numbers / FRAMES_PER_SECOND], axis=1)
-        near = np.allclose(values[:, :2], times, rtol=RELATIVE, atol=RELATIVE)
-        if header.decode() != ",".join(columns) or not near or not np.isfinite(values).all():
-            raise ValueError
-        poses = np.tile(np.eye(4), (len(rows), 1, 1))
-        poses[:, :3, :3], poses[:, :3, 3] = values[:, 2:11].reshape(-1, 3, 3), values[:, 11:]
-    except (ValueError, IndexError):
-        raise InputError(
-            f"{VIDEO_POSES}: expected the columns {', '.join(columns)} and a row of numbers for each frame, found "
-            "another table"
-        ) from None
-    for number, pose in enumerate(poses):
-        require_rotation(pose, f"{VIDEO_POSES}: row {number}")
-    return [*poses]

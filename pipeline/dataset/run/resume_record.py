@@ -70,7 +70,7 @@ class ViewRecord:
     files
         Size and hash of every file of the view, by its path relative to the dataset.
     rle_counts
-        Run lengths of the mask: see :func:`oneframe.dataset.tables.coco.run_lengths`.
+        Run lengths of the mask: see :func:`oneframe.dataset.tables.bop.run_lengths`.
     """
 
     index: int

@@ -111,27 +111,6 @@ def test_projection_is_exact_for_two_huge_triangles(sharp_image, loaded_case):
     assert np.abs(views[0].rgb - views[1].rgb)[both].max() * 255 < 0.6
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_the_fill_changes_what_was_not_seen_and_nothing_else(
-    stepped_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case, mode
-):
-    source = reference_view_of(loaded_case(stepped_mesh, 0.2 + 0.2 * sharp_image(CAMERA), frontal_pose, CAMERA))
-    neutral, filled, again = (
-        rendered_in(mode, source, oblique_pose, unseen=unseen) for unseen in ("neutral", "fill", "fill")
-    )
-    assert np.array_equal(neutral.observed, filled.observed)
-    assert np.array_equal(neutral.depth_mm, filled.depth_mm)
-    # up to the rounding of the mixture
-    assert np.allclose(neutral.rgb[neutral.observed], filled.rgb[neutral.observed], rtol=0, atol=1e-6)
-    unseen = neutral.mask & ~neutral.observed
-    assert unseen.sum() > 500
-    assert np.allclose(neutral.rgb[unseen], NEUTRAL, atol=1e-6)
-    # within the frame's range, which has no neutral grey
-    assert filled.rgb[unseen].min() >= 0.2 - 1e-5
-    assert filled.rgb[unseen].max() <= 0.4 + 1e-5
-    assert np.array_equal(filled.rgb, again.rgb)
-
-
 def test_a_smaller_angle_of_incidence_counts_less_as_seen(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
     source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     wide, narrow = (

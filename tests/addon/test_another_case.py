@@ -126,6 +126,9 @@ def aligned(addon, folder):
     for number, point in enumerate(np.array(POINTS) - np.mean(POINTS, axis=0)):
         pixel = from_scene.camera(scene).project((pose[:3, :3] @ point + pose[:3, 3])[None])[0]
         pin(scene, point, pixel + 0.3 * number)
+        if number == 0:
+            assert (pose_record(scene).method, pose_record(scene).pairs) == ("pins", 1)
+            assert pose_record(scene).rms_px < 0.02
     assert pose_record(scene).method in ("pins", "landmarks")
     return scene
 

@@ -137,15 +137,6 @@ def test_recent_cases_and_their_films_are_found_again(addon, folder):
     assert film_of_case(bpy.context.scene) == folder / "films/film.avi"
 
 
-def test_every_panel_says_whether_it_is_there(addon, case_path):
-    panels = [kind for kind in map(bpy.types.Panel.bl_rna_get_subclass_py, dir(bpy.types)) if kind is not None]
-    own = [kind for kind in panels if kind.__name__.startswith("ONEFRAME_PT_")]
-    assert len(own) > 10
-    for _ in range(2):
-        assert {kind.poll(bpy.context) for kind in own if hasattr(kind, "poll")} <= {True, False}
-        bpy.ops.oneframe.open_case(filepath=str(case_path))
-
-
 @pytest.fixture
 def users_scene(addon):
     """A scene as in a new file, with the user's own settings."""

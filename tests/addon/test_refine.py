@@ -27,7 +27,6 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
-from tests.addon.conftest import pin
 from tests.addon.test_setup import exchange_edited
 from tests.alignment.test_refinement import hills
 from tests.remembered import refinement, remembered
@@ -239,14 +238,3 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
     assert edited == back
     assert np.allclose(edited_covariances, covariances, rtol=1e-4)
     assert np.allclose(edited_pivot_px, pivot_px, atol=1e-6)
-
-
-def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
-    assert pose_record(opened) == PoseRecord(), "given, nobody knows how it was found"
-    point = frame_view.surface_point_at(opened, np.array([56.0, 39.0]))
-    pin(opened, point, np.array([64.0, 43.0]))
-    pulled = pose_record(opened)
-    assert (pulled.method, pulled.pairs) == ("pins", 1)
-    assert pulled.rms_px < 0.02
-    bpy.ops.oneframe.nudge(axis="x")
-    assert pose_record(opened).method == "manual"

@@ -83,7 +83,6 @@ def make_case(
         structures=tuple(
             Structure(name, Path(path), structure_colour(name)) for name, path in (structures or {}).items()
         ),
-        only=None,
         units="mm",
         frame=read_frame(Path(frame)) if mask is None else read_frame(Path(frame)).with_mask(Path(mask)),
         camera=read_camera(Path(camera)),

@@ -101,9 +101,9 @@ def checked_matrix(values: object, size: int, where: str) -> np.ndarray:
         ):
             raise TypeError("texts or truth values")
         matrix = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError, OverflowError):
         rows = [len(row) for row in values if isinstance(row, list)] if isinstance(values, list) else []
-        found = f"rows of {', '.join(map(str, rows))}" if len(set(rows)) > 1 else f"something else ({error})"
+        found = f"rows of {', '.join(map(str, rows))}" if len(set(rows)) > 1 else "something else"
         raise InputError(
             f"{where}: expected {size} rows of {size} numbers, with decimal points, found {found}; correct it"
         ) from None

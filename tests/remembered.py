@@ -33,5 +33,5 @@ def refinement(decimals: int = 15) -> Callable[..., Hashable]:
 
 def registration(registrar, frame, near=None) -> Hashable:
     """Key of :meth:`Registrar.find`: the aligned frame, the frame, and the pose that may be near."""
-    arrays = registrar.pivot_model, registrar.source.image, registrar.cam_from_model, frame.image, frame.valid
+    arrays = registrar.pivot_model, registrar.case_view.image, registrar.cam_from_model, frame.image, frame.valid
     return registrar.camera, *(array.tobytes() for array in arrays), None if near is None else near.tobytes()

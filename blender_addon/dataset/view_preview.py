@@ -11,7 +11,7 @@ from ..class_registration import at_end
 from ..pipeline.blender.dataset.job import light_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.blender.render.engines import reference_view_of
-from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.case.loaded_case import LoadedCase, check_listed
 from ..pipeline.dataset.option_arguments import merged_options
 from ..pipeline.dataset.options import LIGHTS, NONE, DatasetOptions
 from ..pipeline.errors import InputError
@@ -41,7 +41,9 @@ def listed_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | No
     if options.poses is None:
         return None
     mm_per_unit = loaded.case.mm_per_unit
-    return read_poses(options.poses, mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=mm_per_unit)[0]
+    poses, _ = read_poses(options.poses, mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=mm_per_unit)
+    check_listed(loaded, poses, Path(options.poses).name)
+    return poses
 
 
 class AboutOptions(NeedsAlignment, Reporting):

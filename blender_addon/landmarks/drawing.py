@@ -168,7 +168,7 @@ class Instruction(PointerPane):
             strokes.text(at - [0.0, number * row], line, INCOMPLETE)
 
 
-COLOUR: Colour = (0.87, 0.68, 1.0, 1.0)
+UNCERTAIN: Colour = (0.87, 0.68, 1.0, 1.0)
 SAMPLES = 7
 """Points of the visible surface at which the uncertainty is drawn, in addition to the landmarks and the pivot."""
 
@@ -196,7 +196,7 @@ def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView
         # above what else is drawn at the bottom
         corner[1] = max(corner[1], free_rectangle(bpy.context.area)[0][1] + LINE / 2 * strokes.unit)
     for number, text in enumerate(legend):
-        strokes.text(corner + np.array([0, LINE * number]) * strokes.unit, text, COLOUR)
+        strokes.text(corner + np.array([0, LINE * number]) * strokes.unit, text, UNCERTAIN)
 
 
 def current_uncertainty(scene: bpy.types.Scene, solved: Solution) -> tuple[PoseUncertainty, np.ndarray] | None:
@@ -225,7 +225,7 @@ def _add_ellipses(
     covariances = uncertainty.pixel_covariances(points_model, frame.camera, view.cam_from_model)
     outlines = ellipse_outlines(covariances, uncertainty.ellipse_scale())
     for centre, outline in zip(view.region_from_model(scene, points_model), outlines, strict=True):
-        strokes.line(centre + outline * frame.scale, COLOUR, width=width, closed=True)
+        strokes.line(centre + outline * frame.scale, UNCERTAIN, width=width, closed=True)
 
 
 def _samples(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> np.ndarray:

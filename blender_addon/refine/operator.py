@@ -15,7 +15,6 @@ from bpy.props import BoolProperty
 from ..class_registration import at_end, prop
 from ..pipeline.alignment.refinement.refine import refine_pose
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.blender.colour.surface_colour import colour_record, vertex_codes
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
@@ -44,7 +43,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, RefinementPreview):
         """Refine without a preview, as scripts do."""
         scene = context.scene
         loaded = from_scene.loaded_case(scene, aligned=False)
-        result = _refinement_of(scene, loaded)(progress=None)
+        result = _refinement_of(loaded)(progress=None)
         _remember(result, scene.oneframe.frame_path)
         taken = self.take_refused and result.can_be_taken
         if not result.accepted and not taken:
@@ -55,7 +54,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, RefinementPreview):
     def work(self, context: bpy.types.Context) -> Work:
         loaded = from_scene.loaded_case(context.scene, aligned=False)
         self._start, self._inputs = loaded.frame.cam_from_model, inputs_of(context.scene)
-        refinement = _refinement_of(context.scene, loaded)
+        refinement = _refinement_of(loaded)
         return lambda progress: refinement(progress=progress)
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
@@ -78,27 +77,11 @@ class ONEFRAME_OT_refine(NeedsAlignment, InBackground, RefinementPreview):
         RefinementPreview.cancel(self, context)
 
 
-def _refinement_of(scene: bpy.types.Scene, loaded: LoadedCase) -> Callable[..., Refinement]:
+def _refinement_of(loaded: LoadedCase) -> Callable[..., Refinement]:
     """:func:`refine_pose` with the case's arrays, for any thread; it takes ``progress``."""
     frame = loaded.frame
     arrays = frame.image, frame.valid, loaded.case.camera, loaded.surface.mesh, frame.cam_from_model
-    return partial(refine_pose, *arrays, colours=known_colours(scene))
-
-
-def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
-    """``(V, 3)`` colours of the vertices that are evidence for the pose, or ``None``.
-
-    Colours projected from the current frame are not: they would only confirm the pose of that projection.
-    """
-    surface = from_scene.surface_of(scene)
-    record = colour_record(surface)
-    if record is None or record["frame"] == str(from_scene.absolute_path(scene.oneframe.frame_path)):
-        return None
-    codes = vertex_codes(surface)
-    if codes is None or np.isnan(codes).all():
-        return None
-    # the mean colour for vertices without one: it carries no evidence
-    return np.where(np.isnan(codes), np.nanmean(codes, axis=0), codes)
+    return partial(refine_pose, *arrays)
 
 
 _latest: dict[str, Refinement] = {}

@@ -4,7 +4,6 @@ A distortion that is overlooked moves every projected point, and nothing shows i
 says that there is no distortion, or is refused by its name.
 """
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..files.keys import described
 from ..files.numbers import number_rows
 
 MATRICES = ("k", "cameramatrix", "intrinsicmatrix", "intrinsics", "camk")
@@ -37,8 +37,15 @@ LENS = re.compile(
 )
 NO_LENS = re.compile(r"error|std|flags|^num|cameraname|rectif|model(name|id)$|undist")
 """Keys that speak of a lens and bend no ray."""
+PART = re.compile(
+    r"^[ar]oi|roi$|regionof|crop|binning|decimat|(sub|down)s(ampl|cal)|offset([xy]|left|top)$|^[xy]offset$"
+)
+FEWER = re.compile(r"binning|decimat|(sub|down)s(ampl|cal)")
+"""Keys that say that the image is a part of what K is for, or has fewer pixels; of the latter, 1 says nothing."""
+CAMERA = re.compile(r"(^|\.)(f|[fc][xy]|pp[xy]|k)$|focal|principal|intrinsic|matrix|projection")
+"""Keys that speak of K, under whatever name."""
 MOST_NUMBERS, LONGEST = 100, 60
-"""Numbers of a list; letters of a key or a value that messages show."""
+"""Numbers of a list; letters of a key that messages show."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +82,11 @@ def calibration_of(table: object, where: str) -> Calibration:
     """The one camera in a table, at any depth; several are accepted if they are the same."""
     found = list(_calibrations(table, (), {}, where))
     if not found:
-        keys = ", ".join(str(key)[:LONGEST] for key in list(table)[:8]) if isinstance(table, Mapping) else "a list"
+        keys = list(_all_keys(table))
+        seen = [key for key in keys if CAMERA.search(_plain(key))] or keys
         raise InputError(
-            f"{where}: expected a camera: K, camera_matrix or cam_K of 3x3 numbers, or fx, fy, cx, cy; found {keys}; "
-            "write K under one of these names"
+            f"{where}: expected a camera: K, camera_matrix or cam_K of 3x3 numbers, or fx, fy, cx, cy; found "
+            f"{', '.join(seen[:8]) or 'a list'}; write K in pixels, for the frame as it is, under one of these names"
         )
     others = [each for each in found if not each.same_as(found[0])]
     if others:
@@ -99,7 +107,9 @@ def _calibrations(table: object, path: tuple[str, ...], around: Mapping, where: 
     if matrix is not None:
         place, scope = ".".join(path), {**around, **table}
         said, keys = f"{where}: {place}" if place else where, _plain_keys(scope)
-        yield Calibration(place, matrix, _size(keys), _distortion(scope, said), _pixel_origin(own))
+        size = _size(keys)
+        _check_whole(scope, size, said)
+        yield Calibration(place, matrix, size, _distortion(scope, said), _pixel_origin(own))
         return
     around = {**around, **{key: value for key, value in table.items() if not _holds_camera(value)}}
     for key, value in table.items():
@@ -110,6 +120,31 @@ def _holds_camera(value: object) -> bool:
     if not isinstance(value, Mapping):
         return False
     return _matrix(_plain_keys(value)) is not None or any(map(_holds_camera, value.values()))
+
+
+def _all_keys(table: object) -> Iterator[str]:
+    """Keys at any depth, those of the table itself first."""
+    if isinstance(table, Mapping):
+        yield from (str(key)[:LONGEST] for key in table)
+        table = list(table.values())
+    for part in table if isinstance(table, list) else ():
+        yield from _all_keys(part)
+
+
+def _check_whole(table: Mapping, size: tuple[float, float] | None, where: str) -> None:
+    """Refuse a K for more than the image shows: ROS, for one, states that of the whole sensor beside a window of it."""
+    whole = {} if size is None else dict(zip(("width", "height"), size, strict=True))
+    for key, value in table.items():
+        if not PART.search(_plain(key)):
+            continue
+        for name, part in (_plain_keys(value) if isinstance(value, Mapping) else {_plain(key): value}).items():
+            nothing = {None, 0.0, 1.0 if FEWER.search(name) else 0.0, whole.get(name)}
+            if not {_number(part), *(_numbers(part) or ())} <= nothing:
+                raise InputError(
+                    f"{where}: expected the K of the image itself, found {str(key)[:LONGEST]}: the image is a part of "
+                    "what K is for, or has fewer pixels; subtract the offset of the part from cx and cy, divide K by "
+                    "the binning, and write that K, with the image's width and height, without this key"
+                )
 
 
 def _plain_keys(table: Mapping) -> dict[str, Any]:
@@ -162,13 +197,6 @@ def _matrix(keys: Mapping[str, Any]) -> np.ndarray | None:
         return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     parts = [_number(keys.get(name, keys.get(other))) for name, other in (("fx", "flx"), ("fy", "fly"))]
     parts += [_number(keys.get(name)) for name in ("cx", "cy")]
-    angle, *sides = (_number(keys.get(name)) for name in ("cameraanglex", "w", "h"))
-    if parts[0] is None and angle is not None and 0 < angle < math.pi and None not in sides:
-        # NeRF's transforms.json, whose readers take square pixels and the middle
-        width, height = sides
-        focal = width / 2 / math.tan(angle / 2)  # type: ignore[operator]
-        given = (focal, focal, width / 2, height / 2)  # type: ignore[operator]
-        parts = [default if part is None else part for part, default in zip(parts, given, strict=True)]
     if None in parts:
         return None
     fx, fy, cx, cy = parts  # type: ignore[assignment]
@@ -191,7 +219,7 @@ def _pixel_origin(keys: Mapping[str, Any]) -> str | None:
     if "pixelorigin" in keys:
         return str(keys["pixelorigin"])[:LONGEST]
     # NeRF's transforms.json
-    return "corner" if {"flx", "cameraanglex"} & keys.keys() else None
+    return "corner" if "flx" in keys else None
 
 
 def _distortion(table: Mapping, where: str) -> tuple[float, ...]:
@@ -214,7 +242,7 @@ def _distortion(table: Mapping, where: str) -> tuple[float, ...]:
             given = {plain: number}
         elif plain in LISTS and numbers is not None and len(numbers) in (4, 5, 8, 12, 14):
             if any(numbers[5:]):
-                raise _unread(where, key, f"{len(numbers)} numbers")
+                raise _unread(where, key, numbers)
             given = dict(zip(COEFFICIENTS, numbers, strict=False))
         elif plain in LISTS and isinstance(value, Mapping) and not _unknown_parts(value):
             given = {_plain(name): _number(part) or 0.0 for name, part in value.items()}
@@ -232,9 +260,8 @@ def _unknown_parts(table: Mapping) -> list[object]:
 
 
 def _unread(where: str, key: object, value: object) -> InputError:
-    shown = value if isinstance(value, str) else repr(value)
     return InputError(
-        f"{where}: expected OpenCV's distortion [k1, k2, p1, p2, k3], found {str(key)[:LONGEST]} = {shown[:LONGEST]}; "
+        f"{where}: expected OpenCV's distortion [k1, k2, p1, p2, k3], found {str(key)[:LONGEST]} = {described(value)}; "
         "undistort the frame with the program that calibrated it, and give the K of the result; if the key bends no "
         "ray, remove it"
     )

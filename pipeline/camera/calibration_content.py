@@ -77,7 +77,7 @@ def _colmap(lines: list[str], name: str) -> object:
         names = COLMAP_PARAMETERS[model]
         numbers = number_rows(" ".join(words))
         if numbers is None or len(numbers) != len(names):
-            raise InputError(f"{name}: expected {len(names)} numbers for {model}, found {' '.join(words)!r}")
+            raise InputError(f"{name}: expected {len(names)} numbers for {model}, found {len(words)}")
         values = dict(zip(names, numbers.tolist(), strict=True))
         focal = values.pop("f", 0.0)
         size = {"width": float(width), "height": float(height), "pixel_origin": "corner"}
@@ -97,7 +97,9 @@ def _xml(text: str, name: str) -> object:
         check_levels(table)
         return table
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected XML as OpenCV writes it, cannot read it ({error})") from None
+        raise InputError(
+            f"{name}: expected XML as OpenCV writes it, cannot read it ({error}); write K as JSON"
+        ) from None
 
 
 def _element(element: ElementTree.Element) -> object:

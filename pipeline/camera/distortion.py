@@ -9,6 +9,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..files.keys import described
 from ..images.pixel_values import sample_bilinear
 from .pinhole import PinholeCamera
 
@@ -51,18 +52,18 @@ def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Dis
             raise TypeError
         numbers = [float(value) for value in given]  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{where}: expected [k1, k2, p1, p2, k3], found {values!r}") from None
+        raise InputError(f"{where}: expected [k1, k2, p1, p2, k3], found {described(values)}") from None
     if len(numbers) == 4:
         numbers.append(0.0)
     if len(numbers) != 5 or not np.isfinite(numbers).all():
-        raise InputError(f"{where}: expected five finite numbers [k1, k2, p1, p2, k3], found {values!r}")
+        raise InputError(f"{where}: expected five finite numbers [k1, k2, p1, p2, k3], found {described(values)}")
     distortion = Distortion(*numbers)
     if not any(astuple(distortion)):
         return None
     if _folds(distortion, camera):
         raise InputError(
-            f"{where}: expected a distortion that is invertible over the frame, found {values!r}, which folds it over; "
-            "use OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 before k3)"
+            f"{where}: expected a distortion that is invertible over the frame, found {described(values)}, which "
+            "folds it over; use OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 before k3)"
         )
     return distortion
 

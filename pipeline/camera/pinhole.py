@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
+from ..files.keys import described
 from ..transforms import checked_matrix, transform_points
 
 SHORTEST_FOCAL_PX, LONGEST_FOCAL_PX = 1e-3, 1e9
@@ -75,7 +76,7 @@ class PinholeCamera:
         if min(fx, fy) < SHORTEST_FOCAL_PX or max(fx, fy) > LONGEST_FOCAL_PX:
             raise InputError(f"{where}: expected positive focal lengths in pixels, found fx = {fx:g}, fy = {fy:g}")
         if pixel_origin not in ("center", "corner"):
-            raise InputError(f'{where}: expected pixel_origin "center" or "corner", found {pixel_origin!r}')
+            raise InputError(f'{where}: expected pixel_origin "center" or "corner", found {described(pixel_origin)}')
         width, height = _checked_size(size, where)
         shift = 0.5 if pixel_origin == "corner" else 0.0
         cx, cy = float(matrix[0, 2]) - shift, float(matrix[1, 2]) - shift
@@ -182,9 +183,11 @@ def _checked_size(size: object, where: str) -> tuple[int, int]:
         width, height = (float(side) for side in size)  # type: ignore[attr-defined]
         whole = width.is_integer() and height.is_integer()
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{where}: expected size = [width, height] in pixels, found {size!r}") from None
+        raise InputError(f"{where}: expected size = [width, height] in pixels, found {described(size)}") from None
     if not whole or not (1 <= width <= 65536 and 1 <= height <= 65536):
-        raise InputError(f"{where}: expected size = [width, height] in whole pixels from 1 to 65536, found {size!r}")
+        raise InputError(
+            f"{where}: expected size = [width, height] in whole pixels from 1 to 65536, found {described(size)}"
+        )
     return int(width), int(height)
 
 

@@ -26,7 +26,7 @@ class CameraFit:
     camera
         With the K of the file, unchanged, and the image's size.
     rescaled
-        With K rescaled to the image's size, if the file has another size of the same aspect ratio; else ``None``.
+        With K rescaled to the image's size, if the file has another size of the same proportions; else ``None``.
     messages
         What does not fit; empty if everything does.
     """
@@ -36,23 +36,30 @@ class CameraFit:
     messages: tuple[str, ...]
 
 
-def fit_of(file: CameraFile, size_wh: tuple[int, int]) -> CameraFit:
-    """Compare a camera file with the (width, height) of the image that it is used for."""
+def fit_of(file: CameraFile, size_wh: tuple[int, int], pixel_aspect: float = 1.0) -> CameraFit:
+    """Compare a camera file with the (width, height) of the image that it is used for.
+
+    ``pixel_aspect`` is the width of a pixel over its height, as a film states it.
+    """
     messages, rescaled = [], None
     if file.size is not None and file.size != size_wh:
-        same_aspect = _same_aspect(file.size, size_wh)
-        if same_aspect:
+        if any(_same_aspect(file.size, size) for size in (size_wh, shown_size(size_wh, pixel_aspect))):
             rescaled = file.camera(file.size).resized(*size_wh)
-        messages.append(_size_message(file.size, size_wh, same_aspect))
+        messages.append(_size_message(file.size, size_wh, pixel_aspect, is_scaled=rescaled is not None))
     camera = PinholeCamera(*size_wh, file.fx, file.fy, file.cx, file.cy)
     # one message per cause: what is implausible about K may be due to the size alone
-    return CameraFit(camera, rescaled, (*messages, *camera_doubts(camera if rescaled is None else rescaled)))
+    return CameraFit(camera, rescaled, (*messages, *camera_doubts(rescaled or camera, pixel_aspect)))
 
 
-def camera_doubts(camera: PinholeCamera) -> tuple[str, ...]:
+def shown_size(size_wh: tuple[int, int], pixel_aspect: float) -> tuple[int, int]:
+    """(width, height) of a film's frame as players show it, in square pixels."""
+    return round(size_wh[0] * pixel_aspect), size_wh[1]
+
+
+def camera_doubts(camera: PinholeCamera, pixel_aspect: float = 1.0) -> tuple[str, ...]:
     """What is implausible about a K, one message per cause; empty if nothing is."""
     of_k = _normalised_messages(camera) or [*_centre_messages(camera), *_focal_messages(camera)]
-    return (*of_k, *_aspect_messages(camera))
+    return (*of_k, *_aspect_messages(camera, pixel_aspect))
 
 
 def _same_aspect(one: tuple[int, int], other: tuple[int, int]) -> bool:
@@ -61,10 +68,14 @@ def _same_aspect(one: tuple[int, int], other: tuple[int, int]) -> bool:
     return abs(large[0] * small[1] - large[1] * small[0]) <= max(large)
 
 
-def _size_message(file: tuple[int, int], image: tuple[int, int], same_aspect: bool) -> str:
+def _size_message(file: tuple[int, int], image: tuple[int, int], pixel_aspect: float, *, is_scaled: bool) -> str:
     sizes = f"K is for images of {file[0]}x{file[1]} px, this image has {image[0]}x{image[1]}"
-    if same_aspect:
-        return f"{sizes}: it was resized; rescale K by {image[0] / file[0]:.4g}"
+    if pixel_aspect != 1:
+        width, height = shown_size(image, pixel_aspect)
+        sizes += f", which players show as {width}x{height}, as its pixels are not square"
+    if is_scaled:
+        down = "" if pixel_aspect == 1 else f" across and {image[1] / file[1]:.4g} down"
+        return f"{sizes}: if one is the other resized, not a part of it, rescale K by {image[0] / file[0]:.4g}{down}"
     if file == image[::-1]:
         return f"{sizes}: one of them is rotated by 90°, or width and height are swapped in the camera file"
     return f"{sizes}, another aspect ratio: it was cropped or is from another camera; give the K of this image"
@@ -103,11 +114,16 @@ def _focal_messages(camera: PinholeCamera) -> list[str]:
     ]
 
 
-def _aspect_messages(camera: PinholeCamera) -> list[str]:
-    if abs(camera.fx - camera.fy) <= MAX_ASPECT_DIFFERENCE * max(camera.fx, camera.fy):
+def _aspect_messages(camera: PinholeCamera, pixel_aspect: float) -> list[str]:
+    difference = abs(camera.fx * pixel_aspect / camera.fy - 1)
+    if difference <= MAX_ASPECT_DIFFERENCE:
         return []
-    difference = abs(camera.fx / camera.fy - 1)
+    if pixel_aspect != 1:
+        return [
+            f"fx = {camera.fx:g} and fy = {camera.fy:g}, but the film states that its pixels are not square: "
+            f"fx should be {1 / pixel_aspect:.4g} of fy; give the K of the pixels as they are stored"
+        ]
     return [
-        f"fx = {camera.fx:g} and fy = {camera.fy:g} differ by {difference:.0%}, but the pixels of cameras are square; "
-        "check whether the image was stretched, or one of the numbers is wrong"
+        f"fx = {camera.fx:g} and fy = {camera.fy:g} differ by {difference:.0%}, which only pixels that are not square "
+        "explain; check whether the image was stretched, or one of the numbers is wrong"
     ]

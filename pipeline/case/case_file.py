@@ -15,7 +15,7 @@ from ..camera.distortion import Distortion, checked_distortion
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
-from ..files.keys import check_keys
+from ..files.keys import check_keys, described
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
 from ..light.lens_light import LensLight, checked_lens_light
@@ -153,7 +153,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         ("pose", "frames", "structures", "landmarks", "alignment", "light", "dataset"), f"{name}: ",
     )  # fmt: skip
     if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
-        raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
+        raise InputError(f'{name}: expected units = "mm" or "m", found {described(table["units"])}')
     mm_per_unit = MM_PER_UNIT[table["units"]]
     frame, camera, surface = (_table(table, key, name) for key in ("frame", "camera", "surface"))
     intrinsics, distortion = checked_camera(camera, f"{name}: [camera]")
@@ -223,13 +223,13 @@ def _pose(rows: Any, mm_per_unit: float, where: str) -> tuple[np.ndarray, list[s
 
 def _tables(entries: object, key: str, name: str) -> list[dict]:
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InputError(f"{name}: expected a list of tables [[{key}]], found {entries!r}")
+        raise InputError(f"{name}: expected a list of tables [[{key}]], found {described(entries)}")
     return entries
 
 
 def _table(table: dict, key: str, name: str) -> dict:
     if not isinstance(table[key], dict):
-        raise InputError(f"{name}: expected a table [{key}], found {table[key]!r}")
+        raise InputError(f"{name}: expected a table [{key}], found {described(table[key])}")
     required, optional = _TABLES[key]
     check_keys(table[key], required, optional, f"{name}: [{key}] ")
     return table[key]
@@ -239,13 +239,13 @@ def _light(table: dict, name: str) -> LensLight | None:
     if "light" not in table:
         return None
     if not isinstance(table["light"], dict):
-        raise InputError(f"{name}: expected a table [light], found {table['light']!r}")
+        raise InputError(f"{name}: expected a table [light], found {described(table['light'])}")
     return checked_lens_light(table["light"], f"{name}: [light]")
 
 
 def _text(value: object, where: str) -> str:
     if not isinstance(value, str):
-        raise InputError(f"{where}: expected text, found {value!r}")
+        raise InputError(f"{where}: expected text, found {described(value)}")
     return value
 
 
@@ -253,7 +253,9 @@ def _object_name(value: object, where: str) -> str | None:
     if value is None:
         return None
     if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > LONGEST_NAME:
-        raise InputError(f"{where}: expected a name of at most {LONGEST_NAME} printable characters, found {value!r}")
+        raise InputError(
+            f"{where}: expected a name of at most {LONGEST_NAME} printable characters, found {described(value)}"
+        )
     return value
 
 
@@ -268,7 +270,7 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
         red, green, blue = structure_colour(label)
         if colour is not None:
             if not isinstance(colour, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", colour):
-                raise InputError(f'{where}expected color = "#rrggbb", found {colour!r}')
+                raise InputError(f'{where}expected color = "#rrggbb", found {described(colour)}')
             red, green, blue = (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
         structures.append(Structure(label, _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
     names = [structure.name for structure in structures]
@@ -284,14 +286,14 @@ def _video(frame: Mapping[str, object], where: str) -> tuple[str, int] | None:
     if not isinstance(video, str) or isinstance(number, bool) or not isinstance(number, int) or number < 0:
         raise InputError(
             f"{where}: expected video, the name of a film, and video_frame, a number from 0, together, "
-            f"found {video!r} and {number!r}"
+            f"found {described(video)} and {number!r}"
         )
     return str(video), int(number)
 
 
 def _raw_table(table: object, key: str, name: str) -> dict[str, object]:
     if not isinstance(table, dict):
-        raise InputError(f"{name}: expected a table [{key}], found {table!r}")
+        raise InputError(f"{name}: expected a table [{key}], found {described(table)}")
     return {key: _with_plain_floats(value) for key, value in table.items()}
 
 
@@ -305,5 +307,5 @@ def _with_plain_floats(value: object) -> object:
 
 def _path(case_path: Path, value: object, where: str) -> Path:
     if not isinstance(value, str) or not value or "\0" in value:
-        raise InputError(f"{where}: expected a file name, found {value!r}")
+        raise InputError(f"{where}: expected a file name, found {described(value)}")
     return case_path.parent / value

@@ -13,12 +13,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from ..errors import InputError
 from ..files.content import content_named, is_content_named, names_in, read_content
 from ..files.outputs import check_outputs, write_output
-from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh, stated_space
 from ..surface.mesh_writer import encoded_ply
 from .case_file import Case, case_from_text, read_case
@@ -137,14 +134,3 @@ def without_kept(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> list[Pa
     """The outputs that are no input: what already lies in the folder is compared with its new content later."""
     taken = {os.path.realpath(path) for path in inputs.values()}
     return [output for output in outputs if os.path.realpath(output) not in taken]
-
-
-def rounding_message(mesh: TriangleMesh, name: str) -> str | None:
-    """A message if single precision, which the folder's meshes have, moves a surface by more than a micrometre."""
-    moved = float(np.abs(mesh.vertices.astype(np.float32) - mesh.vertices).max())
-    if moved <= 1e-3:
-        return None
-    return (
-        f"{name}: its coordinates are up to {np.abs(mesh.vertices).max():.4g} mm, and were rounded by up to "
-        f"{moved:.2g} mm; move the origin nearer"
-    )

@@ -7,18 +7,19 @@ loses at most the line that is being written. Whatever replaces a case file keep
 
 import datetime
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, read_content, write_bytes_atomically
+from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from .case_file import Case, case_from_text
 
 SUFFIX = ".history.jsonl"
-MOST, KEPT = 400, 200
-"""Lines beyond which the older ones go, and how many are left then; poses that were found or checked go last."""
+MOST = 400
+"""Cases that are listed, the latest ones; the file keeps all."""
 
 
 @dataclass(frozen=True)
@@ -75,19 +76,13 @@ def add_to_history(path: Path, case: Case, text: str) -> None:
     """
     if not case.posed or case.alignment.is_start:
         return
-    file = history_path(path)
-    try:
-        lines = _lines(path)
-        if any(_case_text_of(line) == text for line in lines):
+    # whatever cannot be read stays
+    with suppress(InputError):
+        if any(json.dumps(text) in line for line in _lines(path)):
             return
-    except InputError:
-        lines = []  # whatever is in it stays
     line = json.dumps({"time": datetime.datetime.now().isoformat(timespec="seconds"), "case": text}) + "\n"
-    if len(lines) >= MOST:
-        write_bytes_atomically(file, "".join(f"{each}\n" for each in _kept(path, lines)).encode() + line.encode())
-        return
     # one write: what another program adds meanwhile comes before or after it, and half a line of a kill ends there
-    with file.open("ab") as opened:
+    with history_path(path).open("ab") as opened:
         opened.write(f"\n{line}".encode())
 
 
@@ -102,26 +97,5 @@ def _lines(path: Path) -> list[str]:
 def _entry(line: str) -> dict[str, str]:
     entry: Any = parsed_json(line.encode(), "it")
     if not isinstance(entry, dict) or not all(isinstance(entry.get(key), str) for key in ("time", "case")):
-        raise InputError(f"found {line[:60]!r}")
+        raise InputError("found no line of it")
     return entry
-
-
-def _case_text_of(line: str) -> str:
-    try:
-        return _entry(line)["case"]
-    except InputError:
-        return ""
-
-
-def _kept(path: Path, lines: list[str]) -> list[str]:
-    """The lines that stay when there are too many."""
-    oldest, latest = lines[: -KEPT // 2], lines[-KEPT // 2 :]
-    found = [line for line in oldest if _is_found(path, line)]
-    return [*found[-KEPT // 2 :], *latest]
-
-
-def _is_found(path: Path, line: str) -> bool:
-    try:
-        return case_from_text(_entry(line)["case"], path).alignment.is_settled
-    except InputError:
-        return False

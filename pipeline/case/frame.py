@@ -26,12 +26,18 @@ class Frame:
         ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it shows no surface.
     mask
         The file of a mask that it was joined with.
+    pixel_aspect
+        Width of a pixel over its height, as its film states it.
+    notes
+        What the user should know about it.
     """
 
     path: Path
     colours: np.ndarray
     shown: np.ndarray
     mask: Path | None = None
+    pixel_aspect: float = 1.0
+    notes: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -59,7 +65,7 @@ class Frame:
         """The frame as the PNG of a case folder."""
         if not self.shown.any():
             raise InputError(f"{self.name}: expected a frame that shows something, its alpha is 0 everywhere")
-        return encoded_frame(self.colours, self.shown, self.name)
+        return encoded_frame(self.colours, self.shown)
 
 
 def read_frame(path: Path) -> Frame:

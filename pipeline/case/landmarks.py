@@ -22,14 +22,13 @@ import numpy as np
 from ..camera.pinhole import PixelOrigin
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, decoded, read_content
-from ..files.keys import check_keys
+from ..files.keys import check_keys, described
 from ..files.numbers import WrittenFloat, is_number, millimetres
 from ..files.tables import parsed_json
 
 MOST_LANDMARKS = 10_000
 
 COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
-MOST_COLUMNS = 1000
 _BOOLEANS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
 
 
@@ -81,7 +80,7 @@ def landmarks_from_tables(
     Points in mm, pixels with (0, 0) at the centre of the top-left pixel.
     """
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InputError(f"{where}: expected a list of tables with name, surface and pixel, found {entries!r}")
+        raise InputError(f"{where}: expected a list of tables with name, surface and pixel, found {described(entries)}")
     if len(entries) > MOST_LANDMARKS:
         raise InputError(f"{where}: expected up to {MOST_LANDMARKS} landmarks, found {len(entries)}; keep the best")
     landmarks: dict[str, Landmark] = {}
@@ -107,27 +106,29 @@ def landmark_from_table(
         x, y, z = _numbers(entry["surface"], 3, f"{place}expected surface = [x, y, z]")
         point = (millimetres(x, mm_per_unit), millimetres(y, mm_per_unit), millimetres(z, mm_per_unit))
         if not np.isfinite(point).all():
-            raise InputError(f"{place}expected smaller numbers in surface = [x, y, z], found {entry['surface']!r}")
+            raise InputError(
+                f"{place}expected smaller numbers in surface = [x, y, z], found {described(entry['surface'])}"
+            )
     if "pixel" in entry:
         shift = 0.5 if pixel_origin == "corner" else 0.0
         u, v = _numbers(entry["pixel"], 2, f"{place}expected pixel = [u, v]")
         pixel = (float(u) - shift, float(v) - shift)
     enabled = entry.get("enabled", True)
     if not isinstance(enabled, bool):
-        raise InputError(f"{place}expected enabled = true or false, found {enabled!r}")
+        raise InputError(f"{place}expected enabled = true or false, found {described(enabled)}")
     return Landmark(name.strip(), point, pixel, enabled)
 
 
 def checked_name(name: object, place: str) -> str:
     """Check the name of a landmark or a structure: not blank, on one line; ``place`` begins the message."""
     if not isinstance(name, str) or not name.strip() or _NOT_IN_NAMES.search(name):
-        raise InputError(f"{place}expected a name, found {name!r}")
+        raise InputError(f"{place}expected a name, found {described(name)}")
     return name
 
 
 def _numbers(values: Any, count: int, expected: str) -> list[float]:
     if not isinstance(values, list) or len(values) != count or not all(map(is_number, values)):
-        raise InputError(f"{expected}, {count} finite numbers, found {values!r}")
+        raise InputError(f"{expected}, {count} finite numbers, found {described(values)}")
     return values
 
 
@@ -140,19 +141,15 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
     text = decoded(read_content(path, "a file with landmarks", most=LARGEST_TEXT))
     if text is None:
         raise InputError(f"{path.name}: expected landmarks as CSV or JSON, found another kind of file")
-    return _parsed(text, path.name, mm_per_unit)
-
-
-def _parsed(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
-    if text.lstrip().startswith(("[", "{")):
-        return _from_json(text, name, mm_per_unit)
-    return _from_csv(text, name, mm_per_unit)
-
-
-def _from_json(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
-    return landmarks_from_tables(
-        parsed_json(text, name, parse_float=WrittenFloat), f"{name}: landmark", mm_per_unit=mm_per_unit
-    )
+    if "markups" in text[:500].lower():
+        raise InputError(
+            f"{path.name}: expected landmarks with a pixel each, found markups of 3D Slicer, which have none; write "
+            f"each point, in the frame of the surface's file, and its pixel in a CSV with {','.join(COLUMNS)}"
+        )
+    if not text.lstrip().startswith(("[", "{")):
+        return _from_csv(text, path.name, mm_per_unit)
+    entries = parsed_json(text, path.name, parse_float=WrittenFloat)
+    return landmarks_from_tables(entries, f"{path.name}: landmark", mm_per_unit=mm_per_unit)
 
 
 def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
@@ -176,9 +173,7 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
                     "write decimal points, not commas"
                 )
             if len(cells) == 1 and any(other in cells[0] for other in set(",;\t") - {separator}):
-                raise InputError(
-                    f"{place}expected cells between {separator!r} as in the header, found {cells[0][:60]!r}"
-                )
+                raise InputError(f"{place}expected cells between {separator!r} as in the header, found other signs")
             landmark = landmark_from_table(_table(names, cells, place), place, mm_per_unit=mm_per_unit)
             if len(found) == MOST_LANDMARKS:
                 raise InputError(f"{place}expected up to {MOST_LANDMARKS} landmarks, found more; keep the best")
@@ -193,8 +188,6 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
 
 
 def _checked_header(cells: list[str], place: str) -> list[str]:
-    if len(cells) > MOST_COLUMNS:
-        raise InputError(f"{place}expected a header {','.join(COLUMNS)}, found {len(cells)} columns; leave only these")
     names = [cell.strip().lower() for cell in cells]
     for wanted in COLUMNS:
         if names.count(wanted) > 1:
@@ -214,7 +207,7 @@ def _table(names: list[str], cells: list[str], place: str) -> dict[str, object]:
         if any(row[part] for part in parts):
             entry[key] = [_number(row[part], f"{place}{part}: ") for part in parts]
     if row["enabled"].lower() not in _BOOLEANS:
-        raise InputError(f"{place}expected enabled = true or false, found {row['enabled']!r}")
+        raise InputError(f"{place}expected enabled = true or false, found {described(row['enabled'])}")
     return entry | {"enabled": _BOOLEANS[row["enabled"].lower()]}
 
 
@@ -224,6 +217,6 @@ def _number(text: str, place: str) -> float:
             raise ValueError
         return WrittenFloat(text)
     except ValueError:
-        found = "an empty cell" if not text else repr(text)
+        found = described(text) if text else "an empty cell"
         hint = "; write a decimal point" if "," in text else ""
         raise InputError(f"{place}expected a number, found {found}{hint}") from None

@@ -1,6 +1,6 @@
 """A case in memory, checked: its files fit together, and its pose shows the surface at a microscope's distance."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,6 +22,9 @@ from .case_writer import UNIT_OF
 from .frame import PosedFrame, load_posed_frame
 from .pose_record import INITIAL_GUESS, PoseRecord
 from .surface_doubts import FARTHEST_MM, NEAREST_MM, extents_of, precision_doubts, size_doubt
+
+_LISTED_POINTS = 500
+"""Vertices by which a listed pose is checked: a list may have a million of them."""
 
 MAX_EXTENT_RATIO = 200.0
 """Largest ratio of the surface's extent to the frame's at the pose, or of the frame's to the surface's: wrong units
@@ -141,9 +144,34 @@ def check_poses(case: Case, mesh: TriangleMesh, frames: Sequence[PosedFrame]) ->
 
 def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
     """Check that a pose (4x4, mm) shows the surface (model frame) to the frame's camera, at a plausible distance."""
-    name = case.path.name
     points_cam = transform_points(cam_from_model, mesh.vertices)
-    depth = points_cam[:, 2]
+    _check_distance(case, mesh, points_cam)
+    place = whereabouts(points_cam, case.camera, np.eye(4))
+    if place is not None:
+        camera = case.camera
+        u, v = camera.project(points_cam[points_cam[:, 2] > 0]).T
+        raise InputError(
+            f"{case.path.name}: expected the surface in the frame, it lies {place}: u {u.min():.0f} to {u.max():.0f}, "
+            f"v {v.min():.0f} to {v.max():.0f} px of {camera.width}x{camera.height}; align the pose first"
+        )
+
+
+def check_listed(loaded: LoadedCase, poses: Iterable[np.ndarray | None], name: str) -> None:
+    """Check that listed poses ``cam_from_model`` have the unit and the axes of the case; they may show what they like.
+
+    ``name`` is their file's.
+    """
+    mesh = loaded.surface.mesh
+    points = mesh.vertices[:: 1 + len(mesh.vertices) // _LISTED_POINTS]
+    for number, pose in enumerate(poses):
+        if pose is not None:
+            case = replace(loaded.case, path=Path(f"{name}: pose {number} (counted from 0)"))
+            _check_distance(case, mesh, transform_points(pose, points))
+
+
+def _check_distance(case: Case, mesh: TriangleMesh, points_cam: np.ndarray) -> None:
+    """Whether points of a surface are in front of a camera, and as far away as a microscope may be."""
+    name, depth = case.path.name, points_cam[:, 2]
     in_front = depth > 0
     if not in_front.any():
         raise InputError(
@@ -164,13 +192,6 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
         raise InputError(
             f"{name}: expected a surface about as large as the frame, it spans {extent_px:.3g} px of "
             f"{max(camera.size_wh)}: wrong units suspected; are mesh and translation in the same unit?"
-        )
-    place = whereabouts(points_cam, camera, np.eye(4))
-    if place is not None:
-        u, v = camera.project(points_cam[in_front]).T
-        raise InputError(
-            f"{name}: expected the surface in the frame, it lies {place}: u {u.min():.0f} to {u.max():.0f}, "
-            f"v {v.min():.0f} to {v.max():.0f} px of {camera.width}x{camera.height}; align the pose first"
         )
 
 

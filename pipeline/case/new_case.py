@@ -11,7 +11,6 @@ from ..camera.intrinsics_file import CameraFile
 from ..camera.pinhole import PinholeCamera
 from ..camera.plausibility import fit_of
 from ..errors import InputError
-from ..files.keys import nearest_name
 from ..files.numbers import MM_PER_UNIT
 from ..files.outputs import check_outputs, writing
 from ..images.masked_frame import with_mask_tinted
@@ -34,7 +33,6 @@ from .case_folder import (
     kept_case,
     kept_mesh,
     remove_unnamed,
-    rounding_message,
     without_kept,
 )
 from .case_queue import NewFrame, cases_of_frames
@@ -55,8 +53,6 @@ class CaseInputs:
         The folder of ``oneframe surface``, or a mesh file.
     structures
         Further structures, with their meshes in the frame and unit of the surface.
-    only
-        Names of the structures that are taken from the folder; ``None`` for all.
     units
         ``"mm"`` or ``"m"``: the unit of the meshes and the pose.
     frame
@@ -73,7 +69,6 @@ class CaseInputs:
 
     surface: Path
     structures: tuple[Structure, ...]
-    only: tuple[str, ...] | None
     units: str
     frame: Frame
     camera: CameraFile
@@ -103,8 +98,9 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     check_outputs(without_kept(folder_outputs(out, names), inputs), inputs)
     frame = given.frame
     kept_frame = KeptFile(out / FRAME, frame.encoded())
-    camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
+    camera, distortion, doubts = _camera(given.camera, frame, rescale=given.rescale_camera)
     yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {frame.masked:.1%} masked"
+    yield from (f"note: {message}" for message in frame.notes)
     yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
         "" if distortion is None else ", with distortion"
     )
@@ -169,12 +165,7 @@ def _surface(given: CaseInputs) -> SurfaceFolder:
         found = read_surface_folder(given.surface)
     else:
         found = SurfaceFolder(given.surface)
-    known = {structure.name: structure for structure in found.structures}
-    for name in given.only or ():
-        if name not in known:
-            raise InputError(f"{given.surface}: expected a structure {name!r}; {nearest_name(name, tuple(known))}")
-    taken = [structure for name, structure in known.items() if given.only is None or name in given.only]
-    structures = [*taken, *given.structures]
+    structures = [*found.structures, *given.structures]
     names = [structure.name for structure in structures]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"structures: expected a different name for each, found {repeated[0]!r} twice")
@@ -182,11 +173,10 @@ def _surface(given: CaseInputs) -> SurfaceFolder:
     return replace(found, structures=tuple(sorted(structures, key=lambda structure: structure.name)))
 
 
-def _camera(
-    file: CameraFile, size_wh: tuple[int, int], *, rescale: bool
-) -> tuple[PinholeCamera, Distortion | None, Sequence[str]]:
+def _camera(file: CameraFile, frame: Frame, *, rescale: bool) -> tuple[PinholeCamera, Distortion | None, Sequence[str]]:
     """K and distortion for the frame, and what is doubtful about them."""
-    fit = fit_of(file, size_wh)
+    size_wh = frame.size_wh
+    fit = fit_of(file, size_wh, frame.pixel_aspect)
     camera, doubts = fit.camera, list(fit.messages)
     if file.size is not None and file.size != size_wh:
         mismatch, *doubts = fit.messages
@@ -204,8 +194,6 @@ def _camera(
 
 
 def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: float) -> Iterator[str]:
-    if message := rounding_message(mesh, surface.mesh.name):
-        yield f"note: {message}"
     for structure in surface.structures:
         found, messages = read_mesh(structure.mesh, like=surface.mesh)
         yield from (f"note: {message}" for message in messages)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.keys import check_keys
+from ..files.keys import check_keys, described
 from ..files.numbers import is_number
 
 INITIAL_GUESS = "initial guess"
@@ -102,7 +102,7 @@ class PoseRecord:
     def of_table(cls, table: object, where: str) -> "PoseRecord":
         """From a table of the fields, each of which may be missing; ``where`` begins messages."""
         if not isinstance(table, Mapping):
-            raise InputError(f"{where}: expected a table, found {table!r}")
+            raise InputError(f"{where}: expected a table, found {described(table)}")
         kinds = {field.name: field.type for field in fields(cls)}
         check_keys(table, (), tuple(kinds), f"{where} ")
         return cls(**{key: _checked(key, kinds[key], value, f"{where} {key}") for key, value in table.items()})
@@ -159,21 +159,21 @@ def _checked(key: str, kind: Any, value: Any, where: str) -> Any:
         if isinstance(value, date):  # TOML has dates; a datetime is a date too
             return value.isoformat()
         if not isinstance(value, str):
-            raise InputError(f"{where}: expected text, found {value!r}")
+            raise InputError(f"{where}: expected text, found {described(value)}")
         return value
     if (shape := _SHAPES.get(key)) is None:
         if not is_number(value) or value < 0:
-            raise InputError(f"{where}: expected a number from 0, found {value!r}")
+            raise InputError(f"{where}: expected a number from 0, found {described(value)}")
         return int(value) if key == "pairs" else float(value)
     try:
         values = np.array(value)
     except ValueError:  # rows of several lengths
         values = np.empty(0)
     if values.shape != shape or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-        raise InputError(f"{where}: expected {' x '.join(map(str, shape))} finite numbers, found {value!r}")
+        raise InputError(f"{where}: expected {' x '.join(map(str, shape))} finite numbers, found {described(value)}")
     values = values.astype(np.float64)
     if key.startswith("standard_deviation") and values.min() < 0:
-        raise InputError(f"{where}: expected numbers from 0, found {value!r}")
+        raise InputError(f"{where}: expected numbers from 0, found {described(value)}")
     if key == "covariance_mm_rad" and (not np.allclose(values, values.T) or np.linalg.eigvalsh(values)[0] <= 0):
         raise InputError(f"{where}: expected a covariance, symmetric and positive definite; refine again")
     return _plain(values)

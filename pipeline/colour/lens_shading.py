@@ -17,10 +17,9 @@ from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..images.transfer import SRGB, Transfer
 from ..light.lens_light import LensLight, power_of, shading, working_distance_mm
-from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import central_point
-from ..projection.z_buffer import rasterise_depth
+from ..projection.z_buffer import first_met, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
 from .vertex_colours import NEUTRAL
@@ -107,42 +106,6 @@ class LensShading:
         return power_of(np.maximum(linear, linear.dtype.type(self.least)), 1 / self.curve.gamma)
 
 
-class CornerNormals:
-    """The surface's normals, interpolated between those of its vertices."""
-
-    def __init__(self, mesh: TriangleMesh) -> None:
-        """Prepare the lookups: over a face, the interpolated normal is an affine function of the point."""
-        first, second, third = np.moveaxis(corner_normals(mesh), 1, 0)
-        a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
-        cross = mesh.face_cross
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            across = cross / (cross**2).sum(axis=1, keepdims=True)
-            # gradients of the weights of the second and the third corner
-            to_second, to_third = np.cross(c - a, across), np.cross(across, b - a)
-            reach = np.abs(np.stack([to_second, to_third])).max(axis=(0, 2)) * max(mesh.radius, 1e-12)
-        # a face so thin that single precision does not tell where in it a point is has one normal
-        thin = ~(reach < 1e5)
-        to_second[thin] = to_third[thin] = 0
-        slopes = (second - first)[..., None] * to_second[:, None] + (third - first)[..., None] * to_third[:, None]
-        start = np.where(thin[:, None], (first + second + third) / 3, first - np.einsum("fij,fj->fi", slopes, a))
-        functions = np.concatenate([slopes, start[..., None]], axis=2).astype(np.float32)
-        # one number of 16 bytes for four: numpy gathers numbers ten times as fast as rows
-        self._functions = functions.reshape(-1).view(np.complex128)
-
-    def at(self, faces: np.ndarray, points: np.ndarray, front: np.ndarray) -> np.ndarray:
-        """``(N, 3)`` float32 unit normals at points ``(N, 3)`` of faces, on the side that is seen: the front or not."""
-        columns, places = points.T, 3 * faces.astype(np.intp)
-        normals, squared = np.empty((3, len(points)), np.float32), np.zeros(len(points), np.float32)
-        for axis, normal in enumerate(normals):
-            *slopes, start = self._functions[axis:].take(places, mode="clip").view(np.float32).reshape(-1, 4).T
-            normal[:] = start
-            for slope, column in zip(slopes, columns, strict=True):
-                normal += slope * column
-            squared += normal * normal
-        normals /= np.sqrt(np.maximum(squared, np.float32(1e-24))) * np.where(front, np.float32(1), np.float32(-1))
-        return normals.T
-
-
 def corner_normals(mesh: TriangleMesh) -> np.ndarray:
     """``(F, 3, 3)`` the vertices' normals at each corner of the faces, on the side of the face's front.
 
@@ -183,13 +146,11 @@ def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None, curve: Trans
 
 
 def lit_by_lamp(
-    rays: MeshRays, lens: LensShading, faces: np.ndarray, points: np.ndarray, pose: np.ndarray
+    mesh: TriangleMesh, lens: LensShading, faces: np.ndarray, points: np.ndarray, pose: np.ndarray
 ) -> np.ndarray:
     """``(N,)`` float32, 1 where the lamp at the lens of a pose reaches points ``(N, 3)`` of faces, else 0."""
-    lamp = lens.at(pose)[0].place_model(pose).astype(np.float32)
-    towards = points - lamp
-    met = rays.first_hits(np.broadcast_to(lamp, points.shape).copy(), towards)
-    return ((met.face == faces) | (met.distance > 1 - SAME_PLACE)).astype(np.float32)
+    part, met = first_met(mesh, lens.at(pose)[0].place_model(pose), points)
+    return ((met == faces) | (part > 1 - SAME_PLACE)).astype(np.float32)
 
 
 def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading:

@@ -22,9 +22,9 @@ from ..images.pixel_values import grown
 from ..light.exposure import matched_exposures
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import central_point
-from ..projection.z_buffer import inverse_depth_map, is_within_limits, rasterise_depth
+from ..projection.z_buffer import inverse_depth_map
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, transform_points
+from ..transforms import transform_points
 from .fill import filled_colours
 from .lens_shading import LensShading, lens_doubts, without_light
 from .ray_tracer import RayTracer
@@ -96,25 +96,12 @@ def without_highlights(reference: ReferenceView, frames: Sequence[PosedFrame]) -
     return replace(reference, views=tuple(views))
 
 
-def nearest_surface(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
-    """The bare surface by a z-buffer, which needs no Embree, or by rays where it reaches behind the camera."""
-    mesh = surface.mesh
-    if not is_within_limits(mesh, camera, cam_from_model):
-        return traced_surface(surface, camera, cam_from_model)
-    raster = rasterise_depth(mesh, camera, cam_from_model)
-    shown = raster.face >= 0
-    front = np.zeros(shown.shape, np.uint8)
-    front[shown] = mesh.front_facing(camera_centre(cam_from_model), raster.face[shown])
-    colour = np.zeros((*shown.shape, 3), np.float32)
-    return RenderedView(colour, raster.depth_mm.astype(np.float32), front, np.zeros(shown.shape, bool))
-
-
 def traced_surface(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
-    """The surface as the views of ``raster`` show it."""
+    """The bare surface as the views of ``raster`` show it."""
     return RayTracer(surface, camera).render(cam_from_model)
 
 
-def reference_view(loaded: LoadedCase, look: Look = nearest_surface, light: LensShading | None = None) -> ReferenceView:
+def reference_view(loaded: LoadedCase, look: Look = traced_surface, light: LensShading | None = None) -> ReferenceView:
     """What the frames of a case saw of its surface.
 
     Parameters

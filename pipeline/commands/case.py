@@ -1,8 +1,8 @@
 """The command ``oneframe case``."""
 
-from dataclasses import MISSING, dataclass, replace
+from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..process.command import choice, option, switch
@@ -38,17 +38,11 @@ class Arguments:
         "show, gives its colour (default: the anatomy in the file's name, else structure_1, ...)",
         (), each=True, flag="--structure",
     )  # fmt: skip
-    only: tuple[str, ...] = option(
-        "NAME", "of the structures in the folder, take this one; may be repeated (default: all)", (), each=True
-    )  # fmt: skip
     units: str = choice("unit of the meshes and of --pose (default mm)", "mm", choices=("mm", "m"))
     frame: tuple[Path, ...] = option("FILE", "PNG, JPEG or TIFF, one or more; or a video", MISSING)
     frame_number: int | None = option("N", "frame N of the video, counted from 0", least=0)
     mask: Path | None = option(
         "FILE", "an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha"
-    )  # fmt: skip
-    denoise: bool = switch(
-        "remove noise from the frame (non-local means), if it has so much that more is won than lost"
     )  # fmt: skip
     camera: Path | None = option(
         "FILE", "K and distortion: JSON, YAML or XML of OpenCV, ROS, Kalibr, COLMAP, another case",
@@ -80,8 +74,8 @@ def run(arguments: Arguments) -> None:
         if getattr(arguments, name) is not None and arguments.K is None:
             raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
     frame, *others = arguments.frame
-    for name in ("frame_number", "mask", "pose", "denoise"):
-        if others and getattr(arguments, name) not in (None, False):
+    for name in ("frame_number", "mask", "pose"):
+        if others and getattr(arguments, name) is not None:
             raise InputError(
                 f"command line: --{name.replace('_', '-')}: expected one frame with it, found {len(others) + 1}"
             )
@@ -104,9 +98,8 @@ def run(arguments: Arguments) -> None:
     given = CaseInputs(
         surface=arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
         structures=tuple(structures),
-        only=arguments.only or None,
         units=arguments.units,
-        frame=_frame(arguments, output),
+        frame=_frame(arguments),
         camera=camera,
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
@@ -123,30 +116,29 @@ def run(arguments: Arguments) -> None:
     )
 
 
-def _frame(arguments: Arguments, output: TextIO) -> "Frame":
-    """The first frame that is named: an image, or one of a video; with its mask, and without noise if that is asked."""
+def _frame(arguments: Arguments) -> "Frame":
+    """The first frame that is named: an image, or one of a video; with its mask."""
     import numpy as np
 
     from ..case.frame import Frame, read_frame
-    from ..images.pixel_values import to_uint8
     from ..video import SUFFIXES
 
     path = arguments.frame[0]
     if arguments.frame_number is not None:
-        from ..video.film_reader import read_video_frame
+        from ..video.film_reader import film_frame
+        from ..video.frame_folder import DEINTERLACE
+        from ..video.frame_scores import COMBED
 
-        pixels = read_video_frame(path, arguments.frame_number)
-        frame = Frame(path, pixels / np.float32(255), np.ones(pixels.shape[:2], np.bool_))
+        decoded, film = film_frame(path, arguments.frame_number)
+        colours, shown = decoded.image / np.float32(255), np.ones(decoded.image.shape[:2], np.bool_)
+        notes = film.notes
+        if decoded.comb > COMBED:
+            notes.append(f"the frame is interlaced, and shows two moments; {DEINTERLACE}")
+        frame = Frame(path, colours, shown, pixel_aspect=film.pixel_aspect, notes=tuple(notes))
     elif path.suffix.lower() in SUFFIXES:
         raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
     else:
         frame = read_frame(path)
     if arguments.mask is not None:
         frame = frame.with_mask(arguments.mask)
-    if arguments.denoise:
-        from ..video.frame_measures import denoised
-
-        codes, said = denoised(to_uint8(frame.colours), frame.shown)
-        output.write(f"{said}\n")
-        frame = frame if codes is None else replace(frame, colours=codes / np.float32(255))
     return frame

@@ -74,15 +74,16 @@ def _film(arguments: Arguments, given: tuple[Path, Path], loaded: "LoadedCase", 
     from ..blender.render.lettering import text_mask
     from ..blender.render.video import stream_video
     from ..files.outputs import made_folder, writing
-    from ..overlay.overlay_film import OverlayFilm, opened_film, report_lines
+    from ..overlay.overlay_film import OverlayFilm, opened_film
     from ..progress import Progress
 
     with opened_film(*given, loaded) as (film, poses, messages):
         output.writelines(f"note: {message}\n" for message in messages)
         drawing = OverlayFilm(loaded, film, poses, None if arguments.plain else text_mask)
         with Progress(drawing.count, "frames", stream=output) as shown, writing(made_folder(arguments.out)):
-            stream_video(arguments.out, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
-    return report_lines(drawing.report, loaded.case)
+            pictures, aspect = drawing.pictures(shown.advance), drawing.pixel_aspect
+            stream_video(arguments.out, pictures, drawing.count, fps=drawing.fps, pixel_aspect=aspect)
+    return [*drawing.lines(), *(["the frames are undistorted"] if loaded.case.distortion else [])]
 
 
 def _picture(arguments: Arguments, loaded: "LoadedCase") -> list[str]:

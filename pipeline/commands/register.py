@@ -31,16 +31,14 @@ sure its pose is, and what is not accepted is marked.
 
 --correct-source first finds the pose of the case's own frame and those of up to 24 of the frames together, as in bundle
 adjustment: a pose of the case that is some degrees off comes back, where the frames determine it. --colour-frames
-chooses accepted frames, sharp and clear ones, that bring the surface's colours nearer to what the other frames show:
-they colour what the case's own frame did not see, in its exposure.
+chooses accepted frames, sharp and clear ones, that see most of what the case's own frame did not: they colour that, in
+its exposure.
 DIR/case.toml holds the case with the new pose and these frames.
 
 --network takes what oneframe train wrote, of views of this surface: a frame starts at the network's pose, and is
 refined and judged like any other; where that is not sure, the network sees it in the colours' range of the case's
 frame, then features are tried, and the most probable pose counts. No PyTorch is needed.
 """
-
-MOST_REASONS = 10
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ def run(arguments: Arguments) -> None:
         _write_film(arguments, loaded, evidence, output)
     write_output(out / PAGE, registration_page(evidence, name=out.resolve().name))
     if arguments.correct_source or arguments.colour_frames:
-        further = (*loaded.case.frames, *evidence.sources)
+        further = (*loaded.case.frames, *evidence.colouring)
         with writing(out / CASE):
             write_case(out / CASE, replace(loaded.case, frames=further), comment=comment)
         remove_unnamed(out)
@@ -115,11 +113,11 @@ def run(arguments: Arguments) -> None:
 def _corrected(frames: Path, loaded: "LoadedCase", output: TextIO) -> "tuple[LoadedCase, str]":
     """The case with a pose corrected by the frames, and a comment for its file."""
     from ..progress import ShareProgress
-    from ..registration.correct_source import correct_source
+    from ..registration.correct_pose import correct_pose
 
     case, today = loaded.case, datetime.date.today().isoformat()
     with ShareProgress("of the case's pose", stream=output) as shown:
-        corrected, text = correct_source(
+        corrected, text = correct_pose(
             loaded, frames, tool=f"OneFrame {__version__}, register", date=today, progress=shown.reach
         )
     output.write(f"{text}\n")
@@ -143,7 +141,8 @@ def _write_film(arguments: Arguments, loaded: "LoadedCase", evidence: "Registrat
     with Film(arguments.frames, every=arguments.every, width=WIDEST) as film, writing(path):
         drawing = marked_film(loaded, film, evidence.frames, text_mask)
         with Progress(drawing.count, "frames of the film", stream=output) as shown:
-            stream_video(path, drawing.pictures(shown.advance), drawing.count, fps=drawing.fps)
+            pictures, aspect = drawing.pictures(shown.advance), drawing.pixel_aspect
+            stream_video(path, pictures, drawing.count, fps=drawing.fps, pixel_aspect=aspect)
 
 
 def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
@@ -152,21 +151,16 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
     from ..registration.register_case import FILM, PAGE
     from ..registration.verdict import ACCEPTED
 
-    if evidence.colour is not None:
-        yield from evidence.colour.lines
+    yield from evidence.colouring_lines
     if evidence.cut_off:
         yield f"note: {evidence.cut_off}"
-    lost, counts = evidence.lost, evidence.counts
-    if not counts[ACCEPTED]:
+    if not evidence.counts[ACCEPTED]:
         yield "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?"
     if evidence.change is not None:
         yield f"note: {evidence.change.words()}"
     if evidence.surface is not None and evidence.surface.words:
         yield f"note: {evidence.surface.words}: see {out / PAGE}"
-    yield from (first.words(last) for first, last in lost[:MOST_REASONS])
-    if len(lost) > MOST_REASONS:
-        yield f"and {len(lost) - MOST_REASONS} more, see {out / POSES}"
-    yield ", ".join(f"{count} {state}" for state, count in counts.items()) + f": {out / POSES}"
+    yield ", ".join(f"{count} {state}" for state, count in evidence.counts.items()) + f": {out / POSES}"
     if evidence.is_film:
         yield f"the film with the overlay: {out / FILM}"
     yield f"all frames on one page, to look at in a browser: {out / PAGE}"

@@ -3,30 +3,12 @@
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..errors import InputError
-from ..projection.rays import MeshRays
-from ..projection.z_buffer import is_within_limits, rasterise_depth
+from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 
 NORMAL_UNIT = 32767.5
 """Codes of a normal's component per unit."""
-
-
-def _shown_faces(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray) -> np.ndarray:
-    """``(H, W)`` the face at each pixel's centre, -1 for none."""
-    if is_within_limits(mesh, camera, pose):
-        return rasterise_depth(mesh, camera, pose).face
-    try:
-        rays = MeshRays(mesh)
-    except InputError:
-        raise InputError(
-            "normals: expected the package embreex for a view with surface behind the camera, found none; install it "
-            "(pip install embreex), or do without normals"
-        ) from None
-    directions = camera.rays_cam(camera.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]
-    origins = np.broadcast_to(camera_centre(pose), directions.shape)
-    return rays.first_hits(origins.astype(np.float32), directions.astype(np.float32)).face.reshape(camera.shape_hw)
 
 
 def normal_codes(mask: np.ndarray, mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
@@ -39,7 +21,7 @@ def normal_codes(mask: np.ndarray, mesh: TriangleMesh, camera: PinholeCamera, ca
     mesh, camera, cam_from_model
         The surface, model frame, the intrinsics of the view and its pose (4x4, mm).
     """
-    face = _shown_faces(mesh, camera, cam_from_model)
+    face = rasterise_depth(mesh, camera, cam_from_model).face
     # a pixel's centre on an edge: the renderer may meet surface where double precision does not, beside such as does
     v, u = np.nonzero(mask & (face < 0))
     around = np.pad(face, 1, constant_values=-1)

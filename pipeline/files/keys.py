@@ -4,6 +4,7 @@ Imports neither numpy nor Blender: ``--help`` must not wait for them.
 """
 
 import difflib
+import re
 from collections.abc import Mapping
 
 from ..errors import InputError
@@ -27,3 +28,16 @@ def nearest_name(name: str, known: tuple[str, ...]) -> str:
     if near:
         return f"did you mean {next(key for key in known if key.lower() == near[0])!r}?"
     return "expected one of " + ", ".join(repr(key) for key in known)
+
+
+def described(value: object) -> str:
+    """What a value of a file is, for a message: numbers, a short word, or its kind.
+
+    Text stays out: in files of other programs it may name a patient.
+    """
+    if isinstance(value, str):
+        return repr(value) if re.fullmatch(r"([a-z][a-z0-9_]{0,19})?", value) else "a text"
+    if isinstance(value, list | tuple):
+        is_short = len(value) <= 16 and all(isinstance(part, int | float) for part in value)
+        return str(list(value)) if is_short else f"a list of {len(value)}"
+    return "a table" if isinstance(value, Mapping) else repr(value)[:60]

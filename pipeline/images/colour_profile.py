@@ -12,8 +12,8 @@ _PRIMARIES = {
 }
 """Of sRGB, adapted to D50."""
 
-_CURVE = {0.25: 0.0509, 0.5: 0.2140, 0.75: 0.5225}
-"""Code values -> linear light, in sRGB."""
+_MIDDLE = 0.2140
+"""Linear light of the middle code value."""
 
 _TOLERANCE = 0.0025
 
@@ -38,7 +38,7 @@ def check_profile(profile: bytes) -> None:
             for number, wanted in zip(numbers, own, strict=True)
         ]
         curves = [tags[name] for name in ((b"rTRC", b"gTRC", b"bTRC") if primaries else (b"kTRC",))]
-        differences += [abs(_light(curve, code) - light) for curve in curves for code, light in _CURVE.items()]
+        differences += [abs(_middle(curve) - _MIDDLE) for curve in curves]
         is_srgb = max(differences) < _TOLERANCE
     except (struct.error, KeyError, IndexError):
         is_srgb = False
@@ -48,18 +48,11 @@ def check_profile(profile: bytes) -> None:
         raise ValueError(f"its colour profile is {name}, and colours are read as sRGB")
 
 
-def _light(curve: bytes, code: float) -> float:
-    """Linear light of a code value well above black, by a tag of type ``curv`` or ``para``."""
-    if curve[:4] == b"para":
-        kind, gamma = struct.unpack_from(">H2xi", curve, 8)
-        more = [number / 65536 for number in struct.unpack_from(f">{(0, 2, 3, 4, 6)[kind]}i", curve, 16)]
-        scale, shift = more[:2] or (1.0, 0.0)
-        offset = {2: more[2:3], 4: more[4:5]}.get(kind) or [0.0]
-        return max(scale * code + shift, 0.0) ** (gamma / 65536) + offset[0]
+def _middle(curve: bytes) -> float:
+    """Linear light of the middle code value, by a tag ``curv`` with a table, or ``para`` with a straight part."""
     (count,) = struct.unpack_from(">I", curve, 8)
-    if count < 2:
-        return code ** (struct.unpack_from(">H", curve, 12)[0] / 256 if count else 1.0)
-    values = struct.unpack_from(f">{min(count, 1 << 16)}H", curve, 12)
-    place = code * (len(values) - 1)
-    low = min(int(place), len(values) - 2)
-    return (values[low] + (place - low) * (values[low + 1] - values[low])) / 65535
+    if curve[:4] == b"curv" and count > 2:
+        below, above = struct.unpack_from(">2H", curve, 12 + 2 * ((count - 1) // 2))
+        return (below if count % 2 else (below + above) / 2) / 65535
+    gamma, scale, shift = (number / 65536 for number in struct.unpack_from(">3i", curve, 12))
+    return float((scale / 2 + shift) ** gamma) if curve[:4] == b"para" and count >> 16 == 3 else 0.0

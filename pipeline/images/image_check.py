@@ -12,7 +12,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..files.content import read_content
 from .colour_profile import check_profile
-from .tiff import TIFF_SIGNATURES, checked_tiff, exif_orientation, is_adobe_rgb
+from .tiff import TIFF_SIGNATURES, checked_exif, checked_tiff
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
@@ -34,17 +34,6 @@ _BRANDS = {b"avif": "AVIF", b"avis": "AVIF"} | dict.fromkeys(
 _FRAMES = {0xC0, 0xC1, 0xC2}
 """Markers of JPEG's frames that every decoder reads: baseline, extended, progressive."""
 _OTHER_FRAMES = set(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
-
-_REORIENTED = {
-    2: "mirrored left to right",
-    3: "rotated by 180°",
-    4: "mirrored top to bottom",
-    5: "mirrored and rotated by 90°",
-    6: "rotated by 90° clockwise",
-    7: "mirrored and rotated by 90°",
-    8: "rotated by 90° counter-clockwise",
-}
-"""EXIF orientation, as in TIFF 6.0 -> how to show the image."""
 
 _SRGB_GAMMA, _SRGB_CHROMATICITIES = 45455, (31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)
 """Of PNG's gAMA and cHRM, in 1/100 000."""
@@ -88,11 +77,13 @@ def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) ->
             width, height, orientation = (_checked_png if kind == "PNG" else _checked_jpeg)(data)
     except (ValueError, struct.error, IndexError, KeyError, zlib.error) as error:
         reason = error if type(error) is ValueError else "its header is cut off or damaged"
-        raise InputError(f"{where}: expected an image, {reason}; save it as PNG in sRGB, or copy it again") from None
-    if orientation in _REORIENTED:
+        is_damaged = "damaged" in str(reason) or "cut off" in str(reason)
+        advice = "copy it again, or save it as PNG" if is_damaged else "save it as PNG of 8 or 16 bits, in sRGB"
+        raise InputError(f"{where}: expected an image, {reason}; {advice}") from None
+    if 2 <= orientation <= 8:
         raise InputError(
-            f"{where}: expected an upright image, found an EXIF orientation: some programs show it "
-            f"{_REORIENTED[orientation]}, others do not; open it, save it as PNG, and give the K of the saved image"
+            f"{where}: expected an upright image, found the EXIF orientation {orientation}, by which some programs "
+            "turn or mirror it, and others do not; open it, save it as PNG, and give the K of the saved image"
         )
     if not 0 < width * height <= most_pixels:
         raise InputError(
@@ -156,9 +147,7 @@ def _checked_png(data: bytes) -> tuple[int, int, int]:
         is_srgb = b"sRGB" in chunks or (abs(gamma - _SRGB_GAMMA) < 500 and max(differences) < 500)
     if not is_srgb:
         raise ValueError("its colours are not sRGB, as its chunk gAMA, cHRM or cICP says")
-    exif = chunks.get(b"eXIf", b"")
-    _check_exif_colours(exif)
-    return *struct.unpack_from(">II", data, 16), exif_orientation(exif)
+    return *struct.unpack_from(">II", data, 16), checked_exif(chunks.get(b"eXIf", b""))
 
 
 def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
@@ -192,10 +181,4 @@ def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
         raise ValueError("the file is cut off")
     if profile:
         check_profile(profile)
-    _check_exif_colours(exif)
-    return *size, exif_orientation(exif)
-
-
-def _check_exif_colours(exif: bytes) -> None:
-    if is_adobe_rgb(exif):
-        raise ValueError("its colours are Adobe RGB, as its EXIF says, not sRGB")
+    return *size, checked_exif(exif)

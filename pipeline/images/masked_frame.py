@@ -16,9 +16,6 @@ TINT = 0.6
 _BYTE_STEP = DEEP // 255
 """Between the code values of 8 bits, in those of 16."""
 
-_ROUNDING = 0.05
-"""Error of code values of 16 bits, from their conversion to single precision."""
-
 
 def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndarray:
     """``(H, W)`` bool: where a mask shows the surface.
@@ -91,7 +88,7 @@ def with_mask_tinted(colours: np.ndarray, valid: np.ndarray) -> np.ndarray:
     return result
 
 
-def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
+def encoded_frame(colours: np.ndarray, valid: np.ndarray) -> bytes:
     """A frame as PNG, with 8 bits if they hold its values and else with 16; without metadata.
 
     Parameters
@@ -99,21 +96,13 @@ def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
     colours, valid
         ``(H, W, 3)`` code values 0..1, and ``(H, W)`` bool, False where alpha becomes 0. There is no alpha if all are
         True.
-    where
-        Begins the messages.
     """
     codes = np.empty((*colours.shape[:2], 3 if valid.all() else 4), np.uint16)
-    is_byte = True
     # row by row: the products take twice the memory of the frame
     for row, values in enumerate(colours):
-        scaled = np.nan_to_num(values.astype(np.float64) * DEEP, nan=-1.0)
-        rounded = np.rint(np.clip(scaled, 0, DEEP))
-        if not (np.abs(scaled - rounded) <= _ROUNDING).all():
-            raise InputError(
-                f"{where}: expected a frame of 8 or 16 bits a channel, found other values; save it as PNG, and check it"
-            )
-        codes[row, :, :3] = rounded
-        is_byte = is_byte and not (codes[row, :, :3] % _BYTE_STEP).any()
+        codes[row, :, :3] = np.rint(values.astype(np.float64) * DEEP)
     if codes.shape[2] == 4:
         codes[..., 3] = np.where(valid, DEEP, 0)
-    return encode_png((codes // _BYTE_STEP).astype(np.uint8) if is_byte else codes)
+    return encode_png(
+        codes if any((row % _BYTE_STEP).any() for row in codes) else (codes // _BYTE_STEP).astype(np.uint8)
+    )

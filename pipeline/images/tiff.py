@@ -8,6 +8,7 @@ import math
 import struct
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 
 from .colour_profile import check_profile
 
@@ -69,11 +70,9 @@ def checked_tiff(data: bytes, most_pixels: int) -> tuple[int, int, int]:
         raise ValueError(f"it has {deep} bits a channel, or less in use, not 8 or 16")
     if _PROFILE in tags:
         check_profile(tags[_PROFILE][0])  # type: ignore[arg-type]
-    if is_adobe_rgb(data):
-        raise ValueError("its colours are Adobe RGB, as its EXIF says, not sRGB")
     if 0 < width * height <= most_pixels:
         _check_strips(data, tags, width * samples * deep // 8, height)
-    return width, height, tags.get(_ORIENTATION, (1,))[0]
+    return width, height, checked_exif(data)
 
 
 def _check_strips(data: bytes, tags: Mapping[int, tuple[int, ...]], row_bytes: int, height: int) -> None:
@@ -102,23 +101,23 @@ def _check_strips(data: bytes, tags: Mapping[int, tuple[int, ...]], row_bytes: i
             raise ValueError("the file is damaged")
 
 
-def exif_orientation(exif: bytes) -> int:
-    """The orientation in an EXIF block; 1, upright, where it says nothing or is damaged."""
-    try:
-        return _directory(exif)[0].get(_ORIENTATION, (1,))[0]
-    except struct.error:
-        return 1
+def checked_exif(exif: bytes) -> int:
+    """The orientation in an EXIF block, or in a TIFF; 1, upright, where it says nothing or is damaged.
 
-
-def is_adobe_rgb(exif: bytes) -> bool:
-    """Whether an EXIF block, or a TIFF, says that its colours are Adobe RGB: cameras need no profile for that."""
-    try:
+    Raises
+    ------
+    ValueError
+        Its colours are Adobe RGB: cameras need no profile to say so.
+    """
+    tags: dict[int, tuple[int, ...]] = {}
+    inner: dict[int, tuple[int, ...]] = {}
+    with suppress(struct.error, KeyError):
         tags, _ = _directory(exif)
         inner, _ = _directory(exif, tags[_EXIF][0])
-    except (struct.error, KeyError):
-        return False
-    # of DCF, in a directory of its own; the number for Adobe RGB is not Exif's, but cameras write it
-    return inner.get(_EXIF_COLOURS) == (2,) or (inner.get(_EXIF_COLOURS) == (65535,) and b"R03\0" in exif[:65536])
+    # Exif has no number for it but DCF a text; some cameras write 2
+    if inner.get(_EXIF_COLOURS) == (2,) or (inner.get(_EXIF_COLOURS) == (65535,) and b"R03\0" in exif[:65536]):
+        raise ValueError("its colours are Adobe RGB, as its EXIF says, not sRGB")
+    return tags.get(_ORIENTATION, (1,))[0]
 
 
 def _directory(data: bytes, first: int | None = None) -> tuple[dict[int, tuple[int, ...]], int]:

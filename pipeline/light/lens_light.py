@@ -17,7 +17,7 @@ from datetime import date
 import numpy as np
 
 from ..errors import InputError
-from ..files.keys import check_keys
+from ..files.keys import check_keys, described
 from ..files.numbers import is_number
 from ..images.transfer import SRGB, TRANSFERS, Transfer
 
@@ -82,7 +82,7 @@ class LensLight:
             )
         for name, value, most in (("ambient", self.ambient, 1.0), ("falloff", self.falloff, STEEPEST)):
             if not (math.isfinite(value) and 0 <= value <= most):
-                raise InputError(f"{name}: expected a number from 0 to {most:g}, found {value!r}")
+                raise InputError(f"{name}: expected a number from 0 to {most:g}, found {described(value)}")
         if self.transfer not in tuple(TRANSFERS):
             raise InputError(f"transfer: expected one of {', '.join(TRANSFERS)}, found {self.transfer!r}")
 
@@ -108,10 +108,10 @@ def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
     check_keys(table, ("lamp_cam_mm", "ambient"), ("falloff", "transfer", *ORIGIN_KEYS), f"{where} ")
     lamp, origin = table["lamp_cam_mm"], {key: table[key] for key in ORIGIN_KEYS if key in table}
     if not isinstance(lamp, list) or len(lamp) != 3 or not all(map(is_number, lamp)):
-        raise InputError(f"{where} lamp_cam_mm: expected three numbers, found {lamp!r}")
+        raise InputError(f"{where} lamp_cam_mm: expected three numbers, found {described(lamp)}")
     for key in ("ambient", "falloff"):
         if not is_number(table.get(key, 0)):
-            raise InputError(f"{where} {key}: expected a number, found {table[key]!r}")
+            raise InputError(f"{where} {key}: expected a number, found {described(table[key])}")
     for key, value in origin.items():
         origin[key] = _checked_origin(key, value, f"{where} {key}")
     values = {key: float(table[key]) for key in ("ambient", "falloff") if key in table}  # type: ignore[arg-type]
@@ -127,14 +127,16 @@ def _checked_origin(key: str, value: object, where: str) -> object:
         if isinstance(value, date):
             return value.isoformat()
         if not isinstance(value, str):
-            raise InputError(f"{where}: expected text, found {value!r}")
+            raise InputError(f"{where}: expected text, found {described(value)}")
         return value
     if key == "standard_deviation_mm":
         if not isinstance(value, list) or len(value) != 3 or not all(is_number(each) and each >= 0 for each in value):
-            raise InputError(f"{where}: expected three numbers, for the camera's x, y and z axis, found {value!r}")
+            raise InputError(
+                f"{where}: expected three numbers, for the camera's x, y and z axis, found {described(value)}"
+            )
         return [float(each) for each in value]
     if not is_number(value):
-        raise InputError(f"{where}: expected a number, found {value!r}")
+        raise InputError(f"{where}: expected a number, found {described(value)}")
     return value
 
 

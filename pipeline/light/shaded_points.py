@@ -10,11 +10,10 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import linear_from_codes, sample_bilinear
 from ..images.transfer import SRGB, Transfer
-from ..projection.overlay_scene import smooth_normals
 from ..projection.visible_surface import central_point
-from ..projection.z_buffer import DepthRaster, inverse_depth_of, rasterise_depth
+from ..projection.z_buffer import DepthRaster, first_met, rasterise_depth, seen_normals
 from ..surface.mesh import TriangleMesh
-from ..transforms import inverse_rigid, rigid, transform_points
+from ..transforms import inverse_rigid, transform_points
 from .lens_light import LensLight, shading, working_distance_mm
 
 MOST_POINTS = 4000
@@ -27,8 +26,8 @@ AROUND_PX, STEEPEST_PX = 3, 3.0
 """No point is so near to a change of depth that is steeper than the latter: pixels of depth a pixel."""
 TOLERANCE_PX = 2.0
 """Depth in pixels by which a point may lie off the surface that a frame shows at its place."""
-SHADOW_MAP, SHADOW_BIAS_PX = 1024, 6.0
-"""Side of the map of what a lamp sees, and how far behind it a point still counts as lit, in its pixels."""
+SHADOW_BIAS = 1e-3
+"""How far behind what a lamp sees a point still counts as lit, in parts of its distance."""
 ROUGHNESS = 0.3
 """Of the gloss: bone, tissue and wet films between them, whose normals are finer than the surface's."""
 RED = 0
@@ -128,16 +127,8 @@ class ShadedPoints:
         lit = np.zeros(len(self.frame), bool)
         for number, pose in enumerate(self.poses):
             own = self.frame == number
-            lamp_from_model = rigid(translation=-np.array(light.lamp_cam_mm)) @ pose
-            points = transform_points(lamp_from_model, self.points[own])
-            if not len(points) or not points[:, 2].min() > 0:
-                continue
-            slopes = points[:, :2] / points[:, 2:]
-            low, size = slopes.min(axis=0), max(float(np.ptp(slopes, axis=0).max()), 1e-6)
-            focal = (SHADOW_MAP - 3) / size
-            camera = PinholeCamera(SHADOW_MAP, SHADOW_MAP, focal, focal, *(1 - focal * low))
-            nearest = sample_bilinear(inverse_depth_of(mesh, camera, lamp_from_model), camera.project(points))
-            lit[own] = points[:, 2] * nearest - 1 < SHADOW_BIAS_PX / focal
+            part, _ = first_met(mesh, light.place_model(pose), self.points[own])
+            lit[own] = part > 1 - SHADOW_BIAS
         return lit
 
 
@@ -197,13 +188,9 @@ def _lifted(mesh: TriangleMesh, view: _View, step: int) -> tuple[np.ndarray, np.
     """``(N, 3)`` points at every ``step``-th pixel across and down that can be used, and their normals."""
     v, u = (step // 2 + step * each for each in np.nonzero(view.unusable[step // 2 :: step, step // 2 :: step] == 0))
     frame, raster = view.frame, view.raster
-    rays, pose = frame.camera.rays_cam(np.stack([u, v], axis=1).astype(np.float64)), frame.cam_from_model
-    points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[v, u][:, None])
-    face = raster.face[v, u]
-    normals = smooth_normals(mesh, mesh.smooth_normals, face, points)
-    # a face may be wound either way
-    away = np.einsum("nk,nk->n", mesh.face_cross[face], rays @ pose[:3, :3]) > 0
-    return points, np.where(away[:, None], -normals, normals)
+    uv, pose = np.stack([u, v], axis=1).astype(np.float64), frame.cam_from_model
+    points = transform_points(inverse_rigid(pose), frame.camera.rays_cam(uv) / raster.inverse_depth[v, u][:, None])
+    return points, seen_normals(mesh, frame.camera, pose, raster.face[v, u], uv).astype(np.float64)
 
 
 def _seen(view: _View, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

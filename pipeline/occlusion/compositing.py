@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..colour.lens_shading import CornerNormals, LensShading, lit_by_lamp, shifted_codes, shown_codes
+from ..colour.lens_shading import LensShading, lit_by_lamp, shifted_codes, shown_codes
 from ..light.lens_light import LensLight
 from ..projection.edge_pixels import pixel_pattern
-from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import pixel_points
-from ..projection.z_buffer import DepthRaster, inverse_depth_map, rasterise_depth
+from ..projection.z_buffer import DepthRaster, inverse_depth_map, rasterise_depth, seen_normals
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre
 from .occluders import Occluders
@@ -107,9 +106,8 @@ class _Seen:
         self, occluders: Occluders, camera: PinholeCamera, cam_from_model: np.ndarray, light: LensShading
     ) -> None:
         self._occluders, self._camera, self._pose, self._light = occluders, camera, cam_from_model, light
-        self._normals, self._centre = CornerNormals(occluders.mesh), camera_centre(cam_from_model)
+        self._centre = camera_centre(cam_from_model)
         self._lamp = light.at(cam_from_model)[0].place_model(cam_from_model)
-        self._front = occluders.mesh.front_facing(self._centre)
 
     def raster(self, offset: np.ndarray) -> DepthRaster:
         """What is at a place ``(2,)`` of each pixel, px from its centre."""
@@ -120,10 +118,10 @@ class _Seen:
     def colours(self, raster: DepthRaster, pixels: np.ndarray, offset: np.ndarray) -> np.ndarray:
         """``(N, 3)`` code values of the ``(H, W)`` bool pixels of a raster that is of this place in them."""
         v, u = np.nonzero(pixels)
-        faces, rays_cam = raster.face[pixels], self._camera.rays_cam(np.stack([u, v], axis=1) + offset)
-        away = (rays_cam @ self._pose[:3, :3]) / raster.inverse_depth[pixels][:, None]
+        faces, uv = raster.face[pixels], np.stack([u, v], axis=1) + offset
+        away = (self._camera.rays_cam(uv) @ self._pose[:3, :3]) / raster.inverse_depth[pixels][:, None]
         points = (self._centre + away).astype(np.float32)
-        normals = self._normals.at(faces, points, self._front[faces])
+        normals = seen_normals(self._occluders.mesh, self._camera, self._pose, faces, uv)
         rgb = shifted_codes(self._occluders.rgb[faces], self._light.curve)
         shown_codes(rgb, self._light.factors(points, normals, self._pose), self._light.curve)
         halfway = _unit(-away) + _unit(self._lamp - points)
@@ -141,7 +139,7 @@ def shadow_filter(staging: Staging) -> Filter | None:
     light, mesh = staging.light, staging.reference.mesh
     if light is None or not staging.options["occluders"]:
         return None
-    lit = LitSurface(mesh, CornerNormals(mesh), light, staging.rays_at(mesh) if light.shadows else None)
+    lit = LitSurface(mesh, light)
     return lambda view, staged: view if staged.shadow is None else lit.shaded(view, staged.shadow)
 
 
@@ -151,18 +149,14 @@ class LitSurface:
 
     Attributes
     ----------
-    mesh, normals
-        The surface, model frame, mm, and its normals.
+    mesh
+        The surface, model frame, mm.
     light
         The light.
-    rays
-        Rays at it, if its own parts throw shadows, too.
     """
 
     mesh: TriangleMesh
-    normals: CornerNormals
     light: LensShading
-    rays: MeshRays | None = None
 
     def shaded(self, view: RenderedView, shadow: Shadow) -> RenderedView:
         """A view of the surface alone with a shadow on it."""
@@ -176,8 +170,8 @@ class LitSurface:
         # a centre on an edge, where the renderer meets surface and double precision does not, stays lit
         v, u, faces = v[faces >= 0], u[faces >= 0], faces[faces >= 0]
         points = pixel_points(view.depth_mm, (v, u), camera, pose)
-        normals = self.normals.at(faces, points, self.mesh.front_facing(camera_centre(pose), faces))
-        lit = None if self.rays is None else lit_by_lamp(self.rays, self.light, faces, points, pose)
+        normals = seen_normals(self.mesh, camera, pose, faces, np.stack([u, v], axis=1).astype(np.float64))
+        lit = lit_by_lamp(self.mesh, self.light, faces, points, pose) if self.light.shadows else None
         before, after = (
             self.light.factors(points, normals, pose, each) for each in (lit, np.zeros(len(v), np.float32))
         )

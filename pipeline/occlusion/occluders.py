@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..projection.z_buffer import is_within_limits
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from .instruments import KINDS, STEP_MM, Finish, Instrument
@@ -141,7 +140,7 @@ def _held(
             for mesh, finish in instrument.parts(length_mm)
         ]
         meshes = [mesh for mesh, _ in parts]
-        if not all(is_within_limits(mesh, camera, cam_from_model) for mesh in meshes):
+        if not all((transform_points(cam_from_model, mesh.box)[:, 2] > 0).all() for mesh in meshes):
             return None
         if not any(room.touches(mesh, others) for mesh in meshes):
             return parts

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..colour.lens_shading import LensShading
-from ..projection.z_buffer import inverse_depth_of
+from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 
 
@@ -25,7 +25,7 @@ class Shadow:
         cx = camera.cx + camera.fx * x / distance_mm + camera.width // 2
         cy = camera.cy + camera.fy * y / distance_mm + camera.height // 2
         self._seen = replace(camera, width=2 * camera.width, height=2 * camera.height, cx=cx, cy=cy)
-        self._inverse_depth = inverse_depth_of(mesh, self._seen, lamp_from_model)
+        self._inverse_depth = rasterise_depth(mesh, self._seen, lamp_from_model).inverse_depth
 
     def covers(self, depth_mm: np.ndarray) -> np.ndarray:
         """``(H, W)`` bool: it falls on what the pixels of the view show at this depth, 0 for nothing."""

@@ -14,9 +14,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..colour.lens_shading import LensShading
 from ..colour.reference_view import ReferenceView
-from ..projection.rays import MeshRays
 from ..projection.rendered_view import RenderedView
-from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid
 from .occluders import Occluders, Room, draw_occluders
 from .shadow import Shadow
@@ -40,8 +38,6 @@ class Staging:
         The light at the lens of the views; ``None`` without one.
     room
         The surface that what stands in front keeps clear of.
-    rays_at
-        Makes the rays at a mesh.
     """
 
     options: Mapping[str, Any]
@@ -50,7 +46,6 @@ class Staging:
     camera_from_planned: np.ndarray
     light: LensShading | None
     room: Room
-    rays_at: Callable[[TriangleMesh], MeshRays]
 
 
 @dataclass(frozen=True, eq=False)

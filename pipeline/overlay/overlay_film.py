@@ -9,8 +9,7 @@ import numpy as np
 
 from ..camera.distortion import Distortion, distorted_pixels
 from ..camera.pinhole import PinholeCamera
-from ..case.case_file import Case
-from ..case.loaded_case import LoadedCase
+from ..case.loaded_case import LoadedCase, check_listed
 from ..errors import InputError
 from ..images.legend import Write, put_border
 from ..poses.pose_file import read_frame_poses
@@ -19,31 +18,6 @@ from .overlay_picture import OverlayPainter
 
 PLAUSIBLE_FPS = 1.0, 240.0
 DEFAULT_FPS = 25.0
-
-
-@dataclass(frozen=True)
-class FilmReport:
-    """What a film shows.
-
-    Attributes
-    ----------
-    frames
-        Number of all its pictures.
-    drawn
-        Number of those with an overlay.
-    without_pose, out_of_view
-        Numbers of those without one: no pose, or one that does not show the surface.
-    repeated, left_out
-        Pictures that stand in for frames that cannot be decoded or come late, and frames that come too soon after
-        another one.
-    """
-
-    frames: int
-    drawn: int
-    without_pose: int
-    out_of_view: int
-    repeated: int
-    left_out: int
 
 
 @dataclass(frozen=True)
@@ -90,17 +64,22 @@ def opened_film(
             mesh_from_model=loaded.surface.mesh_from_model,
             mm_per_unit=loaded.case.mm_per_unit,
         )
+        check_listed(loaded, found, poses.name)
         size_wh, camera = film.info.size_wh, loaded.frame.camera.for_images(film.info.size_wh, video.name)
         if camera.size_wh != loaded.frame.camera.size_wh:
             width, height = loaded.frame.camera.size_wh
             messages.append(f"{video.name}: {size_wh[0]}x{size_wh[1]} px, the K of {width}x{height} is scaled to it")
-        if film.info.cut_off:
-            messages.append(f"{video.name}: {film.info.cut_off}")
+        messages += [f"{video.name}: {note}" for note in film.info.notes]
         yield film, found, messages
 
 
 class OverlayFilm:
-    """Draws a film; counts what it shows."""
+    """Draws a film.
+
+    ``counts`` has what the pictures show that were drawn so far: frames with an overlay, without one for lack of a pose
+    or of surface in view, pictures that stand in for frames that cannot be decoded or come late, and frames that are
+    left out because they come too soon after another one.
+    """
 
     def __init__(
         self,
@@ -120,19 +99,28 @@ class OverlayFilm:
         camera = loaded.frame.camera.for_images(film.info.size_wh, film.path.name)
         self._painter = OverlayPainter(loaded, camera, write)
         self._straight = _resampler(camera, loaded.case.distortion)
-        self._counts = dict.fromkeys(("drawn", "without_pose", "out_of_view", "repeated", "left_out"), 0)
+        self.counts = dict.fromkeys(("drawn", "without_pose", "out_of_view", "repeated", "left_out"), 0)
         self.fps, self.count = output_rate(film.info)
-
-    @property
-    def report(self) -> FilmReport:
-        """What the pictures show that were drawn so far."""
-        return FilmReport(frames=self.count, **self._counts)
+        self.pixel_aspect = film.info.pixel_aspect
 
     def pictures(self, progress: Callable[[], None]) -> Iterator[np.ndarray]:
         """The :attr:`count` pictures of the film, :attr:`fps` a second; ``progress`` is called for each."""
         for picture in self._steady():
             progress()
             yield picture
+
+    def lines(self) -> list[str]:
+        """What the pictures show."""
+        counts, lines = self.counts, [f"{self.count} frames, {self.counts['drawn']} with overlay"]
+        if counts["without_pose"]:
+            lines[0] += f", {counts['without_pose']} without pose"
+        if counts["out_of_view"]:
+            lines[0] += f", {counts['out_of_view']} whose pose does not show the surface"
+        if counts["repeated"]:
+            lines.append(f"{counts['repeated']} pictures are repeated: frames that cannot be decoded or come late")
+        if counts["left_out"]:
+            lines.append(f"{counts['left_out']} frames are left out: they come too soon after another one")
+        return lines
 
     def _steady(self) -> Iterator[np.ndarray]:
         """The pictures at a steady rate."""
@@ -142,18 +130,18 @@ class OverlayFilm:
                 first_s = frame.time_s if frame.index == 0 else frame.time_s - frame.index / self.fps
             due = min(self._due(frame, first_s), self.count - 1)
             if picture is not None and due < sent:
-                self._counts["left_out"] += 1
+                self.counts["left_out"] += 1
                 continue
             before, picture = picture, self._drawn(frame)
             for _ in range(due - sent):
-                self._counts["repeated"] += 1
+                self.counts["repeated"] += 1
                 yield picture if before is None else before
             yield picture
             sent = due + 1
         if picture is None:
             raise InputError(f"{self._film.path.name}: expected a video, cannot decode any frame of it; copy it again")
         for _ in range(self.count - sent):
-            self._counts["repeated"] += 1
+            self.counts["repeated"] += 1
             yield picture
 
     def _due(self, frame: FilmFrame, first_s: float) -> int:
@@ -166,32 +154,16 @@ class OverlayFilm:
         image = self._straight(frame.image)
         pose, mark = self._poses[frame.index], self._marks.get(frame.index, FrameMark())
         if pose is None:
-            self._counts["without_pose"] += 1
+            self.counts["without_pose"] += 1
         else:
             strength = None if mark.opacity == 1 else np.full(image.shape[:2], mark.opacity, np.float32)
             painted = self._painter.paint(image, pose, clear=strength, sure=mark.codes is None)
-            self._counts["drawn" if painted.shows_surface else "out_of_view"] += 1
+            self.counts["drawn" if painted.shows_surface else "out_of_view"] += 1
             image = painted.image
         if mark.codes is not None:
             image = image.copy()
             put_border(image, mark.codes, mark.words, self._write)
         return image
-
-
-def report_lines(report: FilmReport, case: Case) -> list[str]:
-    """What a film shows, in lines."""
-    lines = [f"{report.frames} frames, {report.drawn} with overlay"]
-    if report.without_pose:
-        lines[0] += f", {report.without_pose} without pose"
-    if report.out_of_view:
-        lines[0] += f", {report.out_of_view} whose pose does not show the surface"
-    if report.repeated:
-        lines.append(f"{report.repeated} pictures are repeated: frames that cannot be decoded or come late")
-    if report.left_out:
-        lines.append(f"{report.left_out} frames are left out: they come too soon after another one")
-    if case.distortion:
-        lines.append("the frames are undistorted")
-    return lines
 
 
 def _resampler(camera: PinholeCamera, distortion: Distortion | None) -> Callable[[np.ndarray], np.ndarray]:

@@ -23,7 +23,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..transforms import inverse_rigid, rigid, rotation_between, rotation_from_vector, se3_exp, transform_points
-from .pose_file import OTHER_CONVENTION
 
 
 @dataclass(frozen=True)
@@ -303,15 +302,8 @@ class Listed(PoseDistribution):
 
 
 def farthest_listed_mm(poses: np.ndarray, radius_mm: float) -> float:
-    """A depth that a surface of this radius does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm.
-
-    Raises :class:`.InputError` if the surface is behind the camera at all of them.
-    """
-    farthest_mm = float(poses[:, 2, 3].max()) + radius_mm
-    if farthest_mm > 0:
-        return farthest_mm
-    listed = f"all {len(poses)} poses of the list"
-    raise InputError(f"poses: expected the surface in front of the camera, {listed} have it behind; {OTHER_CONVENTION}")
+    """A depth that a surface of this radius does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm."""
+    return float(poses[:, 2, 3].max()) + radius_mm
 
 
 def _tilt_in_cap(half_angle_deg: float, polar: float, azimuth: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from ..images.strokes import pieces_of
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, transform_points
 from .silhouette import SilhouetteEdges
-from .z_buffer import inverse_depth_of, rasterise_depth
+from .z_buffer import rasterise_depth, seen_normals
 
 STEP_MM = 1.0
 """Smallest step of depth that counts as a contour: bone is rough."""
@@ -25,64 +25,33 @@ PIECE_PX = 4.0
 
 
 @dataclass(frozen=True)
-class Solid:
-    """A mesh with its edges.
-
-    Attributes
-    ----------
-    edges
-        Those of the mesh.
-    is_closed
-        Whether it is closed with its fronts outside, so that no back face is ever seen from outside.
-    """
-
-    edges: SilhouetteEdges
-    is_closed: bool
-
-    @classmethod
-    def of(cls, mesh: TriangleMesh) -> "Solid":
-        """Find the edges of a mesh (model frame)."""
-        edges = SilhouetteEdges.of(mesh)
-        return cls(edges, _is_closed(edges))
-
-    def seen_faces(self, cam_from_model: np.ndarray) -> np.ndarray | None:
-        """Indices of the faces that a camera outside may see; ``None`` for all."""
-        if not self.is_closed:
-            return None
-        return np.flatnonzero(self.edges.facing(camera_centre(cam_from_model)) > 0)
-
-
-@dataclass(frozen=True)
 class OverlayScene:
     """A surface and structures, all in the model frame; the structures with their colours, sRGB 0..1."""
 
-    surface: Solid
-    structures: tuple[tuple[Solid, Colour], ...]
+    surface: SilhouetteEdges
+    structures: tuple[tuple[TriangleMesh, Colour], ...]
 
     @classmethod
     def of(cls, surface: TriangleMesh, structures: Sequence[tuple[TriangleMesh, Colour]]) -> "OverlayScene":
-        """Prepare meshes."""
-        return cls(Solid.of(surface), tuple((Solid.of(mesh), colour) for mesh, colour in structures))
+        """Prepare the surface."""
+        return cls(SilhouetteEdges.of(surface), tuple(structures))
 
     def surface_layer(
         self, camera: PinholeCamera, cam_from_model: np.ndarray, depth_mm: np.ndarray | None = None
     ) -> SurfaceLayer:
         """The surface at a pose (4x4, mm); its ``(H, W)`` depth is rasterised unless it is given."""
-        edges = self.surface.edges
+        edges = self.surface
         if depth_mm is None:
-            inverse = inverse_depth_of(edges.mesh, camera, cam_from_model, self.surface.seen_faces(cam_from_model))
-            depth_mm = np.zeros(inverse.shape, np.float32)
-            np.divide(1, inverse, out=depth_mm, where=inverse > 0, casting="unsafe")
+            depth_mm = rasterise_depth(edges.mesh, camera, cam_from_model).depth_mm.astype(np.float32)
         return SurfaceLayer(depth_mm, *visible_contours(edges, camera, cam_from_model, depth_mm))
 
     def layers(self, camera: PinholeCamera, cam_from_model: np.ndarray) -> list[Layer]:
         """The structures at a pose, in their order."""
-        return [structure_layer(solid, colour, camera, cam_from_model) for solid, colour in self.structures]
+        return [structure_layer(mesh, colour, camera, cam_from_model) for mesh, colour in self.structures]
 
 
-def structure_layer(solid: Solid, colour: Colour, camera: PinholeCamera, cam_from_model: np.ndarray) -> Layer:
+def structure_layer(mesh: TriangleMesh, colour: Colour, camera: PinholeCamera, cam_from_model: np.ndarray) -> Layer:
     """One structure (model frame) at a pose, in the part of the image that it may cover."""
-    mesh = solid.edges.mesh
     pixels = camera.project(transform_points(cam_from_model, mesh.vertices))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     size = np.array(camera.size_wh)
@@ -93,53 +62,14 @@ def structure_layer(solid: Solid, colour: Colour, camera: PinholeCamera, cam_fro
     x0, y0 = (int(value) for value in low)
     width, height = (int(value) for value in high - low)
     window = replace(camera, width=width, height=height, cx=camera.cx - x0, cy=camera.cy - y0)
-    raster = rasterise_depth(mesh, window, cam_from_model, solid.seen_faces(cam_from_model))
+    raster = rasterise_depth(mesh, window, cam_from_model)
     seen = raster.face >= 0
-    depth, shade = np.zeros(seen.shape, np.float32), np.zeros(seen.shape, np.float32)
-    depth[seen] = 1 / raster.inverse_depth[seen]
-    y, x = np.nonzero(seen)
-    shade[seen] = _facing(mesh, raster.face[seen], np.stack([x, y], axis=1), depth[seen], window, cam_from_model)
-    return Layer((x0, y0), depth, shade, colour)
-
-
-def _facing(
-    mesh: TriangleMesh,
-    face: np.ndarray,
-    pixels: np.ndarray,
-    depth_mm: np.ndarray,
-    camera: PinholeCamera,
-    cam_from_model: np.ndarray,
-) -> np.ndarray:
-    """``(N,)`` cosine between the smooth normal and the ray at points of faces, 0..1."""
-    rays = camera.rays_cam(pixels.astype(np.float64))
-    rotation = cam_from_model[:3, :3]
-    points = ((rays * depth_mm[:, None]) - cam_from_model[:3, 3]) @ rotation
-    normals = smooth_normals(mesh, mesh.vertex_normals, face, points)
-    towards = camera_centre(cam_from_model) - points
-    return np.abs(np.einsum("nk,nk->n", normals, towards)) / np.linalg.norm(towards, axis=1)
-
-
-def smooth_normals(mesh: TriangleMesh, of_vertices: np.ndarray, face: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """``(N, 3)`` unit normals at points of faces ``(N,)``, interpolated between those ``(V, 3)`` of the vertices."""
-    corners = mesh.faces[face]
-    a, b, c = (mesh.vertices[corners[:, corner]] for corner in range(3))
-    cross = mesh.face_cross[face]
-    squared = np.einsum("nk,nk->n", cross, cross)
-    weight_b = np.einsum("nk,nk->n", np.cross(points - a, c - a), cross) / squared
-    weight_c = np.einsum("nk,nk->n", np.cross(b - a, points - a), cross) / squared
-    weights = np.clip(np.stack([1 - weight_b - weight_c, weight_b, weight_c]), 0, 1)
-    normals = sum(weights[corner][:, None] * of_vertices[corners[:, corner]] for corner in range(3))
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
-
-
-def _is_closed(edges: SilhouetteEdges) -> bool:
-    """Whether every edge joins two faces that run along it in opposite directions, around a positive volume."""
-    faces = len(edges.mesh.faces)
-    first, second = edges.half_edges
-    opposite = (second < 2 * faces) & ((first < faces) != (second < faces))
-    volume = float((edges.mesh.vertices[edges.mesh.faces[:, 0]] * edges.mesh.face_cross).sum())
-    return len(edges.further_edges) == 0 and bool(opposite.all()) and volume > 0
+    shade = np.zeros(seen.shape, np.float32)
+    v, u = np.nonzero(seen)
+    uv, pose = np.stack([u, v], axis=1).astype(np.float64), cam_from_model
+    normals, rays = seen_normals(mesh, window, pose, raster.face[seen], uv), window.rays_cam(uv) @ pose[:3, :3]
+    shade[seen] = np.abs(np.einsum("nk,nk->n", normals, rays)) / np.linalg.norm(rays, axis=1)
+    return Layer((x0, y0), raster.depth_mm.astype(np.float32), shade, colour)
 
 
 def visible_contours(

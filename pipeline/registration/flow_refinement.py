@@ -17,7 +17,6 @@ from ..alignment.reprojection import Correspondences, Poses
 from ..camera.pinhole import PinholeCamera
 from ..light.local_mean import without_light
 from ..transforms import transform_points
-from .frame_blur import Blur, blur_between
 from .known_views import KnownView, KnownViews
 
 ROUNDS, STEPS = 4, 15
@@ -34,8 +33,6 @@ FITTED = 1500
 CONVERGED_PX = 0.1
 """Movement of all of them together below which a fit ends: 0.003 px each."""
 LEAST_PIXELS = 30
-LEAST_SHOWN = 2000
-"""Pixels that tell the blur of a frame."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +53,6 @@ class FlowFit:
         ``(N, 3)`` the points, and ``(N, 2)`` where the frame shows them.
     codes
         ``(N, 2)`` code values, without light, of the known view and of the frame there.
-    blur
-        That the view was given first, to look as the frame.
     """
 
     cam_from_model: np.ndarray
@@ -67,7 +62,6 @@ class FlowFit:
     points_model: np.ndarray
     moved: np.ndarray
     codes: np.ndarray
-    blur: Blur | None = None
 
     def returning(self, most: int) -> np.ndarray:
         """``(M,)`` numbers of points whose flow comes back, evenly chosen: about ``most`` of them."""
@@ -84,21 +78,13 @@ class _Flow(NamedTuple):
 
 
 def refined_by_flow(
-    views: KnownViews, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray, *, blurred: bool = False
+    views: KnownViews, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray
 ) -> FlowFit | None:
     """The pose near a rough one ``(4, 4)`` at which the known view lies on a frame; ``None`` if there is none.
 
-    ``grey`` is ``(H, W)`` uint8, ``valid`` ``(H, W)`` bool: pixels that may be used. With ``blurred`` the view gets the
-    blur of the frame, as found at the rough pose, first.
+    ``grey`` is ``(H, W)`` uint8, ``valid`` ``(H, W)`` bool: pixels that may be used.
     """
-    frame, pose, known, blur = without_light(grey, valid), cam_from_model, views.near(cam_from_model), None
-    view = known
-    if blurred:
-        laid, usable, _ = _laid(known, grey, valid, pose)
-        if np.count_nonzero(known.shown & usable) < LEAST_SHOWN:
-            return None
-        blur = blur_between(known.grey, laid, known.shown & usable)
-        view = known.blurred(blur)
+    frame, pose, view = without_light(grey, valid), cam_from_model, views.near(cam_from_model)
     for last in (*[False] * (ROUNDS - 1), True):
         if len(view.textured) < LEAST_PIXELS:
             return None
@@ -115,9 +101,8 @@ def refined_by_flow(
             placed, residuals_px, points, moved, codes = (
                 each[inside] for each in (placed, residuals_px, points, flow.moved, flow.codes)
             )
-            return FlowFit(pose, camera, placed, residuals_px, points, moved, codes, blur)
-        if (nearer := views.near(pose)) is not known:
-            known, view = nearer, nearer if blur is None else nearer.blurred(blur)
+            return FlowFit(pose, camera, placed, residuals_px, points, moved, codes)
+        view = views.near(pose)
     return None
 
 
@@ -138,20 +123,12 @@ def _dense_flow(preset: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return cv2.DISOpticalFlow.create(preset).calc(one, other, np.zeros((*one.shape, 2), np.float32))
 
 
-def _laid(
-    view: KnownView, frame: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A frame laid on a view by a rough pose, whether its pixels may be used, and where they are in the frame."""
-    place = view.placed(cam_from_model)
-    x, y = cv2.split(place)
-    laid = cv2.remap(frame, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return laid, cv2.remap(valid.astype(np.uint8), x, y, cv2.INTER_NEAREST) > 0, place
-
-
 def _flow(view: KnownView, frame: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray) -> _Flow:
     """The flow from a known view to a frame that is laid on it by a rough pose."""
-    known = view.detail
-    laid, usable, place = _laid(view, frame, valid, cam_from_model)
+    known, place = view.detail, view.placed(cam_from_model)
+    x, y = cv2.split(place)
+    laid = cv2.remap(frame, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    usable = cv2.remap(valid.astype(np.uint8), x, y, cv2.INTER_NEAREST) > 0
     # what the view does not show is the frame's own: no false edge at the border
     shown = np.where(view.shown, known, laid)
     # the way back only tests, to a pixel

@@ -5,7 +5,7 @@ Features that a frame shares with a bank of them localise it without any rough p
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,7 +22,6 @@ from ..light.local_mean import without_light
 from ..poses.distributions import ReferencePose
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, rigid, rotation_angle_deg, transform_points
-from .frame_blur import Blur
 
 NEAR_TILT_DEG, NEAR_ROLL_DEG, NEAR_SHARE, NEAR_WIDTHS = 8.0, 20.0, 0.06, 0.1
 """How far a pose may be from a view that stands for its own: tilt, rotation, share of the distance, and shift in the
@@ -61,10 +60,6 @@ class KnownView:
     def detail(self) -> np.ndarray:
         """``(H, W)`` uint8: the view without its light."""
         return without_light(self.grey, self.shown)
-
-    def blurred(self, blur: Blur) -> "KnownView":
-        """The view as a frame under this blur would show it."""
-        return replace(self, grey=blur.of(self.grey, self.shown))
 
     @cached_property
     def textured(self) -> np.ndarray:
@@ -128,10 +123,10 @@ class KnownView:
 class KnownViews:
     """Renders known views of one surface with one camera."""
 
-    def __init__(self, mesh: TriangleMesh, source: SourceView) -> None:
+    def __init__(self, mesh: TriangleMesh, case_view: SourceView) -> None:
         """Prepare a surface (model frame) that is coloured by its aligned frame."""
-        self.source = source
-        self._tracer = RayTracer(ColouredSurface(mesh, (source,)), source.camera)
+        self.case_view = case_view
+        self._tracer = RayTracer(ColouredSurface(mesh, (case_view,)), case_view.camera)
         self._latest: KnownView | None = None
 
     def near(self, cam_from_model: np.ndarray) -> KnownView:
@@ -148,7 +143,7 @@ class KnownViews:
             grey=grey_codes(seen.rgb),
             depth_mm=seen.depth_mm,
             shown=seen.observed,
-            camera=self.source.camera,
+            camera=self.case_view.camera,
             cam_from_model=cam_from_model,
         )
 
@@ -219,7 +214,7 @@ class ViewBank:
 
 def bank_of(views: KnownViews, pivot_model: np.ndarray) -> ViewBank:
     """The bank of the views around an aligned frame; ``pivot_model`` ``(3,)`` mm is the middle of what it shows."""
-    reference = ReferencePose(views.source.cam_from_model, pivot_model)
+    reference = ReferencePose(views.case_view.cam_from_model, pivot_model)
     poses = []
     for tilt_deg, count in TILTS_DEG:
         tilt = np.radians(tilt_deg)

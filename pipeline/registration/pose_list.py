@@ -17,6 +17,7 @@ from ..case.loaded_case import LoadedCase
 from ..case.pose_record import REGISTERED, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
+from ..files.keys import described
 from ..files.tables import parsed_json
 from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
 from ..transforms import checked_rigid, inverse_rigid
@@ -74,8 +75,8 @@ def registration_record(
     registered: RegisteredFrame,
     camera: PinholeCamera,
     mesh_from_model: np.ndarray,
-    source: PoseRecord,
-    source_name: str,
+    case_record: PoseRecord,
+    case_name: str,
     tool: str,
     date: str,
 ) -> PoseRecord:
@@ -89,7 +90,7 @@ def registration_record(
         The camera of the frame at its full size.
     mesh_from_model
         ``(4, 4)``, mm.
-    source, source_name
+    case_record, case_name
         The record of the aligned frame's pose, and the name of its file.
     tool, date
         Program and version; day in ISO 8601.
@@ -98,15 +99,15 @@ def registration_record(
     if pose is None or uncertainty is None:
         return UNKNOWN
     # nobody knows how far it is off where the aligned frame's pose says nothing
-    is_known = source.standard_deviation_mm is not None
+    is_known = case_record.standard_deviation_mm is not None
     return PoseRecord(
         method=REGISTERED,
         tool=tool,
         date=date,
         doubt="" if verdict.state == ACCEPTED else verdict.reason,
         probability=verdict.probability,
-        start_frame=source_name,
-        start_method=source.method,
+        start_frame=case_name,
+        start_method=case_record.method,
         error_px=uncertainty.spread_px(camera, pose) if is_known else None,
         **uncertainty.deviations(),
         **uncertainty.entry(mesh_from_model),
@@ -207,7 +208,8 @@ def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[st
         image = entry.get("image") if isinstance(entry, dict) else None
         if not isinstance(image, str) or not image:
             raise InputError(
-                f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image {image!r}'
+                f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image = '
+                f"{described(image)}"
             )
         lens = None
         if DISTORTION in entry:

@@ -81,10 +81,10 @@ class Registrar:
         """Prepare a case at its pose; ``guess`` is asked before the features."""
         self.loaded, self.reader, self._guess = loaded, FrameReader(loaded.case), guess
         view = reference_view(replace(loaded, frames=(small_frame(loaded.frame),)))
-        self.mesh, self.source, self.pivot_model = view.mesh, view.view, view.pivot_model
-        self.camera, self.cam_from_model = self.source.camera, self.source.cam_from_model
-        self.views = KnownViews(self.mesh, self.source)
-        own = _stated(loaded, self.source.shown_points())
+        self.mesh, self.case_view, self.pivot_model = view.mesh, view.view, view.pivot_model
+        self.camera, self.cam_from_model = self.case_view.camera, self.case_view.cam_from_model
+        self.views = KnownViews(self.mesh, self.case_view)
+        own = _stated(loaded, self.case_view.shown_points())
         self._own = None if own is None else own.about(self.pivot_model, self.cam_from_model)
         self._before: tuple[np.ndarray, ...] = ()
 
@@ -132,14 +132,8 @@ class Registrar:
     def _refined(
         self, grey: np.ndarray, valid: np.ndarray, cam_from_model: np.ndarray, found: Localised | None = None
     ) -> RegisteredFrame:
-        """A frame refined from a rough pose, by what is known as it is, and if it is not accepted, blurred as it."""
-        judged = list[RegisteredFrame]()
-        for blurred in (False, True):
-            fit = refined_by_flow(self.views, grey, valid, cam_from_model, blurred=blurred)
-            judged.append(self._judged(fit, found))
-            if judged[-1].verdict.state == ACCEPTED:
-                return judged[-1]
-        return max(judged, key=lambda each: each.verdict.probability)
+        """A frame refined from a rough pose."""
+        return self._judged(refined_by_flow(self.views, grey, valid, cam_from_model), found)
 
     def _judged(self, fit: FlowFit | None, found: Localised | None = None) -> RegisteredFrame:
         verdict, uncertainty = judge(fit, found, self.pivot_model)
@@ -163,8 +157,8 @@ class Registrar:
             PosedFrame(each.image.astype(np.float32) / 255, each.valid, self.camera, poses[each.number])
             for each in evenly(frames, surface_check.MOST_FRAMES)
         ]
-        source, *others = (small_frame(each, surface_check.LONGER_SIDE_PX) for each in (self.source, *others))
-        return check_surface(self.mesh, self.pivot_model, source, others)
+        case_frame, *others = (small_frame(each, surface_check.LONGER_SIDE_PX) for each in (self.case_view, *others))
+        return check_surface(self.mesh, self.pivot_model, case_frame, others)
 
 
 class RegistrationRun:
@@ -263,7 +257,10 @@ def accepted_poses(frames: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarra
 
 
 def with_case(
-    registered: RegisteredFrame, source: PoseUncertainty | None, source_from_model: np.ndarray, camera: PinholeCamera
+    registered: RegisteredFrame,
+    case_uncertainty: PoseUncertainty | None,
+    case_from_model: np.ndarray,
+    camera: PinholeCamera,
 ) -> RegisteredFrame:
     """A registered frame whose covariance, probability and state include what surface and aligned frame are off.
 
@@ -274,9 +271,9 @@ def with_case(
     ----------
     registered
         Registered to the aligned frame.
-    source
+    case_uncertainty
         Uncertainty of its pose, about the same pivot; ``None`` if nobody states it.
-    source_from_model
+    case_from_model
         ``(4, 4)`` that pose, mm.
     camera
         The camera of the frames.
@@ -284,11 +281,11 @@ def with_case(
     pose, own = registered.cam_from_model, registered.uncertainty
     if pose is None or own is None:
         return registered
-    way = np.append(pose[:3, :3] @ (camera_centre(pose) - camera_centre(source_from_model)), np.zeros(3))
+    way = np.append(pose[:3, :3] @ (camera_centre(pose) - camera_centre(case_from_model)), np.zeros(3))
     covariance = own.covariance + SURFACE_SHARE**2 * np.outer(way, way)
-    if source is not None:
-        turn = np.kron(np.eye(2), pose[:3, :3] @ source_from_model[:3, :3].T)
-        covariance = covariance + turn @ source.covariance @ turn.T
+    if case_uncertainty is not None:
+        turn = np.kron(np.eye(2), pose[:3, :3] @ case_from_model[:3, :3].T)
+        covariance = covariance + turn @ case_uncertainty.covariance @ turn.T
     uncertainty, verdict = replace(own, covariance=covariance), registered.verdict
     alone, both = within(own, camera), within(uncertainty, camera)
     verdict = replace(verdict, probability=verdict.probability * min(both / max(alone, 1e-9), 1.0))

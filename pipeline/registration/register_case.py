@@ -22,7 +22,7 @@ from ..images.png import encode_png
 from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..transforms import inverse_rigid
 from ..video.film_reader import Film
-from .colour_sources import ColourChoice, chosen_sources
+from .colouring_frames import colouring_frames
 from .further_frames import image_paths
 from .pose_list import DISTORTION, POSES, encoded_list, pose_entry
 from .register import RegisteredFrame, Registrar, RegistrationRun, accepted_poses, marked
@@ -77,11 +77,10 @@ class FrameEvidence:
         sure = self.verdict.probability * (1 - 2 * self.image_px / WITHIN_PX) if posed else 0.0
         return float(np.clip(sure, *OPACITY[self.verdict.state]))
 
-    def words(self, until: "FrameEvidence") -> str:
-        """State and reason, of the frames from this one until another one."""
-        one = self.name or f"frame {self.number}"
-        frames = one if until is self else f"frames {self.number} to {until.number}"
-        return f"{frames}, {self.verdict.state}: {self.verdict.reason}"
+    @property
+    def words(self) -> str:
+        """State and reason."""
+        return f"{self.name or f'frame {self.number}'}, {self.verdict.state}: {self.verdict.reason}"
 
 
 @dataclass(frozen=True)
@@ -104,8 +103,8 @@ class RegistrationEvidence:
         What the frames tell of the surface; ``None`` if they are too few or too near to one another.
     cut_off
         A sentence if the film is cut off, else empty.
-    colour, sources
-        The choice of frames that colour the surface, if any were to be chosen; and these frames, for the case.
+    colouring, colouring_lines
+        The frames that colour the surface too, for the case; and sentences on their choice.
     """
 
     frames: tuple[FrameEvidence, ...]
@@ -115,27 +114,14 @@ class RegistrationEvidence:
     change: FilmChange | None = None
     surface: SurfaceCheck | None = None
     cut_off: str = ""
-    colour: ColourChoice | None = None
-    sources: tuple[UnreadFrame, ...] = ()
+    colouring: tuple[UnreadFrame, ...] = ()
+    colouring_lines: tuple[str, ...] = ()
 
     @property
     def counts(self) -> dict[str, int]:
         """State -> number of frames."""
         states = [frame.verdict.state for frame in self.frames]
         return {state: states.count(state) for state in COLOURS}
-
-    @property
-    def lost(self) -> list[tuple[FrameEvidence, FrameEvidence]]:
-        """The first and the last frame of each stretch that is not accepted; images stand alone."""
-        stretches = list[tuple[FrameEvidence, FrameEvidence]]()
-        before = ACCEPTED
-        for frame in self.frames:
-            state = frame.verdict.state
-            if state != ACCEPTED:
-                goes_on = self.is_film and state == before
-                stretches.append((stretches.pop()[0] if goes_on else frame, frame))
-            before = state
-        return stretches
 
 
 def register_case(
@@ -190,14 +176,14 @@ def register_case(
         for number, name in names.items()
     )
     _write_lists(loaded, frames, out, evidence)
-    poses, choice = accepted_poses(judged), None
+    poses, chosen, lines = accepted_poses(judged), list[int](), list[str]()
     if colour_frames:
         candidates = [(each, poses[each.number]) for each in run.accepted(judged)]
-        choice = chosen_sources(registrar.mesh, registrar.source, candidates, colour_frames)
-    sources = _sources(loaded, frames, out, {number: poses[number] for number in choice.numbers} if choice else {})
+        chosen, lines = colouring_frames(registrar.mesh, registrar.case_view, candidates, colour_frames)
+    colouring = _unread_frames(loaded, frames, out, {number: poses[number] for number in chosen})
     return RegistrationEvidence(
-        evidence, registrar.source.image, loaded.case.alignment, is_film, change, run.check_surface(judged),
-        opened.cut_off, choice, sources,
+        evidence, registrar.case_view.image, loaded.case.alignment, is_film, change, run.check_surface(judged),
+        opened.cut_off, colouring, tuple(lines),
     )  # fmt: skip
 
 
@@ -208,7 +194,7 @@ def marked_film(loaded: LoadedCase, film: Film, evidence: Sequence[FrameEvidence
     for each in evidence:
         poses[each.number] = each.registered.cam_from_model
         sure = each.verdict.state == ACCEPTED
-        codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words(each))
+        codes, words = (None, "") if sure else (COLOURS[each.verdict.state], each.words)
         marks[each.number] = FrameMark(each.opacity, codes, words)
     return OverlayFilm(loaded, film, poses, write, marks=marks)
 
@@ -228,7 +214,9 @@ def _write_lists(loaded: LoadedCase, frames: Path, out: Path, evidence: Sequence
     write_output(out / POSES, encoded_list(entries))
 
 
-def _sources(loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np.ndarray]) -> tuple[UnreadFrame, ...]:
+def _unread_frames(
+    loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np.ndarray]
+) -> tuple[UnreadFrame, ...]:
     """Registered frames at full size, for a case: images where they are, those of a film written into a folder."""
     case, files, sizes = loaded.case, dict[int, Path](), dict[int, tuple[int, int]]()
     if not poses:

@@ -82,27 +82,30 @@ class SurfaceCheck:
 
 
 def check_surface(
-    mesh: TriangleMesh, pivot_model: np.ndarray, source: PosedFrame, others: Sequence[PosedFrame]
+    mesh: TriangleMesh, pivot_model: np.ndarray, case_frame: PosedFrame, others: Sequence[PosedFrame]
 ) -> SurfaceCheck | None:
     """Ask frames at their poses where a surface is; ``None`` if they are too few, or too near to one another.
 
-    The mesh is in the model frame, mm, as is the ``(3,)`` pivot, the middle of what the case's frame ``source`` shows;
-    it and the others are at :data:`LONGER_SIDE_PX`.
+    The mesh is in the model frame, mm, as is the ``(3,)`` pivot, the middle of what the case's frame shows; all frames
+    are at :data:`LONGER_SIDE_PX`.
     """
-    ways = camera_centre(np.stack([each.cam_from_model for each in (source, *others)])) - pivot_model
+    ways = camera_centre(np.stack([each.cam_from_model for each in (case_frame, *others)])) - pivot_model
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     if len(others) < LEAST_FRAMES or (ways @ ways.T).min() > np.cos(np.radians(LEAST_ANGLE_DEG)):
         return None
-    camera, raster = source.camera, rasterise_depth(mesh, source.camera, source.cam_from_model)
+    camera, raster = case_frame.camera, rasterise_depth(mesh, case_frame.camera, case_frame.cam_from_model)
     shown = raster.face >= 0
     depth_mm = 1 / np.where(shown, raster.inverse_depth, 1)
-    rays_cam, normals_cam = camera.rays_cam(camera.pixel_grid()), mesh.face_normals @ source.cam_from_model[:3, :3].T
+    rays_cam, normals_cam = (
+        camera.rays_cam(camera.pixel_grid()),
+        mesh.face_normals @ case_frame.cam_from_model[:3, :3].T,
+    )
     pixel_mm = float(np.median(depth_mm[shown])) / camera.fx
     # the sweep says how much nearer the surface is than it should be
     along = -np.abs((rays_cam * normals_cam[raster.face]).sum(axis=-1))
     halves, told = list[np.ndarray](), _places(shown).all(axis=-1)
     for half in (others[::2], others[1::2]):
-        off_mm, says = _swept_depths(source, depth_mm, half, STEP_PX * pixel_mm)
+        off_mm, says = _swept_depths(case_frame, depth_mm, half, STEP_PX * pixel_mm)
         off_mm, says = _places(cv2.medianBlur(off_mm, 5) * along), _places(says & shown)
         told &= says.mean(axis=-1) > LEAST_TOLD
         halves.append(np.ma.median(np.ma.array(off_mm, mask=~says), axis=-1).filled(0.0))
@@ -112,16 +115,16 @@ def check_surface(
 
 
 def _swept_depths(
-    source: PosedFrame, depth_mm: np.ndarray, others: Sequence[PosedFrame], step_mm: float
+    case_frame: PosedFrame, depth_mm: np.ndarray, others: Sequence[PosedFrame], step_mm: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """``(H, W)`` by how many mm of depth the surface is nearer than where frames agree, and bool: whether they do.
 
     They agree where small windows correlate, in the mean over the better half: something hides the surface in some.
     """
-    own, details = _detail(source), [_detail(each) for each in others]
+    own, details = _detail(case_frame), [_detail(each) for each in others]
     mean, deviation = _moments(own)
-    rays_cam = source.camera.rays_cam(source.camera.pixel_grid()).reshape(-1, 3)
-    poses = [each.cam_from_model @ inverse_rigid(source.cam_from_model) for each in others]
+    rays_cam = case_frame.camera.rays_cam(case_frame.camera.pixel_grid()).reshape(-1, 3)
+    poses = [each.cam_from_model @ inverse_rigid(case_frame.cam_from_model) for each in others]
     likeness = np.empty((2 * STEPS + 1, *own.shape), np.float32)
     for number, best_half in enumerate(likeness):
         points_cam = rays_cam * (depth_mm.reshape(-1, 1) + (number - STEPS) * step_mm)

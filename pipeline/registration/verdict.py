@@ -33,11 +33,6 @@ SPREAD = 3.0
 times as large as without it on eight frames of the sample, 3 to 5 times on 39 of "bloster", whose mesh is off by
 millimetres."""
 
-BLURRED_SHARE = 0.2
-"""By which share of a frame's blur, in each direction, its blocks are off, too. Of 241 right poses from rough ones,
-most under blur, four sources of "bloster" and one of the sample, 196 are accepted, and no wrong one; without it 221
-and two."""
-
 
 def blocks_of(pixels: np.ndarray) -> tuple[int, np.ndarray]:
     """How many blocks pixels ``(N, 2)`` lie in, and ``(N,)`` the number of each one's."""
@@ -45,11 +40,6 @@ def blocks_of(pixels: np.ndarray) -> tuple[int, np.ndarray]:
     # one number a block: unique rows take ten times as long
     found, block = np.unique((v << 32) + u, return_inverse=True)
     return len(found), block
-
-
-def block_pixels(fit: FlowFit) -> np.ndarray:
-    """``(N, 2)`` pixels of a fit, closer together under blur that is wider than a block: so far they err together."""
-    return fit.pixels if fit.blur is None else fit.pixels * min(1.0, BLOCK_PX / max(fit.blur.width_px, 1.0))
 
 
 def robust_step(jacobian: np.ndarray, residuals: np.ndarray, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,16 +67,14 @@ def robust_step(jacobian: np.ndarray, residuals: np.ndarray, pixels: np.ndarray)
     return inverse @ gradient.sum(axis=0), SPREAD**2 * inverse @ (sums.T @ sums) @ inverse
 
 
-def shared_covariance(jacobian: np.ndarray, pixels: np.ndarray, covariance_px: np.ndarray | None = None) -> np.ndarray:
-    """The ``(D, D)`` covariance of a fit in which each block is off as a whole, by geometry alone.
+def shared_covariance(jacobian: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """The ``(D, D)`` covariance of a fit in which each block is off as a whole by 1 px each way, by geometry alone.
 
-    Parameters as for :func:`robust_step`, and the ``(2, 2)`` covariance of a block, px²: 1 px each way if not given.
+    Parameters as for :func:`robust_step`.
     """
     blocks, block = blocks_of(pixels)
     sums = np.zeros((blocks, *jacobian.shape[1:]))
     np.add.at(sums, block, jacobian)
-    if covariance_px is not None:
-        sums = np.linalg.cholesky(covariance_px + 1e-9 * np.eye(2)).T @ sums
     inverse = _inverse(np.tensordot(jacobian, jacobian, ((0, 1), (0, 1))))
     return inverse @ np.tensordot(sums, sums, ((0, 1), (0, 1))) @ inverse
 
@@ -142,7 +130,7 @@ def judge(
     """
     if fit is None:
         return Verdict(REFUSED, 0.0, _nothing(found)), None
-    agrees = agreeing_blocks(fit, block_pixels(fit)).agrees
+    agrees = agreeing_blocks(fit, fit.pixels).agrees
     blocks, count = len(agrees), int(np.count_nonzero(agrees))
     uncertainty = _uncertainty(fit, pivot_model)
     probability = within(uncertainty, fit.camera) / (1 + exp(-OFFSET - SLOPE * log(1 + count)))
@@ -200,13 +188,10 @@ def within(uncertainty: PoseUncertainty, camera: PinholeCamera) -> float:
 
 def _uncertainty(fit: FlowFit, pivot_model: np.ndarray) -> PoseUncertainty:
     used = fit.returning(FITTED)
-    points, pixels, pose = fit.points_model[used], block_pixels(fit)[used], fit.cam_from_model
+    points, pose = fit.points_model[used], fit.cam_from_model
     residuals_px = fit.moved[used] - fit.camera.project(transform_points(pose, points))
     jacobian = jacobian_at(points, fit.camera, pose, pivot_model)
-    _, covariance = robust_step(jacobian, residuals_px, pixels)
-    if fit.blur is not None:
-        offset_px = BLURRED_SHARE**2 * fit.blur.covariance_px
-        covariance = covariance + shared_covariance(jacobian, pixels, offset_px)
+    _, covariance = robust_step(jacobian, residuals_px, fit.pixels[used])
     return PoseUncertainty.about_points(pivot_model, covariance, fit.points_model, pose)
 
 
@@ -228,14 +213,12 @@ class FilmChange:
     ----------
     since
         Number of the first frame in which some of it has changed.
-    places
-        ``(h, w)`` bool: blocks of the aligned frame's image that have changed at the end.
     share
-        Their share of the blocks that the film shows, 0..1.
+        Share of the blocks of the aligned frame's image that have changed at the end, of those that the film shows,
+        0..1.
     """
 
     since: int
-    places: np.ndarray
     share: float
 
     def words(self) -> str:
@@ -286,4 +269,4 @@ class FilmAgreement:
         if not changed.any():
             return None
         first = np.where(changed.ravel(), np.argmax(differs, axis=0), len(maps)).min()
-        return FilmChange(numbers[first], changed, float(changed.sum() / (maps > UNKNOWN).any(axis=0).sum()))
+        return FilmChange(numbers[first], float(changed.sum() / (maps > UNKNOWN).any(axis=0).sum()))

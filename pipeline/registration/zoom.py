@@ -13,7 +13,7 @@ import numpy as np
 from ..alignment.reprojection import apply_twist, zoom_jacobian_at
 from ..transforms import transform_points
 from .flow_refinement import FITTED, FlowFit
-from .verdict import WITHIN_SHARE, block_pixels, robust_step, shared_covariance
+from .verdict import WITHIN_SHARE, robust_step, shared_covariance
 
 STEPS, LARGEST_STEP, SETTLED_STEP = 8, 0.1, 0.001
 """Steps of the fit at most, how far one goes, and how small the last one is, as the logarithm of the focal length."""
@@ -50,7 +50,7 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     """The zoom that fits together with a pose; ``fit`` is at the aligned frame's, ``pivot_model`` ``(3,)`` mm."""
     camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
     used = fit.returning(FITTED)
-    points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, block_pixels(fit)))
+    points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
     sigma = np.inf
     per_px = np.sqrt(shared_covariance(zoom_jacobian_at(points, camera, pose, pivot_model), pixels)[6, 6])
     for _ in range(STEPS):

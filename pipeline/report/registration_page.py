@@ -38,10 +38,8 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         picture = to_uint8(evidence.surface.picture(evidence.image))[..., ::-1]
         about = "Where the surface is probably wrong: red is nearer to the lens, blue farther"
         sections.append((about, picture_of(webp(picture, PICTURE_PX, QUALITY), "The case's frame")))
-    if evidence.lost:
-        sections.append(("Frames that are not accepted", lines_of(_reasons(evidence))))
-    if evidence.colour is not None:
-        lines = [*evidence.colour.lines, "A frame colours what the case's own and those before it did not see."]
+    if evidence.colouring_lines:
+        lines = [*evidence.colouring_lines, "A frame colours what the case's own and those before it did not see."]
         sections.append(("Frames that colour the surface", lines_of(lines)))
     items = [_item(frame) for frame in frames]
     return html_page(name, "registration", facts, COLUMNS, items, layers=("Overlay",), sections=sections)
@@ -58,15 +56,6 @@ def _item(frame: FrameEvidence) -> Item:
         figures |= {"image_px": frame.image_px, "rotation_deg": uncertainty.largest_rotation_deg}
         figures["position_mm"] = float(np.sqrt(np.linalg.eigvalsh(uncertainty.covariance[:3, :3])[-1]))
     return Item(str(frame.number), (frame.picture,), figures, frame.verdict.reason, frame.verdict.state)
-
-
-def _reasons(evidence: RegistrationEvidence) -> list[str]:
-    """Of each stretch of frames, without their names."""
-    lines = []
-    for first, last in evidence.lost:
-        which = f"{first.number}" if first is last else f"{first.number} to {last.number}"
-        lines.append(f"{which}, {first.verdict.state}: {first.verdict.reason}")
-    return lines
 
 
 def _doubt_of_surface(check: SurfaceCheck | None) -> str:

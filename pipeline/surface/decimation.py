@@ -8,21 +8,10 @@ import numpy as np
 from .mesh import TriangleMesh
 
 
-def cluster_vertices(
-    mesh: TriangleMesh, cell_mm: float, colours: np.ndarray | None = None
-) -> tuple[TriangleMesh, np.ndarray | None]:
-    """Merge all vertices in a cell to their mean; faces that lose an edge are dropped.
+def cluster_vertices(mesh: TriangleMesh, cell_mm: float) -> TriangleMesh:
+    """Merge all vertices in a cubic cell to their mean; faces that lose an edge are dropped.
 
-    Parameters
-    ----------
-    cell_mm
-        Side of the cubic cells; the surface moves by less than their diagonal.
-    colours
-        ``(V, 3)`` per vertex, averaged as the vertices are, or ``None``.
-
-    Returns
-    -------
-    The reduced mesh and its colours. If no face would remain, the mesh and its colours unchanged.
+    The surface moves by less than the diagonal of a cell. If no face would remain, the mesh is unchanged.
     """
     cell = np.floor((mesh.vertices - mesh.bounds[0]) / cell_mm).astype(np.int64)
     extent = cell.max(axis=0) + 1
@@ -31,14 +20,9 @@ def cluster_vertices(
     faces = cluster[mesh.faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     if len(faces) == 0:
-        return mesh, colours
-    count = np.bincount(cluster)[:, None]
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        return np.stack([np.bincount(cluster, column) for column in values.T], axis=1) / count
-
-    reduced = TriangleMesh(mean(mesh.vertices), faces.astype(np.int32))
-    return reduced, None if colours is None else mean(colours)
+        return mesh
+    sums = np.stack([np.bincount(cluster, column) for column in mesh.vertices.T], axis=1)
+    return TriangleMesh(sums / np.bincount(cluster)[:, None], faces.astype(np.int32))
 
 
 def reduced_mesh(mesh: TriangleMesh, most_vertices: int) -> TriangleMesh:
@@ -51,7 +35,7 @@ def reduced_mesh(mesh: TriangleMesh, most_vertices: int) -> TriangleMesh:
     # as if every vertex stood for a square
     cell_mm = float(np.sqrt(np.linalg.norm(mesh.face_cross, axis=1).sum() / 2 / most_vertices))
     while True:
-        reduced, _ = cluster_vertices(mesh, cell_mm)
+        reduced = cluster_vertices(mesh, cell_mm)
         if reduced is mesh:
             return mesh
         used, corners = np.unique(reduced.faces, return_inverse=True)

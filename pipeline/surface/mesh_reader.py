@@ -219,7 +219,7 @@ def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
         except (ValueError, OverflowError):
             raise InputError(
                 f"{where}: line {number}: expected 'v x y z', or 'f' with numbers of vertices, found "
-                f"{line[:60].decode('latin-1')!r}; the file is truncated or corrupt: copy or export it again"
+                "something else; the file is truncated or corrupt: copy or export it again"
             ) from None
     if len(corners) and most >= len(points) // 3:
         raise InputError(

@@ -75,10 +75,10 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
         text = data[start:]
         numbers = parsed_numbers(text, np.float64)
         if numbers is None:
-            line, word = first_wrong_word(text, np.float64)
+            line, _ = first_wrong_word(text, np.float64)
             raise InputError(
                 f"{where}: line {len(data[:start].splitlines()) + line + 1}: expected only numbers after the header, "
-                f"found {word!r}; the file is corrupt: copy or export it again"
+                "found something else; the file is corrupt: copy or export it again"
             )
         # from here on a text body is a binary body in which every type is double
         body = numbers.astype("<f8", copy=False).data.cast("B") if len(numbers) else b""
@@ -135,14 +135,13 @@ def _header(data: bytes, where: str) -> tuple[str, list[_Element], int]:
                     raise ValueError
         except (ValueError, LookupError):  # not a number, an unknown type, a property before element or format
             raise InputError(
-                f"{where}: line {number}: expected a line of a PLY 1.0 header, found {line[:60]!r}; export it again"
+                f"{where}: line {number}: expected a line of a PLY 1.0 header, found another; export it again"
             ) from None
     largest = max(elements, key=lambda element: element.count, default=None)
     # a row has a byte or more; what is cut off is reported as such
     if largest and MOST_FACES < largest.count <= len(data):
         raise InputError(
-            f"{where}: expected up to {MOST_FACES:,} rows, found {largest.count:,} of element {largest.name[:30]!r}; "
-            "decimate the mesh"
+            f"{where}: expected up to {MOST_FACES:,} rows, found {largest.count:,} of one element; decimate the mesh"
         )
     if not order:
         raise InputError(f"{where}: expected a line 'format ... 1.0' in the PLY header, found none; export it again")

@@ -30,7 +30,8 @@ _NO_FILM = Disposition.attached_pic | Disposition.timed_thumbnails | Disposition
 """Streams of pictures that no player shows as a film: a cover, above all."""
 
 _HDR_TRANSFERS = (16, 18)
-"""FFmpeg's AVCOL_TRC_SMPTE2084 (PQ) and AVCOL_TRC_ARIB_STD_B67 (HLG)."""
+_WIDE_PRIMARIES = (9, 11, 12)
+"""FFmpeg's AVCOL_TRC_SMPTE2084 (PQ) and AVCOL_TRC_ARIB_STD_B67 (HLG); its AVCOL_PRI_BT2020, and those of P3."""
 
 _MOST_ERRORS = 100
 """Errors after which a damaged container is read no further."""
@@ -57,10 +58,11 @@ def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
                     f"{path.name}: expected frames of at most {LARGEST_FRAME / 1e6:.1f} million pixels, found "
                     f"{stream.width}x{stream.height}; scale the video down"
                 )
-            if stream.codec_context.color_trc in _HDR_TRANSFERS:
+            coded = stream.codec_context
+            if coded.color_trc in _HDR_TRANSFERS or coded.color_primaries in _WIDE_PRIMARIES:
                 raise InputError(
-                    f"{path.name}: expected a film for screens of usual range, found HDR (HLG or PQ), whose colours "
-                    "come out pale; record without HDR, or convert it to SDR"
+                    f"{path.name}: expected a film for screens of usual range, found HDR (HLG or PQ) "
+                    "or wide colours (BT.2020, P3), which come out pale; record without HDR, or convert it to SDR"
                 )
             # frames may change their size
             stream.codec_context.options = {"max_pixels": str(LARGEST_FRAME)}

@@ -68,11 +68,14 @@ def film(
                 yield b""
             continue
         coded = converter.rgb(frame, exact=max(frame.width, frame.height) <= width)
-        image = converter.upright(coded, frame)
+        try:
+            image = converter.upright(coded, frame)
+        except InputError as error:
+            raise InputError(f"{path.name}: {error}") from None
         height_px, width_px = image.shape[:2]
         if size_wh == (0, 0):
             size_wh, small_wh = (width_px, height_px), _small_size(width_px, height_px, width)
-            yield survey.info(first, last, size_wh, small_wh)
+            yield survey.info(first, last, size_wh, small_wh, converter.turned)
         described = index, survey.times_s[index], comb_ratio(coded[..., 1]), width_px, height_px
         head = json.dumps(described).encode() + b"\n"
         if (width_px, height_px) != size_wh:
@@ -98,6 +101,8 @@ class _Survey:
         As the header states; 0 if it does not.
     missing_s
         How much shorter the film is than its header promises; 0 where that may be rounding, or where it lies.
+    pixel_aspect
+        Width of a stored pixel over its height, as the film states it.
     """
 
     path: Path
@@ -105,8 +110,9 @@ class _Survey:
     times_s: list[float]
     fps: float
     missing_s: float
+    pixel_aspect: float
 
-    def info(self, first: int, last: int, size_wh: tuple[int, int], small_wh: tuple[int, int]) -> bytes:
+    def info(self, first: int, last: int, size_wh: tuple[int, int], small_wh: tuple[int, int], turned: str) -> bytes:
         """For the reader."""
         return json.dumps(
             {
@@ -116,6 +122,8 @@ class _Survey:
                 "small_wh": small_wh,
                 "unique_times": bool(self.numbers),
                 "missing_s": self.missing_s,
+                "turned": turned,
+                "pixel_aspect": 1 / self.pixel_aspect if "90" in turned else self.pixel_aspect,
                 "span_s": self.times_s[last - 1] - self.times_s[first],
             }
         ).encode()
@@ -186,6 +194,7 @@ def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
                 yield b""
         if not shown:
             raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
+        pixel_aspect = float(stream.sample_aspect_ratio or 1) or 1.0
         fps, tick_s = float(stream.guessed_rate or 0), float(stream.time_base)
         promised_s = float((stream.duration or 0) * stream.time_base)
         # that of a whole file may count from 0, wherever its first frame is
@@ -204,7 +213,7 @@ def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
     end_s = ticks[-1] * tick_s if ticks else found_s
     missing_s = max(promised_s - found_s, promised_end_s - max(end_s, found_s)) if lost_s is None else lost_s
     missing_s = missing_s if 0.1 * found_s + 0.25 < missing_s < _LONGEST_S else 0.0
-    return _Survey(path, {time: number for number, time in enumerate(times)}, times_s, fps, missing_s)
+    return _Survey(path, {time: number for number, time in enumerate(times)}, times_s, fps, missing_s, pixel_aspect)
 
 
 def _times_of_frames(path: Path, of_packets: list[int]) -> Generator[bytes, None, list[int]]:

@@ -47,6 +47,10 @@ class FilmInfo:
         How much shorter the film is than its header promises; above 0 the file is cut off.
     span_s
         Time from the first of the chosen frames to the last.
+    turned
+        How frames are shown differently from how they are stored, such as ``"rotated by 180°"``; else empty.
+    pixel_aspect
+        Width of a pixel over its height, as the film states it.
     """
 
     frames: int
@@ -56,6 +60,8 @@ class FilmInfo:
     unique_times: bool
     missing_s: float
     span_s: float = 0.0
+    turned: str = ""
+    pixel_aspect: float = 1.0
 
     @property
     def cut_off(self) -> str:
@@ -63,6 +69,21 @@ class FilmInfo:
         if not self.missing_s > 0:
             return ""
         return f"the file is cut off: it ends {self.missing_s:.1f} s before its header says; what is there is used"
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user should know of how the film is stored, in sentences without its name."""
+        notes = [self.cut_off] if self.cut_off else []
+        if self.turned:
+            notes.append(
+                f"the film states that it is shown {self.turned}: its frames are taken so, and K must fit that"
+            )
+        if self.pixel_aspect != 1:
+            notes.append(
+                f"the film states pixels {self.pixel_aspect:.4g} times as wide as high: frames keep them so, and "
+                "K must be for these"
+            )
+        return notes
 
 
 @dataclass(frozen=True)
@@ -129,15 +150,8 @@ class Film:
                 )
             raise InputError(f"{self.path.name}: expected a video, cannot decode any frame of it; copy it again")
         found = json.loads(first)
-        self.info = FilmInfo(
-            math.ceil(found["frames"] / every),
-            found["fps"],
-            tuple(found["size_wh"]),
-            tuple(found["small_wh"]),
-            found["unique_times"],
-            found["missing_s"],
-            found["span_s"],
-        )
+        sizes = {name: tuple(found[name]) for name in ("size_wh", "small_wh")}
+        self.info = FilmInfo(**found | sizes | {"frames": math.ceil(found["frames"] / every)})
         self.broken = False
         """Whether decoding ended before the end."""
         self.other_sizes: dict[int, tuple[int, int]] = {}
@@ -178,9 +192,14 @@ class Film:
 
 def read_video_frame(path: Path, index: int) -> np.ndarray:
     """Frame ``index``, counted from 0, as ``(H, W, 3)`` uint8 RGB, identical to that of sequential decoding."""
+    return film_frame(path, index)[0].image
+
+
+def film_frame(path: Path, index: int) -> tuple[FilmFrame, FilmInfo]:
+    """Frame ``index`` in its own size, and what is known of its film."""
     with Film(path, numbers=(index, index + 1), width=WIDEST) as film:
         for frame in film:
-            return frame.image
+            return frame, film.info
     raise undecodable(film.path, DecodingError("its decoder crashes"))
 
 

@@ -14,7 +14,7 @@ from ..images.contact_sheet import contact_sheet, downscaled
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from .film_reader import WIDEST, Film, read_video_frame
-from .frame_mask import tissue_mask, without_combs
+from .frame_mask import tissue_mask
 from .frame_scores import COMBED, FilmScores, FrameScore
 
 TABLE, SHEET = "scores.csv", "contact_sheet.png"
@@ -22,13 +22,14 @@ COLUMNS = (
     "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
     "comb_ratio",
 )  # fmt: skip
-_NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores\.csv"
+_NAMES = r".+_frame_\d{6,}(_masked)?\.png|contact_sheet\.png|scores\.csv"
 TILE_WIDTH = 640
 MASKED_COLOUR = np.array([1.0, 0.0, 1.0], np.float32)
 
 DOUBTFUL = 0.5
 """Score of the best frame below which a film shows nothing well: noise, or a camera that never rests."""
 
+DEINTERLACE = "to use one, deinterlace the film, for example with ffmpeg -vf yadif"
 INTERLACED_SHARE = 0.05
 """Share of the frames with combs from which on a film is called interlaced."""
 
@@ -75,8 +76,8 @@ def write_frames(
     written: list[ChosenFrame] = []
     tiles: list[np.ndarray] = []
     for rank, (score, (image_file, masked_file)) in enumerate(zip(chosen, files, strict=True), start=1):
-        picture = _shown(read_video_frame(video, score.index), score)
-        mask = tissue_mask(picture, scores.inside, scores.circle)
+        picture = read_video_frame(video, score.index)
+        mask = tissue_mask(picture, scores.inside)
         write_new(image_file, encode_png(picture))
         write_new(masked_file, _encoded_masked(picture, mask))
         written.append(ChosenFrame(score, image_file, masked_file, float(mask.mean())))
@@ -96,9 +97,8 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     """
     path = _files(video, folder, score)[masked]
     check_outputs([path], {"video": video})
-    picture = _shown(read_video_frame(video, score.index), score)
-    mask = tissue_mask(picture, scores.inside, scores.circle) if masked else None
-    write_new(path, encode_png(picture) if mask is None else _encoded_masked(picture, mask))
+    picture = read_video_frame(video, score.index)
+    write_new(path, _encoded_masked(picture, tissue_mask(picture, scores.inside)) if masked else encode_png(picture))
     return path
 
 
@@ -113,13 +113,13 @@ def write_frames_only(video: Path, folder: Path, chosen: Sequence[FrameScore]) -
     """
     files = [_files(video, folder, score)[0] for score in chosen]
     check_outputs(files, {"video": video})
-    left = dict(zip((score.index for score in chosen), zip(chosen, files, strict=True), strict=True))
+    left = dict(zip((score.index for score in chosen), files, strict=True))
     with Film(video, numbers=(chosen[0].index, chosen[-1].index + 1), width=WIDEST) as film:
         for frame in film:
             if frame.index not in left:
                 continue
-            score, file = left.pop(frame.index)
-            write_new(file, encode_png(_shown(frame.image, score)))
+            file = left.pop(frame.index)
+            write_new(file, encode_png(frame.image))
             yield file
         if left:
             raise InputError(f"{video.name}: frame {min(left)}: {film.problem(min(left))}; choose other frames")
@@ -136,14 +136,8 @@ def write_new(path: Path, data: bytes) -> None:
     write_output(path, data)
 
 
-def _shown(pixels: np.ndarray, score: FrameScore) -> np.ndarray:
-    """The pixels, of an interlaced frame as its upper field shows them."""
-    return without_combs(pixels) if score.comb > COMBED else pixels
-
-
 def _files(video: Path, out: Path, score: FrameScore) -> tuple[Path, Path]:
-    field = "_field" if score.comb > COMBED else ""
-    name = f"{video.stem}_frame_{score.index:06d}{field}"
+    name = f"{video.stem}_frame_{score.index:06d}"
     return out / f"{name}.png", out / f"{name}_masked.png"
 
 
@@ -195,12 +189,6 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
         f"{video.name}: {width}x{height} px, {_counted(len(frames), 'frame')} from {frames[0].time_s:.2f} s to "
         f"{frames[-1].time_s:.2f} s"
     ]
-    if scores.circle is not None:
-        circle = scores.circle
-        lines.append(
-            f"circle of the view: centre {circle.u:.1f}, {circle.v:.1f}, radius {circle.radius:.1f} px; the rest "
-            "is masked"
-        )
     lines += film_notes(scores)
     if chosen < wanted:
         lines.append(
@@ -218,16 +206,12 @@ def film_notes(scores: FilmScores) -> list[str]:
             f"note: {len(frames)} of {info.frames} frames are used: the file is damaged or cut off, or the others have "
             f"another size"
         )
-    elif info.cut_off:
-        lines.append(f"note: {info.cut_off}")
-    elif scores.broken:
+    elif scores.broken and not info.cut_off:
         lines.append("note: the file is damaged or cut off; the frames that can be decoded are used")
+    lines += [f"note: {note}" for note in info.notes]
     combed = float(np.mean([each.comb > COMBED for each in frames]))
     if combed > INTERLACED_SHARE:
-        lines.append(
-            f"note: the video is interlaced: {combed:.0%} of its frames show two moments, and are avoided; of one that "
-            "is chosen all the same, only the upper field is used, and half of the rows are interpolated"
-        )
+        lines.append(f"note: the video is interlaced: {combed:.0%} of its frames show two moments; {DEINTERLACE}")
     best = max(each.total for each in frames)
     if best < DOUBTFUL:
         lines.append(

@@ -1,4 +1,4 @@
-"""What one frame shows by itself: details, brightness, glare, what covers it by its colour, noise. Needs ``cv2``.
+"""What one frame shows by itself: details, brightness, glare, what covers it, the black around it. Needs ``cv2``.
 
 All measures are relative to the brightness of the frame, so that a camera's gain changes none of them.
 """
@@ -42,10 +42,11 @@ _LIT = 0.1
 _STRONGEST_EDGE = 0.5
 """In units of the frame's brightness; highlights have stronger ones."""
 
-LEAST_NOISE, STRENGTH = 5.0, 0.5
-"""Noise from which on non-local means win more than the texture that they cost, code values; their strength relative
-to it. Measured on held-out photographs: see docs/measurements.md."""
-_LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
+DARK = 0.12
+"""Brightness of the black around a view, relative to the median inside it."""
+
+_LEAST_OUTSIDE = 0.01
+"""Share of a picture that is black border, if there is one."""
 
 
 @dataclass(frozen=True)
@@ -138,20 +139,30 @@ def motion_px(view: np.ndarray, previous: np.ndarray) -> float:
     return float(np.median(change / (cv2.resize(slope, _MOTION_GRID_WH, interpolation=cv2.INTER_AREA) + 1.0)))
 
 
-def noise_of(codes: np.ndarray, shown: np.ndarray) -> float:
-    """Standard deviation of the noise in ``(H, W, 3)`` codes where they show something, code values.
+def lit_part(brightness: np.ndarray) -> np.ndarray | None:
+    """``(h, w)`` bool: where the optics let light through; ``None`` if there is no black border.
 
-    Of the difference of two Laplacians, to which edges and slopes add little, by the median. Source: Immerkær, Fast
-    noise variance estimation, Computer Vision and Image Understanding 64 (1996).
+    Parameters
+    ----------
+    brightness
+        ``(h, w)`` mean over the film.
     """
-    return float(np.median(np.abs(cv2.filter2D(codes.astype(np.float32), -1, _LAPLACIANS)[shown])) / 0.6745)
+    dark = brightness < DARK * _lit_level(brightness)
+    count, labels = cv2.connectedComponents(dark.astype(np.uint8), connectivity=4)
+    border = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
+    outside = np.isin(labels, border[border > 0]) & dark
+    if count < 2 or outside.mean() < _LEAST_OUTSIDE:
+        return None
+    # numbers and letters in the black
+    inside = cv2.morphologyEx((~outside).astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(inside, connectivity=4)
+    if count < 2:
+        return None
+    part = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    return part if part.mean() > 0.1 else None
 
 
-def denoised(codes: np.ndarray, shown: np.ndarray) -> tuple[np.ndarray | None, str]:
-    """``(H, W, 3)`` uint8 codes without the noise that they have where shown, or ``None`` to leave them; and a text."""
-    noise = noise_of(codes, shown)
-    if noise < LEAST_NOISE:
-        return None, f"noise of {noise:.1f} code values, too little to remove without loss: the colours stay"
-    strength = STRENGTH * noise
-    found = cv2.fastNlMeansDenoisingColored(codes, None, strength, strength, 7, 21)
-    return found, f"noise of {noise:.1f} code values removed"
+def _lit_level(brightness: np.ndarray) -> float:
+    """Typical brightness of what is lit."""
+    lit = brightness[brightness > 0.25 * float(np.percentile(brightness, 95))]
+    return float(np.median(lit)) if lit.size else 1.0

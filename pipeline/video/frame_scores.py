@@ -9,8 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from .film_reader import Film, FilmFrame, FilmInfo, Thumbnails
-from .frame_measures import BURNT_OUT, GRID_WH, VIEW_WIDTH, FrameMeasures, measured, view_of
-from .view_circle import Circle, lit_part, view_circle
+from .frame_measures import BURNT_OUT, GRID_WH, VIEW_WIDTH, FrameMeasures, lit_part, measured, view_of
 
 COMBED = 1.1
 """Comb ratio from which on a frame shows two moments in its fields."""
@@ -88,9 +87,7 @@ class FilmScores:
     frames
         In display order; only those that could be decoded.
     inside
-        ``(h, w)`` bool in pixels of the small view: what the optics let through; ``None`` for everything.
-    circle
-        That of the microscope or endoscope in px of the full frame, if it shows one.
+        ``(h, w)`` bool in the small pictures: what the optics let through; ``None`` for everything.
     broken
         Whether frames are missing that the file should hold.
     """
@@ -98,7 +95,6 @@ class FilmScores:
     info: FilmInfo
     frames: tuple[FrameScore, ...]
     inside: np.ndarray | None
-    circle: Circle | None
     broken: bool
 
 
@@ -137,7 +133,7 @@ def score_frames(
         broken = film.broken or count < film.info.frames or film.info.missing_s > 0
         if not frames:
             raise InputError(f"{film.path.name}: expected a video, cannot decode any frame of it; copy it again")
-        return FilmScores(film.info, frames, scorer.inside(), scorer.circle(), broken)
+        return FilmScores(film.info, frames, scorer.inside(), broken)
 
 
 class FilmScorer:
@@ -165,6 +161,7 @@ class FilmScorer:
             return ()
         inside, cells = self.inside(), np.ones(GRID_WH[::-1], np.bool_)
         if inside is not None:
+            inside = view_of(inside.astype(np.uint8) * 255) > 250
             # without the edge of the view, which is sharp in every frame
             inner = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(np.float32)
             share = np.asarray(cv2.resize(inner, GRID_WH, interpolation=cv2.INTER_AREA))
@@ -174,15 +171,8 @@ class FilmScorer:
         return _combined(self._frames, self._measures, cells, shown, scale)
 
     def inside(self) -> np.ndarray | None:
-        """``(h, w)`` bool, in pixels of the view: what the optics let through, if there is a border."""
-        part = lit_part(self._brightness / max(len(self._frames), 1))
-        return None if part is None else view_of(part.astype(np.uint8) * 255) > 250
-
-    def circle(self) -> Circle | None:
-        """The circle of the view, px of the full frame."""
-        circle = view_circle(self._brightness / max(len(self._frames), 1))
-        across, down = (full / small for full, small in zip(self._info.size_wh, self._info.small_wh, strict=True))
-        return circle and circle.scaled(across, down)
+        """``(h, w)`` bool, in the small pictures: what the optics let through, if there is a border."""
+        return lit_part(self._brightness / max(len(self._frames), 1))
 
 
 def _combined(

@@ -20,7 +20,7 @@ from oneframe.files.content import read_content, write_bytes_atomically
 from oneframe.files.tables import parsed_json
 from oneframe.images.image_check import check_image_file
 from oneframe.images.png import encode_png
-from oneframe.projection.z_buffer import inverse_depth_of
+from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.transforms import nearest_rotation, rigid
@@ -155,7 +155,7 @@ def _hidden(
     meshes: Mapping[int, TriangleMesh], camera: PinholeCamera, placed: Mapping[int, np.ndarray]
 ) -> dict[int, tuple[np.ndarray, np.ndarray]]:
     """For each object of a frame that is evaluated: ``(H, W)`` bool where it is seen, and where another hides it."""
-    nearness = {number: inverse_depth_of(meshes[number], camera, pose) for number, pose in placed.items()}
+    nearness = {number: rasterise_depth(meshes[number], camera, pose).inverse_depth for number, pose in placed.items()}
     nearest = np.max(list(nearness.values()), axis=0)
     found = {}
     for number in set(placed) & set(LMO_OBJECTS):

@@ -1,7 +1,7 @@
 """Where methods fail, past the breaking point, and what the software answers there.
 
-Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case, and on photographs
-with --bloster and --lmo), colouring (also with --bloster), camera (rendered pixels against K).
+Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (of the built-in sample case), colouring (also
+with --bloster), camera (rendered pixels against K).
 Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong results, wrong results without a word, answers
 (works, warns, falls back, refuses), errors and the software's limit; and its chart.
 """
@@ -22,7 +22,7 @@ from oneframe.files.temporary import temporary_folder
 from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
-from .alignment.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
+from .alignment.refinement_scenes import bloster_scenes, case_scene
 from .charts.stability_charts import CHARTS
 from .figures import read_rows, write_rows
 from .sweeps import camera, colouring, landmarks, photographs, refinement
@@ -35,7 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this topic."""
     parser.add_argument("--only", nargs="+", choices=CHARTS, default=CHARTS, metavar="TOPIC", help=" ".join(CHARTS))
     parser.add_argument("--bloster", metavar="FOLDER", type=Path, help="photographs of a cushion")
-    parser.add_argument("--lmo", metavar="FOLDER", type=Path, help="LINEMOD-Occluded")
     parser.add_argument("--seed", type=int, default=0, help="of all random trials; rows depend on nothing else")
 
 
@@ -71,24 +70,15 @@ def tasks_of(topic: str, folder: Path, arguments: argparse.Namespace) -> Iterato
     """The measurements of a topic; ``folder`` is for temporary files."""
     seed, quick = arguments.seed, arguments.quick
     if topic == refinement.TOPIC:
-        for source, scenes in _refinement_scenes(folder, arguments):
-            yield from refinement.tasks(source, scenes, seed, quick=quick)
+        for _ in write_sample_case(folder, sample_surface(), held_out=False):
+            pass
+        yield from refinement.tasks(case_scene(folder / "case.toml"), seed, quick=quick)
     elif topic == landmarks.TOPIC:
         yield from landmarks.tasks(seed, quick=quick)
     elif topic == colouring.TOPIC:
         yield from colouring.tasks(quick=quick)
         if arguments.bloster:
-            scenes = bloster_scenes(arguments.bloster, coloured=False)
+            scenes = bloster_scenes(arguments.bloster)
             yield partial(photographs.measure, scenes[: 2 if quick else None], seed)
     else:
         yield from camera.tasks(folder, quick=quick)
-
-
-def _refinement_scenes(folder: Path, arguments: argparse.Namespace) -> Iterator[tuple[str, list[RefinementScene]]]:
-    for _ in write_sample_case(folder, sample_surface(), held_out=False):
-        pass
-    yield refinement.RENDERED, [case_scene(folder / "case.toml")] * refinement.RENDERED_TRIALS
-    if arguments.bloster:
-        yield refinement.BLOSTER, bloster_scenes(arguments.bloster, coloured=True)
-    if arguments.lmo:
-        yield refinement.LMO, lmo_scenes(arguments.lmo)[:: refinement.LMO_STEP]

@@ -31,10 +31,9 @@ from oneframe.files.outputs import check_outputs
 WHEEL_TAGS = {
     "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
     "macos-arm64": ("macosx_14_0_arm64",),
-    "macos-x64": ("macosx_13_0_x86_64",),
     "windows-x64": ("win_amd64",),
 }
-"""Blender's platform names -> pip's; without windows-arm64, for which OpenCV has no wheel."""
+"""Blender's platform names -> pip's; without windows-arm64 and macos-x64, for which OpenCV or numba has no wheel."""
 SAMPLE_CACHE = ROOT / "build" / "sample"
 SAMPLE_SOURCES = ("sample", "blender/sample", "volume", "case")
 MAKE_SAMPLE = """
@@ -79,7 +78,8 @@ def platforms(names: Sequence[str]) -> list[str]:
         return list(WHEEL_TAGS)
     if "current" in names and this_platform() not in WHEEL_TAGS:
         raise RunError(
-            f"--platform current: OpenCV has no wheel for {this_platform()}; name some of {', '.join(WHEEL_TAGS)}"
+            f"--platform current: OpenCV or numba has no wheel for {this_platform()}; name some of "
+            f"{', '.join(WHEEL_TAGS)}"
         )
     return list(dict.fromkeys(this_platform() if name == "current" else name for name in names))
 
@@ -179,7 +179,7 @@ def sample_case() -> Path:
 
 
 def wheels_for(name: str) -> list[Path]:
-    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, Embree, scikit-image, SciPy and others.
+    """The wheels of the extension for a platform: OpenCV, SimpleITK, PyAV, numba, scikit-image, SciPy and others.
 
     Parameters
     ----------
@@ -190,10 +190,10 @@ def wheels_for(name: str) -> list[Path]:
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "av="))]
     # all that scikit-image's marching cubes need
     stable.append("lazy-loader>=0.4")
-    by_python = ("embreex", "isal", "pyfqmr", "PyYAML", "scikit-image")
+    by_python = ("isal", "pyfqmr", "PyYAML", "scikit-image")
     of_each_python = [text for text in needed if text.startswith(by_python)]
     # the newest for all of these, and for numpy 1.26 and 2.x
-    of_each_python.append("scipy==1.17.*")
+    of_each_python += ["scipy==1.17.*", "numba==0.68.*", "llvmlite==0.50.*"]
     oldest = wheels([*stable, *of_each_python], name, PYTHONS[0])
     others = [wheels(of_each_python, name, python) for python in PYTHONS[1:]]
     return [*oldest[: len(stable)], *map(joined, zip(oldest[len(stable) :], *others, strict=True))]

@@ -92,7 +92,7 @@ def test_renders_with_blenders_own_modules(installed, run_stock, write_tiny_case
     assert ended.stderr == ""
     traced = run_stock(installed / "scripts" / "render_dataset.py", case, "--out", tmp_path / "new", "--engine=raster")
     assert (traced.returncode, traced.stderr.count("\n")) == (2, 1)
-    assert "expected the package embreex in this Python, found none; install it" in traced.stderr
+    assert "expected the package numba in this Python, found none; install it" in traced.stderr
 
 
 def test_the_build_adds_version_platforms_and_wheels_to_the_manifest(extension_zip):
@@ -107,8 +107,9 @@ def test_the_build_adds_version_platforms_and_wheels_to_the_manifest(extension_z
     assert extension_zip.name == f"oneframe-{__version__}-{build_extension.this_platform().replace('-', '_')}.zip"
     wheels = [Path(name).name.partition("-")[0].lower() for name in files if name.endswith(".whl")]
     assert sorted(wheels) == [
-        "av", "embreex", "lazy_loader", "opencv_contrib_python_headless", "pyfqmr", "pyyaml", "scikit_image", "scipy",
-        "simpleitk",
+        "av", "isal", "lazy_loader", "llvmlite", "numba", "opencv_contrib_python_headless", "pyfqmr", "pyyaml",
+        "scikit_image",
+        "scipy", "simpleitk",
     ]  # fmt: skip
     assert not any("__pycache__" in name for name in files)
     for name in (

@@ -17,7 +17,6 @@ from blender_addon.ui import frame_view
 from oneframe.alignment import align_case as align
 from oneframe.alignment.align_case import align_case
 from oneframe.alignment.refinement.refine import refine_pose
-from oneframe.blender.alignment import surface_object
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
@@ -28,7 +27,6 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
-from tests.addon.conftest import pin
 from tests.addon.test_setup import exchange_edited
 from tests.alignment.test_refinement import hills
 from tests.remembered import refinement, remembered
@@ -240,34 +238,3 @@ def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, case_folde
     assert edited == back
     assert np.allclose(edited_covariances, covariances, rtol=1e-4)
     assert np.allclose(edited_pivot_px, pivot_px, atol=1e-6)
-
-
-def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
-    assert pose_record(opened) == PoseRecord(), "given, nobody knows how it was found"
-    point = frame_view.surface_point_at(opened, np.array([56.0, 39.0]))
-    pin(opened, point, np.array([64.0, 43.0]))
-    pulled = pose_record(opened)
-    assert (pulled.method, pulled.pairs) == ("pins", 1)
-    assert pulled.rms_px < 0.02
-    bpy.ops.oneframe.nudge(axis="x")
-    assert pose_record(opened).method == "manual"
-
-
-@pytest.mark.render
-def test_colours_count_only_if_they_come_from_another_frame(addon, case_folder):
-    bpy.ops.oneframe.open_case(filepath=str(case_folder / "true.toml"))
-    scene = bpy.context.scene
-    assert operator.known_colours(scene) is None
-    bpy.ops.oneframe.project_colour(mode="vertex")
-    # they would only confirm the pose from which they were projected
-    assert operator.known_colours(scene) is None
-    (case_folder / "other.png").write_bytes((case_folder / "frame.png").read_bytes())
-    scene.oneframe.frame_path = str(case_folder / "other.png")
-    known = operator.known_colours(scene)
-    assert known.shape == (len(scene.oneframe.surface.data.vertices), 3)
-    assert np.isfinite(known).all()
-    mesh_from_model = from_scene.mesh_from_model_of(scene.oneframe.surface)
-    start = START @ mesh_from_model
-    surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
-    bpy.ops.oneframe.refine()
-    assert rotation_error_deg(scene) < 0.5

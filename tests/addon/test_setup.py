@@ -237,6 +237,7 @@ def test_an_edited_surface_is_refused_and_another_version_keeps_pose_and_landmar
 MISTAKES = [
     ("load_frame", "bad.png", b"not an image", "expected an image"),
     ("load_camera", "k.json", b'{"fx": 0}', "k.json"),
+    ("open_video", "bad.mp4", b"", "it is empty"),
     ("open_case", "moved/case.toml", None, "does not exist"),
     ("load_pose", "pose.txt", b"-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "reflection"),
     ("save_case", "", None, "expected a file"),

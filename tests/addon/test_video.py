@@ -154,17 +154,7 @@ def test_without_k_a_video_opens_and_its_frame_can_be_taken(addon, video):
     assert np.array_equal(film.picture, cv2.imread(scene.oneframe.frame_path)[..., ::-1])
 
 
-def test_bad_videos_change_nothing(film, tmp_path):
-    (tmp_path / "bad.mp4").touch()
-    with pytest.raises(RuntimeError, match="it is empty"):
-        bpy.ops.oneframe.open_video(filepath=str(tmp_path / "bad.mp4"))
-    assert session.of(bpy.context.scene) is film
-
-
-def test_the_fetcher_gives_exact_frames_in_any_order_or_says_it_cannot(film, video, tmp_path):
-    for at in (20, 19, 39):
-        film.fetcher.wait(at)
-        assert np.array_equal(film.fetcher.frame(at), read_video_frame(video, at))
+def test_the_fetcher_says_what_it_cannot_give(film, tmp_path):
     lost = FrameFetcher(tmp_path / "gone.mkv", film.scores.frames)
     lost.wait(3)
     assert lost.frame(3) is None

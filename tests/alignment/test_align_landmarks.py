@@ -58,4 +58,3 @@ def test_disabled_and_incomplete_landmarks_take_no_part():
     expected = align_landmarks(used, CAMERA, click_sigma_px=2.0)
     assert np.array_equal(found.estimate.cam_from_model, expected.estimate.cam_from_model)
     assert np.array_equal(found.points, points)
-    assert np.array_equal(found.pixels, pixels)

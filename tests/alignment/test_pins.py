@@ -81,20 +81,6 @@ def test_more_pins_use_all_six_degrees_of_freedom(seed, camera, count):
     assert rotation_angle_deg(pulled[:3, :3] @ pose[:3, :3].T) < 60
 
 
-@given(seeds, cameras, st.integers(1, 6))
-def test_pulling_does_not_depend_on_the_model_frame(seed, camera, count):
-    rng, points, pose, _ = scene(seed, camera, count)
-    points[1:] += rng.normal(size=(count - 1, 3)) * 3
-    target = shown(camera, pose, points) + rng.normal(size=(count, 2)) * 3
-    model_from_mesh = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 50)
-    given_points, given_pivot = (
-        transform_points(np.linalg.inv(model_from_mesh), each) for each in (points, PIVOT[None])
-    )
-    pulled = pull_pins(points, target, camera, pose, PIVOT)
-    turned = pull_pins(given_points, target, camera, pose @ model_from_mesh, given_pivot[0])
-    assert shown(camera, turned, given_points) == pytest.approx(shown(camera, pulled, points), abs=1e-3)
-
-
 @given(seeds, cameras)
 def test_the_pin_in_the_hand_wins(seed, camera):
     rng, points, pose, pixels = scene(seed, camera, 6)

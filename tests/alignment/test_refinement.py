@@ -157,23 +157,3 @@ def test_enough_surface_is_enough_in_an_image_of_any_size(mesh, wide, across_px,
     result = refine_pose(image, np.ones(camera.shape_hw, bool), camera, mesh, TRUE_POSE)
     assert ("no detail" in result.message) == enough
     assert ("almost no surface" in result.message) != enough
-
-
-def test_a_coloured_object_in_front_of_clutter(rng):
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 81), np.linspace(0, np.pi, 41))
-    radius = 25 + 3 * np.sin(3 * u) * np.sin(v) ** 3 + 4 * np.cos(v) + 3 * np.sin(u + 1) * np.sin(v)
-    points = radius[..., None] * np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), 1.2 * np.cos(v)], axis=-1)
-    mesh = grid_mesh(*np.moveaxis(points, -1, 0)).flipped()
-    colours = 0.5 + 0.4 * np.sin(mesh.vertices / [6.0, 9.0, 7.0] + [0.0, 1.0, 2.0])
-    camera = PinholeCamera(320, 240, fx=570.0, fy=572.0, cx=163.0, cy=117.0)
-    pose = rigid(rotation_from_vector(np.array([0.4, 1.1, -0.3])), np.array([20.0, 12.0, 330.0]))
-    raster = rasterise_depth(mesh, camera, pose)
-    clutter = 0.5 + 4 * cv2.GaussianBlur(rng.normal(size=(240, 320, 3)), (0, 0), 7)
-    shown = colours[mesh.faces].mean(axis=1)[raster.face]
-    image = np.clip(np.where(raster.face[..., None] >= 0, 0.8 * shown, clutter), 0, 1).astype(np.float32)
-    rotated = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
-    start = rigid(translation=[6.0, -5.0, 8.0]) @ rotated
-    result = refine_pose(image, np.ones(camera.shape_hw, bool), camera, mesh, start, colours=colours)
-    assert result.accepted, result.message
-    projected = [camera.project(transform_points(p, mesh.vertices)) for p in (pose, result.cam_from_model)]
-    assert np.linalg.norm(projected[0] - projected[1], axis=1).mean() < 0.7

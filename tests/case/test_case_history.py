@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oneframe.case import case_history
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
 from oneframe.case.case_history import add_to_history, earlier_cases, history_path
@@ -47,17 +46,6 @@ def test_cases_that_are_replaced_are_kept_to_the_last_bit(write_tiny_case, tmp_p
             replaced += [entry] * (entry not in replaced)
     found = [(each.case.cam_from_mesh.tolist(), each.case.alignment) for each in reversed(earlier_cases(path))]
     assert found == replaced
-
-
-def test_a_long_history_loses_old_poses_that_nobody_found_first(write_tiny_case, tmp_path, monkeypatch):
-    monkeypatch.setattr(case_history, "MOST", 8)
-    monkeypatch.setattr(case_history, "KEPT", 4)
-    path = write_tiny_case(tmp_path)
-    for number in range(30):
-        write_case(path, posed(read_case(path), number, REFINED if number == 1 else PoseRecord("manual")))
-    places = [each.case.cam_from_mesh[0, 3] for each in earlier_cases(path)]
-    assert (places[0], places[-1]) == (28, 1)
-    assert len(places) <= 8
 
 
 def test_the_command_lists_the_history_and_takes_one_back(write_tiny_case, tmp_path, run_oneframe):

@@ -10,7 +10,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from oneframe.dataset import normals
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import OPTIONS
 from oneframe.dataset.run.resume_record import read_record
@@ -124,10 +123,8 @@ def test_the_docs_list_every_array_as_it_is_declared():
         assert f"    {path:<34} {truth.form.about}: {truth.about}{asked}\n" in docs
 
 
-@pytest.mark.parametrize("within_limits", [True, False], ids=["z-buffer", "rays"])
-def test_normals_are_those_that_the_inverse_depth_of_a_ray_cast_gives(monkeypatch, within_limits):
+def test_normals_are_those_that_the_inverse_depth_of_a_ray_cast_gives():
     """On a plane n . X = d the inverse depth is n . ray / d, affine in the pixel: its gradient gives n / d."""
-    monkeypatch.setattr(normals, "is_within_limits", lambda *_: within_limits)
     pose, camera = pose_of(1), WIDE.resized(160, 120)
     height, width = camera.shape_hw
     depth = cast_rays(MESH, camera, pose)

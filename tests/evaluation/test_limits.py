@@ -15,8 +15,6 @@ from oneframe.alignment.landmarks.covariance import pose_uncertainty
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
 from oneframe.alignment.landmarks.solver import solve_pose
 from oneframe.alignment.pose_uncertainty import PoseMode
-from oneframe.alignment.refinement.refine import refine_pose
-from oneframe.alignment.refinement.verdict import Refinement
 from oneframe.alignment.reprojection import Correspondences
 from oneframe.blender.bridge.camera import new_camera
 from oneframe.blender.dataset import view_renderer
@@ -31,8 +29,7 @@ from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.poses.constraints import Constraints, ViewStatistics, plan_pose, sampling_doubt
-from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.surface.mesh import TriangleMesh, checked_mesh
+from oneframe.surface.mesh import checked_mesh
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
 from scripts.benchmarks.sweeps.camera import Place, write_place
 from scripts.benchmarks.sweeps.landmarks import Clicks, camera_of, draw_trial
@@ -129,15 +126,6 @@ def collinear(ratio: float) -> str:
     with pytest.raises(UndeterminedPose) as found:
         solve_pose(points, camera.project(transform_points(pose, points)), camera)
     return "refused" if "on one line, about which" in str(found.value) else "works"
-
-
-def shaded(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray, contrast: float) -> np.ndarray:
-    """``(H, W, 3)`` a picture of a surface lit from the camera, of which the local contrast is known."""
-    face = rasterise_depth(mesh, camera, pose).face
-    normal = mesh.face_normals[face] @ pose[:3, :3].T
-    picture = np.where(face >= 0, -normal[..., 2], 0.5)
-    picture = 0.5 + contrast * (picture - picture.mean()) / picture.std()
-    return np.repeat(picture[..., None], 3, axis=2).astype(np.float32)
 
 
 def before_a_wall() -> SourceView:
@@ -278,7 +266,7 @@ PLACES: dict[str, tuple[Callable[[float], Place], float]] = {
     "surface_doubts.FARTHEST_MM": (_away, 1.03),
 }
 ELSEWHERE = {"verdict.MAX_ROTATION_DEG", "refine.MIN_CONTRAST"}
-"""Limits of the refinement: tests/alignment/test_refinement.py, and below."""
+"""Limits of the refinement: tests/alignment/test_refinement.py."""
 
 
 def limit_of(name: str) -> tuple[float, str]:
@@ -307,29 +295,6 @@ def test_both_sides_of_a_limit_on_the_place(name, placed):
     limit, beyond = limit_of(name)
     assert placed(place(limit * factor)) == beyond
     assert placed(place(limit / factor)) == "works"
-
-
-class Searching(Exception):
-    """The refinement went on to its search."""
-
-
-def test_a_frame_needs_contrast(bumpy_mesh, frontal_pose):
-    limit, beyond = limit_of("refine.MIN_CONTRAST")
-    camera = PinholeCamera(240, 200, 1000.0, 1000.0, 119.5, 99.5)
-
-    def stop(fraction: float) -> None:
-        if fraction > 0:
-            raise Searching
-
-    def refined(contrast: float) -> Refinement:
-        image = shaded(bumpy_mesh, camera, frontal_pose, contrast)
-        return refine_pose(image, np.ones(camera.shape_hw, bool), camera, bumpy_mesh, frontal_pose, progress=stop)
-
-    # of the whole picture, where the limit is on what varies locally
-    with pytest.raises(Searching):
-        refined(4 * limit)
-    assert beyond == "refused"
-    assert "no detail" in refined(0.9 * limit).message
 
 
 def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path, monkeypatch):

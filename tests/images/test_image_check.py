@@ -17,7 +17,7 @@ from oneframe.errors import InputError
 from oneframe.images.image_check import check_image
 
 ORIENTATION, MAKER, COLOURS = 0x0112, 0x010F, 0xA001
-TURNED = dict(zip(range(2, 9), ("mirrored", "180", "top to", "mirrored", "90° cl", "90", "counter-"), strict=True))
+TURNED = range(2, 9)
 PIXELS = np.random.default_rng(2).integers(0, 256, (48, 64, 3), np.uint8)
 DISPLAY_P3 = struct.pack(">8I", 31270, 32900, 68000, 32000, 26500, 69000, 15000, 6000)
 DEFLATED, ZSTD = (struct.pack("<HHII", 259, 3, 1, number) for number in (8, 50000))
@@ -157,7 +157,7 @@ def test_an_image_with_an_exif_orientation_is_refused(kind, orientation):
     if orientation not in TURNED:
         check_image(data, "frame")
         return
-    with pytest.raises(InputError, match=rf"^frame: .* show it .*{TURNED[orientation]}.*save it as PNG"):
+    with pytest.raises(InputError, match=rf"^frame: .*EXIF orientation {orientation}, .*save it as PNG"):
         check_image(data, "frame")
 
 

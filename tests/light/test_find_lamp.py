@@ -13,8 +13,7 @@ from oneframe.images.transfer import TRANSFERS
 from oneframe.light.find_lamp import find_lamp, lamp_of
 from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.light.shaded_points import ShadedPoints
-from oneframe.projection.overlay_scene import smooth_normals
-from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.projection.z_buffer import rasterise_depth, seen_normals
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.conftest import grid_mesh
 
@@ -80,13 +79,11 @@ def sightings(mesh, law, gains=(1.0, 1.0, 1.0, 1.0), poses=POSES, albedo=albedo_
 def photograph(mesh, law, pose, transfer="srgb"):
     raster = rasterise_depth(mesh, CAMERA, pose)
     shown = raster.face >= 0
-    rays = CAMERA.rays_cam(CAMERA.pixel_grid()[shown])
-    points = transform_points(inverse_rigid(pose), rays / raster.inverse_depth[shown][:, None])
+    uv = CAMERA.pixel_grid()[shown]
+    points = transform_points(inverse_rigid(pose), CAMERA.rays_cam(uv) / raster.inverse_depth[shown][:, None])
     image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
     linear = (
-        0.25
-        * albedo_of(points) ** 0.3
-        * law(points, smooth_normals(mesh, mesh.smooth_normals, raster.face[shown], points), pose)
+        0.25 * albedo_of(points) ** 0.3 * law(points, seen_normals(mesh, CAMERA, pose, raster.face[shown], uv), pose)
     )
     image[shown] = np.rint(255 * codes_from_linear(np.clip(linear, 0, 1), TRANSFERS[transfer]))[:, None] / 255
     return PosedFrame(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose)

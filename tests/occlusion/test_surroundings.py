@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.lens_shading import CornerNormals, LensShading, shifted_codes, shown_codes
+from oneframe.colour.lens_shading import LensShading, shifted_codes, shown_codes
 from oneframe.colour.source_view import SourceView
 from oneframe.light.lens_light import LensLight
 from oneframe.occlusion.compositing import LitSurface
 from oneframe.occlusion.instruments import hook
 from oneframe.occlusion.shadow import Shadow
 from oneframe.occlusion.surroundings import MARGIN_PX, Surroundings
-from oneframe.projection.rays import MeshRays
 from oneframe.projection.rendered_view import RenderedView
 from oneframe.projection.visible_surface import pixel_points
-from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.projection.z_buffer import rasterise_depth, seen_normals
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
 from tests.conftest import grid_mesh
@@ -39,8 +38,8 @@ def white(mesh: TriangleMesh, pose: np.ndarray, light: LensShading | None = None
 
 def factors(mesh, face, depth_mm, pixels, pose, lit=None) -> np.ndarray:
     points = pixel_points(depth_mm, np.nonzero(pixels), CAMERA, pose)
-    front = mesh.front_facing(camera_centre(pose), face[pixels])
-    return LIGHT.factors(points, CornerNormals(mesh).at(face[pixels], points, front), pose, lit)
+    normals = seen_normals(mesh, CAMERA, pose, face[pixels], CAMERA.pixel_grid()[pixels])
+    return LIGHT.factors(points, normals, pose, lit)
 
 
 def frame(image: np.ndarray, seen: RenderedView, pose: np.ndarray) -> SourceView:
@@ -90,21 +89,21 @@ def points_of(pose: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["lens", "shadows"])
-def test_a_shadow_is_where_rays_from_the_lamp_end(bumpy_mesh, oblique_pose, own):
+def test_a_shadow_is_where_rays_from_the_lamp_end(bumpy_mesh, oblique_pose, own, ray_cast):
     """And leaves no more than the ambient part; the rest of the surface is as it was."""
     tool = hook(np.random.default_rng(1)).parts(60.0)[0][0]
     held = rigid(rotation_from_vector(np.array([0.0, 0.9, 0.4])), [2.0, 1.0, 6.0])
     tool = TriangleMesh(transform_points(held, tool.vertices), tool.faces)
     seen, raster = white(bumpy_mesh, oblique_pose, LIGHT), rasterise_depth(bumpy_mesh, CAMERA, oblique_pose)
     shadow = Shadow(tool, LIGHT, CAMERA, oblique_pose)
-    rays = MeshRays(bumpy_mesh) if own else None
     light = replace(LIGHT, shadows=own)
-    view = LitSurface(bumpy_mesh, CornerNormals(bumpy_mesh), light, rays).shaded(seen, shadow)
+    view = LitSurface(bumpy_mesh, light).shaded(seen, shadow)
     points = pixel_points(seen.depth_mm, np.nonzero(seen.mask), CAMERA, oblique_pose)
-    lamp = LIGHT.light.place_model(oblique_pose).astype(np.float32)
-    met = MeshRays(tool).first_hits(np.broadcast_to(lamp, points.shape).copy(), points - lamp)
+    lamp_from_model = rigid(translation=-np.array(LIGHT.light.lamp_cam_mm)) @ oblique_pose
+    points_lamp = transform_points(lamp_from_model, points)
+    depth, _ = ray_cast(tool, CAMERA, lamp_from_model, CAMERA.project(points_lamp))
     dark = np.zeros(seen.mask.shape, np.uint8)
-    dark[seen.mask] = (met.face >= 0) & (met.distance < 1)
+    dark[seen.mask] = (depth > 0) & (depth < points_lamp[:, 2])
     covered = shadow.covers(seen.depth_mm)
     assert covered.sum() > 100
     # texels are as large as pixels

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import shutil
 import tarfile
 from pathlib import Path
@@ -136,25 +137,21 @@ def test_a_damaged_dataset_is_refused(name, copied, tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("kind", ["rgb", "depth_mm", "frame"])
+def other_run(record: bytes) -> bytes:
+    return re.sub(rb'"identity":"[0-9a-f]{64}"', b'"identity":"' + b"ab" * 32 + b'"', record)
+
+
+@pytest.mark.parametrize("kind", ["rgb", "depth_mm", "frame", "of another run"])
 def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, packed, tmp_path):
-    (path,) = (copied / "train_synt" / "000000" / kind).glob("000003*")
+    (path,) = (copied / "train_synt" / "000000" / kind.replace("of another run", "frame")).glob("000003*")
     sound = path.read_bytes()
-    path.write_bytes(sound[:30] + b"!" + sound[31:])
-    with pytest.raises(RunError, match=f"{path}: expected .*; (or )?remove "):
+    path.write_bytes(other_run(sound) if kind == "of another run" else sound[:30] + b"!" + sound[31:])
+    assert path.read_bytes() != sound
+    with pytest.raises(RunError, match=f"{path}: expected .*(; |, or )remove "):
         pack(copied, tmp_path / "out", workers=1)
     assert {*tree(tmp_path / "out")} == {"pack.json", "shard-000000.tar"}
     path.write_bytes(sound)
     assert pack(copied, tmp_path / "out") == tree(packed)
-
-
-def test_a_view_of_another_dataset_is_refused(copied, tmp_path):
-    record = copied / "train_synt/000000/frame/000002.json"
-    content = json.loads(record.read_text())
-    content["identity"] = "ab" * 32
-    record.write_text(json.dumps(content, separators=(",", ":")) + "\n")
-    with pytest.raises(RunError, match=r"000002\.json: expected a view of this dataset, found one of another run"):
-        pack(copied, tmp_path / "out")
 
 
 @pytest.mark.parametrize("place", ["packed", ".."])

@@ -127,26 +127,6 @@ def test_parts_are_independent_of_one_another():
         assert np.abs(correlation - np.eye(len(keys))).max() < CORRELATION_BOUND
 
 
-def test_shell_is_uniform_in_rotation():
-    # Haar measure: the angle to any rotation has the distribution function (a - sin a) / pi
-    def haar(angle):
-        return (angle - np.sin(angle)) / np.pi
-
-    def angle(poses):
-        fixed = rotation_from_vector(np.array([0.3, 2.0, -0.4]))
-        return np.arccos(np.clip((np.einsum("nij,ij->n", poses[:, :3, :3], fixed) - 1) / 2, -1, 1))
-
-    assert ks_distance(angle(drawn("shell")), haar) < KS_BOUND
-    without_roll = replace(DISTRIBUTIONS["shell"], roll_deg=0)
-    assert ks_distance(angle(np.stack([frame_pose(without_roll, 5, i) for i in range(300)])), haar) > 2 * KS_BOUND
-
-
-def test_cone_without_roll_has_no_hidden_roll():
-    rigid_cone = replace(DISTRIBUTIONS["cone"], roll_deg=0)
-    poses = np.stack([frame_pose(rigid_cone, 3, index) for index in range(200)])
-    assert np.abs(parts(poses)["roll"]).max() < 1e-12
-
-
 def test_more_shift_leaves_the_rest_of_a_dataset_alone():
     still = replace(DISTRIBUTIONS["cone"], shift_mm=0)
     for index in range(20):

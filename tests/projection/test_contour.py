@@ -1,17 +1,14 @@
 """Contours and structures of a scene, against analytic outlines, the exact silhouette and the z-buffer."""
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 import trimesh
 
 from oneframe.camera.pinhole import PinholeCamera, whereabouts
 from oneframe.images.layer_stack import LayerStack
 from oneframe.images.overlay import SMOOTHING_PX, outline_segments
-from oneframe.projection.overlay_scene import OverlayScene, Solid, structure_layer, visible_contours
+from oneframe.projection.overlay_scene import OverlayScene, structure_layer, visible_contours
 from oneframe.projection.silhouette import SilhouetteEdges
-from oneframe.projection.z_buffer import inverse_depth_of, rasterise_depth
+from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.sample.distance_field import tube
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid
@@ -60,28 +57,6 @@ def test_hidden_edges_are_no_contour():
     assert len(steps) == 0
 
 
-@pytest.mark.parametrize("surface", ["bumpy_mesh", "stepped_mesh"])
-def test_the_depth_alone_is_that_of_the_raster(surface, oblique_pose, request):
-    mesh = request.getfixturevalue(surface)
-    expected = rasterise_depth(mesh, CAMERA, oblique_pose).inverse_depth
-    np.testing.assert_array_equal(inverse_depth_of(mesh, CAMERA, oblique_pose), expected)
-    assert not Solid.of(mesh).is_closed
-
-
-def test_a_solid_needs_its_fronts_only(oblique_pose):
-    solid = joined(sphere((0, 0, 0), 20), tube(np.array([[-40.0, 0, 9], [0, 5, 24], [40, 0, 9]]), 3.0))
-    assert Solid.of(solid).is_closed
-    assert not Solid.of(replace(solid, faces=solid.faces[:-1])).is_closed
-    assert not Solid.of(solid.flipped()).is_closed
-    expected = rasterise_depth(solid, CAMERA, oblique_pose)
-    fronts = inverse_depth_of(solid, CAMERA, oblique_pose, Solid.of(solid).seen_faces(oblique_pose))
-    # where a ray grazes the solid, faces seen edge-on may be either
-    assert ((fronts > 0) == (expected.face >= 0)).mean() > 0.999
-    seen = (fronts > 0) & (expected.face >= 0)
-    apart = np.abs(1 / fronts[seen] - 1 / expected.inverse_depth[seen])
-    assert (apart > 1e-6).mean() < 1e-3
-
-
 def test_the_outline_of_a_visible_structure_is_its_silhouette(frontal_pose):
     """Within a pixel, both ways, of the pixels that it covers alone."""
     nerve = tube(np.array([[-20.0, -6, 4], [-5, 8, 6], [8, -4, 5], [22, 6, 4]]), 1.5)
@@ -109,6 +84,6 @@ def test_structures_outside_have_no_layer_but_a_place(frontal_pose):
         ((190, 190, 0), "right of the frame and below it"), ((0, 0, -900), "behind the camera"), ((0, 0, 0), None),
     ):  # fmt: skip
         pose = rigid(translation=np.array(offset, float)) @ frontal_pose
-        layer = structure_layer(Solid.of(mesh), (1.0, 1.0, 1.0), CAMERA, pose)
+        layer = structure_layer(mesh, (1.0, 1.0, 1.0), CAMERA, pose)
         assert (layer.depth_mm.size == 0) == (place is not None)
         assert whereabouts(mesh.vertices, CAMERA, pose) == place

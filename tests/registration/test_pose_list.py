@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
-from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
-from oneframe.case.frame import load_frame, load_posed_frame
 from oneframe.case.pose_record import PoseRecord
-from oneframe.errors import InputError
-from oneframe.images.png import encode_png
 from oneframe.poses.view_spread import spread_views
 from oneframe.registration.pose_list import (
     encoded_list,
@@ -144,24 +140,3 @@ def test_poses_are_those_of_the_model_in_millimetres(tmp_path, loaded, oblique_p
     assert photograph.image == tmp_path / "a.png"
     assert not messages
     np.testing.assert_allclose(photograph.cam_from_mesh @ MESH_FROM_MODEL, oblique_pose, atol=1e-9)
-
-
-def test_a_photograph_as_the_lens_took_it_is_undistorted(tmp_path, loaded, oblique_pose):
-    """As the frame of a case with this distortion, and only where its entry says so."""
-    v, u = np.mgrid[:48, :64]
-    codes = np.stack([u * 4, v * 5, 255 - u - v], -1).astype(np.uint8)
-    (tmp_path / "a.png").write_bytes(encode_png(codes))
-    path, lens = tmp_path / "list.json", [0.4, -0.1, 0.002, 0.001, 0.0]
-    entry = listed(oblique_pose.tolist())
-    for distortion in (None, lens):
-        path.write_text(json.dumps([entry if distortion is None else entry | {"distortion": distortion}]))
-        (photograph,), _ = read_photographs(path, loaded.case)
-        shown = load_posed_frame(photograph, MESH_FROM_MODEL, name="case.toml")
-        expected = Distortion(*distortion) if distortion else None
-        image, valid = load_frame(tmp_path / "a.png", SMALL, expected, name="case.toml")
-        np.testing.assert_array_equal(shown.image, image)
-        np.testing.assert_array_equal(shown.valid, valid)
-        assert np.array_equal(np.rint(image * 255), codes) == (distortion is None)
-    path.write_text(json.dumps([entry | {"distortion": "none"}]))
-    with pytest.raises(InputError, match=r"list\.json: entry 0: distortion"):
-        read_photographs(path, loaded.case)

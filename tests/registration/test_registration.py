@@ -21,11 +21,10 @@ from oneframe.case.pose_record import FURTHER_FRAMES
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.projection.rays import MeshRays
-from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.projection.z_buffer import nearest_at, rasterise_depth
 from oneframe.registration import known_views
-from oneframe.registration.correct_source import SourceCorrection, Track
-from oneframe.registration.further_frames import FrameReader, FurtherFrame
+from oneframe.registration.correct_pose import PoseCorrection, Track
+from oneframe.registration.further_frames import FurtherFrame
 from oneframe.registration.pose_list import accepted_frames, read_photographs
 from oneframe.registration.register import SURFACE_SHARE, RegisteredFrame, Registrar, judged_together, with_case
 from oneframe.registration.register_case import FrameEvidence
@@ -39,7 +38,6 @@ from oneframe.transforms import (
     rigid,
     rotation_angle_deg,
     rotation_from_vector,
-    se3_exp,
     transform_points,
     turned_about,
 )
@@ -119,15 +117,6 @@ def test_a_frame_is_registered_from_nothing(registrar, mesh, tilt, roll, nearer)
     assert rotation_angle_deg(found.cam_from_model[:3, :3] @ true[:3, :3].T) < 0.3
     assert np.linalg.norm(found.cam_from_model[:3, 3] - true[:3, 3]) < 1.5
     assert np.linalg.eigvalsh(found.uncertainty.covariance)[0] > 0
-
-
-def test_the_pose_before_gives_the_same_pose(registrar, mesh):
-    true = seen_from(15, 10)
-    grey = codes(photograph(mesh, true))
-    near = se3_exp(np.array([0.3, -0.3, 1.0, 0.01, -0.01, 0.01])) @ true
-    alone, tracked = found_in(registrar, grey), found_in(registrar, grey, near)
-    assert tracked.verdict.state == alone.verdict.state == ACCEPTED
-    assert np.abs(tracked.cam_from_model - alone.cam_from_model).max() < 0.2
 
 
 @pytest.mark.parametrize("kind", ["mirrored", "another", "blurred", "masked", "grey"])
@@ -266,8 +255,6 @@ def test_a_film_says_where_the_surface_changes(registrar, mesh):
     same, other = fits(images, poses), fits(changed, poses[8:])
     found = change(same[:8] + other)
     assert found.since == 80
-    assert found.places[4:6, 4:7].mean() > 0.6
-    assert not found.places[:, :2].any()
     assert 0.05 < found.share < 0.3
     assert f"from frame {found.since}" in found.words()
     assert change(same[:4] + other + same[4:8]) is None
@@ -278,12 +265,9 @@ def test_frames_bring_back_the_pose_of_the_source(mesh):
     rng = np.random.default_rng(0)
     source_px = CAMERA.pixel_grid()[::12, ::12].reshape(-1, 2)[rng.permutation(540)[:300]]
     poses = [seen_from(tilt, roll) for tilt, roll in ((25, 0), (-20, 30), (15, 90), (30, -60))]
-    correction = SourceCorrection(mesh, CAMERA, PIVOT)
+    correction = PoseCorrection(mesh, CAMERA, PIVOT)
     rays = CAMERA.rays_cam(source_px)
-    hits = MeshRays(mesh).first_hits(
-        np.tile(camera_centre(SOURCE).astype(np.float32), (len(rays), 1)), (rays @ SOURCE[:3, :3]).astype(np.float32)
-    )
-    points = transform_points(inverse_rigid(SOURCE), rays * hits.distance[:, None])
+    points = transform_points(inverse_rigid(SOURCE), rays / nearest_at(mesh, CAMERA, SOURCE, source_px)[0][:, None])
     rough = apply_twist(np.array([2.0, -3.0, 4.0, *np.radians([3.0, -2.0, 2.0])]), SOURCE, PIVOT)
     distances = []
     for noise_px in (0.0, *[0.3] * 15):
@@ -380,14 +364,6 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     with pytest.raises(InputError, match=r"v empty\.png: .* empty.*; nor can any other frame be used"):
         registered(tmp_path, "frames", tmp_path / "none")
     assert not (tmp_path / "none").exists()
-
-
-def test_a_film_that_is_cut_off_says_so(mesh, tmp_path):
-    write_case(tmp_path, mesh, SOURCE)
-    film = write_images(tmp_path / "cut.mkv", [np.rint(255 * photograph(mesh, SOURCE)).astype(np.uint8)] * 20)
-    film.write_bytes(film.read_bytes()[: film.stat().st_size // 2])
-    with FrameReader(read_case(tmp_path / "case.toml")).opened(film) as opened:
-        assert opened.cut_off.startswith("the file is cut off")
 
 
 @pytest.mark.usefixtures("near_views")

@@ -56,7 +56,7 @@ def claiming(png: bytes, side_px: int) -> bytes:
 
 
 FRAMES = {
-    "PNG cut off": (lambda png: png[:-200], "the file is cut off; save it as PNG in sRGB, or copy it again"),
+    "PNG cut off": (lambda png: png[:-200], "the file is cut off; copy it again"),
     "PNG that takes gigabytes": (
         lambda png: claiming(png, 20_000),
         r"expected an image of at most 25\.0 million pixels, found 20000x20000; crop it or scale it down",
@@ -122,7 +122,14 @@ def test_explicit_poses_that_miss_the_surface_are_rendered_and_reported(case, tm
     assert "no view shows any surface" in messages
     assert "poses: the first 1 show no surface; cam_from_mesh maps the mesh to OpenCV axes" in messages
     np.save(tmp_path / "poses.npy", (np.diag([1.0, -1, -1, 1]) @ read_case(case).cam_from_mesh)[None])
-    with pytest.raises(InputError, match=r"^poses: expected the surface in front of the camera, .*negate its 2nd"):
+    with pytest.raises(
+        InputError, match=r"^poses.npy: pose 0 .*: expected the surface in front of the camera, .*negate"
+    ):
+        run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
+    metres = read_case(case).cam_from_mesh
+    metres[:3, 3] /= 1000
+    np.save(tmp_path / "poses.npy", metres[None])
+    with pytest.raises(InputError, match=r"^poses.npy: pose 0 .*: expected (a working distance|the surface in front)"):
         run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
 
 

@@ -42,15 +42,14 @@ def surgical_film(
     rng: np.random.Generator,
     *,
     cuts: Sequence[int] = (),
-    zooms: Sequence[tuple[int, int, float]] = (),
     noise: float = 3.0,
     drift_px: float = 0.25,
     resting_tool: tuple[int, int] | None = None,
 ) -> Iterator[np.ndarray]:
     """Frames, (H, W, 3) uint8 RGB.
 
-    At each of ``cuts`` the next picture follows. In ``zooms`` (begin, end, factor) the magnification changes and the
-    focus is lost meanwhile. ``resting_tool``: frames in which an instrument lies in the view without moving.
+    At each of ``cuts`` the next picture follows. ``resting_tool``: frames in which an instrument lies in the view
+    without moving.
     """
     height, width = pictures[0].shape[:2]
     size = np.array([width, height])
@@ -62,25 +61,12 @@ def surgical_film(
         shape = shapes[event]
         for number in range(event.begin, event.end):
             picture = pictures[sum(number >= cut for cut in cuts) % len(pictures)]
-            scale, defocus = _zoom(zooms, number)
-            to_frame = np.array([[scale, 0, (1 - scale) * width / 2], [0, scale, (1 - scale) * height / 2]])
-            to_frame[:, 2] += drift[number]
+            to_frame = np.column_stack([np.eye(2), drift[number]])
             frame = cv2.warpAffine(picture, to_frame, (width, height), borderMode=cv2.BORDER_REFLECT).astype(np.float32)
             if resting_tool and resting_tool[0] <= number < resting_tool[1]:
                 frame = resting.metal(frame, drift[number] * 0)
             frame = _with(frame, event, number, shape, rng)
-            if defocus:
-                frame = cv2.GaussianBlur(frame, (0, 0), defocus)
             yield np.clip(np.rint(frame + rng.normal(0, noise, frame.shape)), 0, 255).astype(np.uint8)
-
-
-def _zoom(zooms: Sequence[tuple[int, int, float]], number: int) -> tuple[float, float]:
-    scale, defocus = 1.0, 0.0
-    for begin, end, factor in zooms:
-        scale *= factor ** np.clip((number - begin) / (end - begin), 0, 1)
-        if begin <= number < end:
-            defocus = 2.5 * float(np.sin(np.pi * (number - begin + 0.5) / (end - begin)))
-    return float(scale), defocus
 
 
 @dataclass(frozen=True)

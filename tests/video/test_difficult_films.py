@@ -1,11 +1,13 @@
 """Films as recorders, telephones and editors write them: numbers, times, colours and turns as players show them."""
 
+import av
+import cv2
 import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.film_reader import WIDEST, Film, read_video_frame
-from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, write_frames
+from oneframe.video.film_reader import WIDEST, Film, film_frame, read_video_frame
+from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, numbered, write_frames, write_images
 
 pytestmark = pytest.mark.usefixtures("decoded_here")
 
@@ -78,10 +80,12 @@ def test_a_film_that_begins_late_is_not_cut_off(tmp_path, suffix):
         assert [number_of(frame.image) for frame in film] == list(range(60))
 
 
-@pytest.mark.parametrize("transfer", ["arib-std-b67", "smpte2084"])
-def test_a_film_in_hdr_is_refused(tmp_path, transfer):
+@pytest.mark.parametrize(
+    "stated", [{"color_trc": "arib-std-b67"}, {"color_trc": "smpte2084"}, {"color_primaries": "smpte432"}]
+)
+def test_a_film_in_hdr_or_of_wide_colours_is_refused(tmp_path, stated):
     with pytest.raises(InputError, match=r"film.mp4: expected a film for screens of usual range, found HDR"):
-        Film(write_frames(tmp_path / "film.mp4", 2, color_trc=transfer))
+        Film(write_frames(tmp_path / "film.mp4", 2, **stated))
 
 
 COLOURS = [
@@ -119,8 +123,42 @@ def test_a_film_is_turned_and_mirrored_as_it_says(tmp_path):
         for mirrored in (False, True):
             turn = {"degrees": degrees, "hflip": mirrored}
             turned = np.rot90(image, degrees // 90)
-            shown = read_video_frame(copied(tmp_path / f"{degrees}{mirrored}.mp4", [plain], turn=turn), 2)
-            assert np.array_equal(shown, turned[:, ::-1] if mirrored else turned), turn
+            frame, film = film_frame(copied(tmp_path / f"{degrees}{mirrored}.mp4", [plain], turn=turn), 2)
+            assert np.array_equal(frame.image, turned[:, ::-1] if mirrored else turned), turn
+            words = ("90" * (degrees % 180 > 0), "180" * (degrees == 180 and not mirrored), "mirrored" * mirrored)
+            assert all(word in film.turned for word in words)
+            assert bool(film.turned) == bool(film.notes) == (degrees > 0 or mirrored)
+
+
+def textured(seed: int, size_wh: tuple[int, int] = (160, 120)) -> np.ndarray:
+    noise = np.random.default_rng(seed).integers(0, 256, (size_wh[1] // 4, size_wh[0] // 4, 3)).astype(np.uint8)
+    return cv2.resize(noise, size_wh, interpolation=cv2.INTER_CUBIC)
+
+
+@pytest.mark.parametrize("join", [np.hstack, np.vstack])
+def test_a_film_of_two_eyes_is_refused(tmp_path, join):
+    left = textured(1)
+    eyes = [np.zeros_like(left)] * 2, [left, np.roll(left, 3, axis=1)]
+    crop = "iw/2:ih" if join is np.hstack else "iw:ih/2"
+    with pytest.raises(InputError, match=rf"film.mkv: expected the film of one eye, found two .* -vf crop={crop}:0:0"):
+        frames_of(write_images(tmp_path / "film.mkv", [join(pair) for pair in eyes]))
+    # a pattern, and two pictures
+    pattern = np.tile(textured(2, (32, 24)), (5, 10, 1))
+    assert len(frames_of(write_images(tmp_path / "other.mkv", [pattern]))) == 1
+    assert len(frames_of(write_images(tmp_path / "pair.mkv", [join([left, textured(3)])]))) == 1
+
+
+@pytest.mark.parametrize("mode", ["left_right", "top_bottom"])
+def test_a_film_that_states_two_eyes_is_refused(tmp_path, mode):
+    with av.open(str(tmp_path / "film.mkv"), "w") as out:
+        stream = out.add_stream("libx264", 25)
+        stream.width, stream.height, stream.metadata["stereo_mode"] = 128, 96, mode
+        out.mux(stream.encode(av.VideoFrame.from_ndarray(numbered(3))))
+        out.mux(stream.encode())
+    with pytest.raises(
+        InputError, match=rf"one eye, found two eyes{' side' if mode == 'left_right' else ', one over'}"
+    ):
+        read_video_frame(tmp_path / "film.mkv", 0)
 
 
 def test_a_cover_is_no_film(tmp_path):
@@ -162,10 +200,3 @@ def test_no_other_file_is_opened(tmp_path):
         (tmp_path / f"{name}.mp4").write_text(text)
         with pytest.raises(InputError, match="cannot open it"):
             Film(tmp_path / f"{name}.mp4")
-
-
-def test_a_film_has_any_name(tmp_path):
-    path = write_frames(tmp_path / "film.mp4", 3)
-    for name in ("http:film.mp4", "-i %03d [x].mp4", "сон 影.mp4"):
-        path = path.rename(tmp_path / name)
-        assert number_of(read_video_frame(path, 2)) == 2

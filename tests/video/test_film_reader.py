@@ -8,10 +8,9 @@ import pytest
 
 from oneframe.errors import InputError
 from oneframe.video.film_reader import MOST, Film, FilmFrame, Thumbnails, read_video_frame
-from oneframe.video.frame_mask import without_combs
 from oneframe.video.frame_scores import COMBED, score_frames
 from oneframe.video.picture import comb_ratio
-from tests.video.difficult_films import number_of, with_uneven_times, write_frames
+from tests.video.difficult_films import number_of, numbered, write_frames, write_images
 from tests.video.surgical_film import write_film
 
 pytestmark = pytest.mark.usefixtures("decoded_here")
@@ -62,9 +61,9 @@ def test_a_part_of_the_film_has_the_numbers_and_pictures_of_the_whole(tmp_path):
         Film(path, from_s=30.0)
 
 
-@pytest.mark.parametrize("suffix", [".mkv", ".webm"])
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
 def test_frames_and_times_of_a_variable_rate_are_the_containers(tmp_path, suffix):
-    path = with_uneven_times(write_frames(tmp_path / "even.webm", FRAMES, "libvpx"), tmp_path / f"uneven{suffix}")
+    path = write_images(tmp_path / f"film{suffix}", [numbered(number) for number in range(FRAMES)], uneven=True)
     frames = frames_of(path)
     assert [number_of(frame.image) for frame in frames] == [frame.index for frame in frames] == list(range(FRAMES))
     gaps = np.diff([frame.time_s for frame in frames])
@@ -107,11 +106,6 @@ def test_interlacing_is_found_where_something_moves(tmp_path):
     assert max(frame.comb for frame in frames_of(write_film(tmp_path / "b.mkv", interlaced(moving(0))))) < 0.9
     found = frames_of(write_film(tmp_path / "c.mkv", interlaced(moving(6))))
     assert min(frame.comb for frame in found) > COMBED
-    frame = without_combs(found[3].image)
-    assert np.array_equal(frame[0::2], found[3].image[0::2])
-    assert comb_ratio(frame[..., 1]) < 0.9
-    # close to the picture of the upper field's moment
-    assert np.abs(frame.astype(int) - moving(6)[6]).mean() < 4
     noise = np.random.default_rng(2).integers(0, 255, (200, 300)).astype(np.uint8)
     assert comb_ratio(noise) < 1.05
 

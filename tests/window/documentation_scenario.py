@@ -15,9 +15,8 @@ from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
 from bl_ext.user_default.oneframe.video import session
 from bl_ext.user_default.oneframe.view.zoom import STATUS_PX
-from hands import Action
 from mathutils import Quaternion
-from user import User
+from user import Action, User
 
 operators: Any = bpy.ops
 """With the add-on's own, which Blender's type stubs do not know."""
@@ -58,8 +57,6 @@ def landmarks(user: User) -> Action:
             off = WRONG[1] if number == WRONG[0] else rng.normal(0, CLICK_SIGMA_PX, 2)
             operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
-    with user.context("UI"):
-        bpy.ops.view2d.pan(deltax=0, deltay=-260)
     yield from window_picture(user, "landmarks")
     with user.context():
         operators.oneframe.landmarks_clear()

@@ -1,6 +1,5 @@
-"""Landmarks by mouse: pins, drags that are fine or cancelled, disabling and deleting, picks in other views."""
+"""Landmarks by mouse: pins, drags that are fine or cancelled, switched off and deleted, picks in other views."""
 
-import addon_utils
 import bpy
 import numpy as np
 from bl_ext.user_default.oneframe.landmarks import solve
@@ -12,7 +11,6 @@ from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_
 from bl_ext.user_default.oneframe.ui.keymap import LANDMARK_TOOL
 
 FEATURES = np.array([(170, 250), (330, 190), (800, 190), (860, 560), (460, 540)], float)
-ADDON = "bl_ext.user_default.oneframe"
 
 
 def scenario(user):
@@ -33,7 +31,6 @@ def scenario(user):
     yield from drag(user)
     yield from use_and_delete(user)
     yield from pick_elsewhere(user)
-    yield from disable_with_active_tool(user)
 
 
 def miss(user):
@@ -139,15 +136,6 @@ def pick_elsewhere(user):
     yield from user.until(lambda: entries()[-1].has_pixel, "its image point")
     assert len(entries()) == count + 1
     assert solve.solution(bpy.context.scene).estimate is not None
-
-
-def disable_with_active_tool(user):
-    addon_utils.disable(ADDON)
-    yield from user.redraw()
-    tool = user.window.workspace.tools.from_space_view3d_mode("OBJECT")
-    assert tool.idname == "builtin.select_box", tool.idname
-    addon_utils.enable(ADDON)
-    yield from user.redraw()
 
 
 def entries():

@@ -51,7 +51,8 @@ def scenario(user):
     user.event("LEFTMOUSE", "RELEASE")
     yield 0.2
 
-    yield from blenders_keys(user)
+    yield from user.key("COMMA", user.middle(), alt=True)
+    yield from user.until(lambda: not np.array_equal(pose(), start), "10 px of roll", 20)
     start = pose()
     # in Edit mode the keys are Blender's, and the pose stays
     bpy.context.view_layer.objects.active = bpy.context.scene.oneframe.surface
@@ -61,23 +62,6 @@ def scenario(user):
     with user.context():
         bpy.ops.object.mode_set(mode="OBJECT")
     assert np.array_equal(pose(), start)
-
-
-def blenders_keys(user):
-    """With Ctrl keys are Blender's; with Alt a step is ten times as large."""
-    start = pose()
-    yield from user.key("PAGE_DOWN", user.middle(), ctrl=True)
-    yield from user.until(lambda: "oneframe_workspace" not in user.window.workspace, "Blender's next workspace", 20)
-    yield from user.key("PAGE_UP", ctrl=True)
-    yield from user.at_workbench()
-    yield from user.key("COMMA", user.middle(), ctrl=True)
-    yield from user.until(lambda: len(bpy.context.window_manager.windows) == 2, "Blender's Preferences", 20)
-    yield 0.5
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[1]):
-        bpy.ops.wm.window_close()
-    assert np.array_equal(pose(), start)
-    yield from user.key("COMMA", user.middle(), alt=True)
-    yield from user.until(lambda: not np.array_equal(pose(), start), "10 px of roll", 20)
 
 
 def pose():

@@ -2,7 +2,6 @@
 
 import bpy
 import numpy as np
-import x11
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 WINDOW = 1024, 640
@@ -19,7 +18,6 @@ def scenario(user):
     before = placed(scene)
     yield from zoom(user, scene)
     yield from keys(user, scene)
-    yield from contour(user, scene)
     assert (placed(scene) == before).all()
 
 
@@ -73,24 +71,3 @@ def keys(user, scene):
         yield from user.key(key)
     view.opacity = 0.0
     yield from user.redraw()
-
-
-def contour(user, scene):
-    view = scene.oneframe_view
-    frame = shown(user)
-    view.contour = True
-    yield from user.redraw()
-    lines = np.abs(shown(user) - frame).max(axis=2) > 40
-    user.facts["contour"] = round(float(lines.mean()), 4)
-    assert 0.002 < lines.mean() < 0.2
-    view.contour = False
-    yield from user.redraw()
-
-
-def shown(user):
-    """The middle of the frame in the view, float RGB, top row first."""
-    region = user.region()
-    picture = x11.capture()[::-1][region.y : region.y + region.height, region.x : region.x + region.width]
-    width, height = seen(user).camera.size_wh
-    low, high = seen(user).region_from_px([[0.2 * width, 0.8 * height], [0.8 * width, 0.2 * height]]).astype(int)
-    return picture[low[1] : high[1], low[0] : high[0]][::-1].astype(float)

@@ -49,11 +49,6 @@ class Alignment:
         """``(N, 3)`` mm."""
         return landmark_arrays(self.landmarks)[0]
 
-    @property
-    def pixels(self) -> np.ndarray:
-        """``(N, 2)`` as clicked."""
-        return landmark_arrays(self.landmarks)[1]
-
     def record(self, tool: str, date: str) -> PoseRecord:
         """The record of the pose; day in ISO 8601."""
         return PoseRecord(

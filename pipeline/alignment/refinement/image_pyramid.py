@@ -7,7 +7,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...surface.decimation import cluster_vertices
-from .shading_features import Surface
+from ...surface.mesh import TriangleMesh
 
 WINDOW = 0.07
 """Standard deviation of the Gaussian window of local means, relative to the square root of the surface's area in px."""
@@ -26,7 +26,7 @@ class PyramidLevel:
         Intrinsics of the cropped and downsampled image.
     image, valid
         ``(H, W, C)`` float32 and ``(H, W)`` bool.
-    surface
+    mesh
         Decimated to the resolution of the level.
     window_px
         Standard deviation of the window of local means, pixels of the level.
@@ -37,7 +37,7 @@ class PyramidLevel:
     camera: PinholeCamera
     image: np.ndarray
     valid: np.ndarray
-    surface: Surface
+    mesh: TriangleMesh
     window_px: float
     px: float
 
@@ -57,7 +57,7 @@ def pyramid(
     image: np.ndarray,
     valid: np.ndarray,
     camera: PinholeCamera,
-    surface: Surface,
+    mesh: TriangleMesh,
     *,
     sides: tuple[float, ...],
     area_px: float,
@@ -69,7 +69,7 @@ def pyramid(
     ----------
     image, valid
         ``(H, W, C)`` the part of the image around the surface, and ``(H, W)`` bool: pixels that may be used.
-    camera, surface
+    camera, mesh
         Those of this part, at full resolution.
     sides
         Increasing. Levels are never upsampled: those finer than the image are replaced by one at its resolution.
@@ -84,14 +84,13 @@ def pyramid(
         size = max(round(camera.width * factor), 8), max(round(camera.height * factor), 8)
         reduced, used = reduced_image(image, valid, size)
         level_camera = camera.resized(*size)
-        previous = levels[-1].surface if levels else surface
         cell_mm = CELL_PX * depth_mm / min(level_camera.fx, level_camera.fy)
         levels.append(
             PyramidLevel(
                 camera=level_camera,
                 image=reduced,
                 valid=used,
-                surface=Surface(*cluster_vertices(previous.mesh, cell_mm, previous.colours)),
+                mesh=cluster_vertices(levels[-1].mesh if levels else mesh, cell_mm),
                 window_px=WINDOW * factor * np.sqrt(area_px),
                 px=camera.width / size[0],
             )

@@ -104,7 +104,7 @@ def refine_on_level(
     """
     result = None
     for rendering in range(renderings):
-        seen = appearance(level.surface, level.camera, cam_from_model, window_px=level.window_px)
+        seen = appearance(level.mesh, level.camera, cam_from_model, window_px=level.window_px)
         if seen is None:
             return result
         points = _sample_points(seen, rendering, part)
@@ -123,7 +123,7 @@ def refine_on_level(
 
 def score(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
     """Squared correlation of the image with the best mixture at a pose; 0 if too little of the surface is in it."""
-    seen = appearance(level.surface, level.camera, cam_from_model, window_px=level.window_px)
+    seen = appearance(level.mesh, level.camera, cam_from_model, window_px=level.window_px)
     if seen is None:
         return 0.0
     image = image_without_local_mean(level.image, level.valid, seen.region, level.window_px)
@@ -133,7 +133,7 @@ def score(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
 
 def linearised(level: PyramidLevel, cam_from_model: np.ndarray) -> Linearisation | None:
     """The least squares problem of a level at a pose; ``None`` if too little of the surface is in the image."""
-    seen = appearance(level.surface, level.camera, cam_from_model, window_px=level.window_px)
+    seen = appearance(level.mesh, level.camera, cam_from_model, window_px=level.window_px)
     if seen is None:
         return None
     image = image_without_local_mean(level.image, level.valid, seen.region, level.window_px)

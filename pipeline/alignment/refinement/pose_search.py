@@ -144,7 +144,7 @@ def search_poses(
     for index, tilt in enumerate(TILTS_DEG):
         progress(index / len(TILTS_DEG))
         tilted = turned_about(pivot_cam, rotation_from_vector(np.radians([*tilt, 0.0]))) @ cam_from_model
-        seen = appearance(level.surface, canvas, tilted, window_px=level.window_px, brief=True)
+        seen = appearance(level.mesh, canvas, tilted, window_px=level.window_px, brief=True)
         if seen is None:
             continue
         features = _spectra(seen, shape)
@@ -168,7 +168,7 @@ def second_peak_ratio(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
     Infinite if too little of the surface is in the image.
     """
     reach, canvas, shape = _canvas(level)
-    seen = appearance(level.surface, canvas, cam_from_model, window_px=level.window_px, brief=True)
+    seen = appearance(level.mesh, canvas, cam_from_model, window_px=level.window_px, brief=True)
     if seen is None:
         return np.inf
     warped = _warped_image(level, 0.0, 1.0, reach, shape)

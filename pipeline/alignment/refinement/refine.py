@@ -24,7 +24,7 @@ from ...transforms import (
 from .image_pyramid import PyramidLevel, pyramid
 from .local_search import LocalResult, refine_on_level, score
 from .pose_search import REACH, search_poses, second_peak_ratio
-from .shading_features import RIM, Surface
+from .shading_features import RIM
 from .verdict import MAX_SECOND_PEAK_RATIO, Refinement, judged, refused_unsearched
 from .verification import contrast, mean_distance_px
 
@@ -67,7 +67,6 @@ def refine_pose(
     mesh: TriangleMesh,
     cam_from_model: np.ndarray,
     *,
-    colours: np.ndarray | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Refinement:
     """Refine a rough pose against the image.
@@ -84,15 +83,13 @@ def refine_pose(
         In the model frame, mm.
     cam_from_model
         ``(4, 4)`` the rough pose, within about 10° and 5 % of the distance.
-    colours
-        ``(V, 3)`` per vertex, 0..1, if the surface's own colours are known.
     progress
         Called with the fraction done, 0..1; an exception that it raises ends the refinement.
     """
     start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
     report = progress or (lambda fraction: None)
     report(0.0)
-    levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
+    levels, points, area_px = _levels(image, valid, camera, mesh, start)
     if not levels:
         return refused_unsearched(
             start, "it shows almost no surface in the image; move the surface into the image first"
@@ -128,20 +125,20 @@ def refine_pose(
 
 
 def _levels(
-    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, surface: Surface, start: np.ndarray
+    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, mesh: TriangleMesh, start: np.ndarray
 ) -> tuple[list[PyramidLevel], np.ndarray, float]:
     """Pyramid levels, coarse to fine, ``(N, 3)`` visible points, model frame, and the surface's area in px.
 
     Without levels where the rough pose shows too little of the surface.
     """
-    depth = transform_points(start, surface.mesh.vertices)[:, 2]
+    depth = transform_points(start, mesh.vertices)[:, 2]
     if not (depth > 0).any() or not valid.any():
         return [], np.empty((0, 3)), 0.0
     # a small object in a large image is nothing in the coarse one
     for side in (COARSE_PX, max(camera.size_wh)):
         factor = min(side / max(camera.size_wh), 1.0)
         small = camera.within(side)
-        coarse, _ = cluster_vertices(surface.mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
+        coarse = cluster_vertices(mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
         raster = rasterise_depth(coarse, small, start)
         seen = raster.face >= 0
         if np.count_nonzero(seen) >= MIN_COARSE_PX:
@@ -163,7 +160,7 @@ def _levels(
         image[y0:y1, x0:x1],
         valid[y0:y1, x0:x1],
         replace(camera, width=int(x1 - x0), height=int(y1 - y0), cx=camera.cx - x0, cy=camera.cy - y0),
-        surface,
+        mesh,
         sides=(min(SIDES_PX[0], coarsest), *SIDES_PX[1:]),
         area_px=area_px,
         depth_mm=float(np.median(points_cam[:, 2])),

@@ -29,14 +29,6 @@ RIM = 0.1
 
 
 @dataclass(frozen=True)
-class Surface:
-    """A mesh in the model frame, with optional ``(V, 3)`` vertex colours, 0..1."""
-
-    mesh: TriangleMesh
-    colours: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
 class Appearance:
     """Features of a surface at a pose.
 
@@ -56,7 +48,7 @@ class Appearance:
 
 
 def appearance(
-    surface: Surface,
+    mesh: TriangleMesh,
     camera: PinholeCamera,
     cam_from_model: np.ndarray,
     *,
@@ -67,8 +59,8 @@ def appearance(
 
     Parameters
     ----------
-    surface
-        Mesh and colours.
+    mesh
+        The surface, model frame, mm.
     camera, cam_from_model
         Intrinsics, and ``(4, 4)`` pose.
     window_px
@@ -76,7 +68,7 @@ def appearance(
     brief
         Few features, and only such that do not change with a rotation about the optical axis.
     """
-    raster = rasterise_depth(surface.mesh, camera, cam_from_model)
+    raster = rasterise_depth(mesh, camera, cam_from_model)
     seen = raster.face >= 0
     if np.count_nonzero(seen) < 16:
         return None
@@ -85,7 +77,6 @@ def appearance(
     depth = np.divide(1.0, inverse_depth, out=np.zeros_like(inverse_depth), where=region)
     points_cam = rays * depth[..., None]
 
-    mesh = surface.mesh
     cross = mesh.face_cross @ cam_from_model[:3, :3].T
     normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
     normal = np.where(seen[..., None], normals[raster.face], 0.0)
@@ -96,14 +87,9 @@ def appearance(
     # depth in pixels, so that its steps are comparable with the window at any scale
     relief = (depth * np.median(camera.fx * inverse_depth[seen])).astype(np.float32)
     fine = without_local_mean(relief, region, window_px / 4)
-    features = [np.abs(towards_lens)]
-    if not brief or surface.colours is None:
-        features += [relief, np.maximum(fine, 0)]
+    features = [np.abs(towards_lens), relief, np.maximum(fine, 0)]
     if not brief:
         features += [fine, np.maximum(without_local_mean(relief, region, window_px), 0), normal[..., 0], normal[..., 1]]
-    if surface.colours is not None:
-        colours = surface.colours[mesh.faces].mean(axis=1)
-        features += list(np.moveaxis(np.where(seen[..., None], colours[raster.face], 0.0), 2, 0))
     if (region != seen).any():
         features.append(seen)
     stack = np.dstack([feature.astype(np.float32) for feature in features])

@@ -49,8 +49,8 @@ class ImageAgreement:
     Attributes
     ----------
     score
-        Fraction, 0..1, of the image's local variation that shading, cavities, outline and colours of the surface
-        explain: the squared canonical correlation.
+        Fraction, 0..1, of the image's local variation that shading, cavities and outline of the surface explain: the
+        squared canonical correlation.
     error_px
         Estimated error: how far in the image, root mean square over the visible surface and in pixels of the full
         image, the surface lies from where the image places it. It includes the uncertainty of that place, see

@@ -17,7 +17,7 @@ from ...colour.reference_view import ReferenceView
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import OBSERVED_LEAST, VertexColours, colour_vertices
 from ...images.masked_frame import UNSEEN
-from ...images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
+from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
 from ..bridge.data_blocks import set_corner_uv, set_vertex_colors
@@ -111,17 +111,6 @@ def colour_record(surface: bpy.types.Object) -> dict | None:
     except ValueError:
         return None
     return record if isinstance(record, dict) else None
-
-
-def vertex_codes(surface: bpy.types.Object) -> np.ndarray | None:
-    """``(V, 3)`` float32 code values 0..1 of an object's vertices, NaN where unseen; ``None`` for a plain object."""
-    attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
-    if attribute is None or attribute.domain != "POINT" or len(attribute.data) != len(surface.data.vertices):
-        return None
-    rgba: np.ndarray = np.empty(4 * len(attribute.data), np.float32)
-    attribute.data.foreach_get("color", rgba)
-    rgba = rgba.reshape(-1, 4)
-    return np.where(rgba[:, 3:] > 0, codes_from_linear(rgba[:, :3]), np.nan).astype(np.float32)
 
 
 def _set_colour_attribute(surface: bpy.types.Object, colour: VertexColours) -> None:

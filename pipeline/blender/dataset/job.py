@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...case.case_file import Case
-from ...case.loaded_case import LoadedCase, load_case
+from ...case.loaded_case import LoadedCase, check_listed, load_case
 from ...colour.lens_shading import LensShading, lens_shading_of
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
@@ -126,6 +126,7 @@ def open_job(job: Job) -> OpenJob:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
+            check_listed(loaded, given_poses, files[POSES].name)
             beside = job.options.camera_from_planned
             given_poses = given_poses if beside is None else beside @ given_poses
     read = {name: hashes[path] for name, path in files.items()}

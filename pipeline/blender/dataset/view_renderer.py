@@ -31,7 +31,7 @@ from ...poses.pose_file import OTHER_CONVENTION
 from ...projection.silhouette import SilhouetteEdges
 from ...transforms import inverse_rigid
 from ..render.engines import opened_engine
-from ..render.surface_tree import ViewProbe, rays_at
+from ..render.surface_tree import ViewProbe
 
 FILTERS = (shadow_filter, surroundings_filter, front_filter)
 """What changes a view after its engine, in this order; each is made from a :class:`.Staging`, if that asks for it."""
@@ -180,7 +180,6 @@ class ViewRenderer(ViewPlanner):
             self._camera_from_planned,
             light,
             self.probe,
-            rays_at,
         )
         self._filters = [*filter(None, (made(self._staging) for made in FILTERS))]
         self._resources = ExitStack()

@@ -21,7 +21,6 @@ from ..bridge.image import new_float_image
 from .engines import Engine
 from .material import filter_lookups
 from .surface_scene import SurfaceScene
-from .surface_tree import rays_at
 
 
 @contextmanager
@@ -110,7 +109,7 @@ class EdgeSampler:
             Rays in each pixel at an edge.
         """
         self._scene, self._surface = scene, scene.surface
-        self._tracer = RayTracer(scene.surface, scene.camera, samples=samples, rays=rays_at(scene.surface.mesh))
+        self._tracer = RayTracer(scene.surface, scene.camera, samples=samples)
         self._images: dict[tuple[int, int], tuple[bpy.types.Image, float]] = {}
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:

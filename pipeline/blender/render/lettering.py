@@ -6,7 +6,7 @@ from functools import lru_cache
 import bpy
 import numpy as np
 
-from ...projection.spans import filled, spans_of
+from ...kernels.nearest_face import nearest_at_centres
 
 SAMPLES = 4
 """Samples of a pixel along each side."""
@@ -46,10 +46,10 @@ def text_mask(text: str, size_px: float) -> np.ndarray:
     # the centre of the first sample is at 0
     u = triangles[..., 0] * size_px * SAMPLES - 0.5
     v = (ASCENT - triangles[..., 1]) * size_px * SAMPLES - 0.5
-    covered = np.zeros(height * width * SAMPLES**2, np.float32)
-    for _, _, pixel in filled(spans_of(u.T, v.T, (width * SAMPLES, height * SAMPLES)), width * SAMPLES):
-        covered[pixel] = 1
-    mask = covered.reshape(height, SAMPLES, width, SAMPLES).mean(axis=(1, 3))
+    points = np.stack([u, v, np.ones_like(u), u, v], axis=-1).reshape(-1, 5)
+    covered = np.zeros((height * SAMPLES, width * SAMPLES))
+    nearest_at_centres(points, np.arange(len(points)).reshape(-1, 3), covered, np.zeros(covered.shape, np.int64))
+    mask = (covered > 0).astype(np.float32).reshape(height, SAMPLES, width, SAMPLES).mean(axis=(1, 3))
     mask.setflags(write=False)
     return mask
 

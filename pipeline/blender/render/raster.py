@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from ...camera.pinhole import PinholeCamera
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import ColouredSurface
-from ...projection.rays import require_embree
+from ...kernels.compiled import require_compiler
 from ...projection.rendered_view import Render
 from .engines import Engine
 
@@ -17,4 +17,4 @@ def _opened(surface: ColouredSurface, camera: PinholeCamera, samples: int, threa
     yield RayTracer(surface, camera, samples=samples).render
 
 
-ENGINE = Engine(_opened, require_embree)
+ENGINE = Engine(_opened, require_compiler)

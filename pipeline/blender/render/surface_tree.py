@@ -1,4 +1,4 @@
-"""The surface as Blender's search structure: what a pose would show, and rays for a Blender without embreex."""
+"""The surface as Blender's search structure: what a pose would show."""
 
 from collections.abc import Callable, Sequence
 
@@ -7,9 +7,7 @@ from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from ...camera.pinhole import PinholeCamera
-from ...errors import InputError
 from ...poses.constraints import ViewStatistics
-from ...projection.rays import Hits, MeshRays
 from ...projection.visible_surface import cast_grid
 from ...surface.mesh import TriangleMesh
 from ...transforms import camera_centre
@@ -63,32 +61,3 @@ class ViewProbe:
     def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
         point, normal, _, _ = self._tree.ray_cast(origin, direction)
         return None if point is None or normal is None else (point, normal)
-
-
-def rays_at(mesh: TriangleMesh) -> MeshRays:
-    """What casts rays at a mesh: Embree, or Blender where it is missing."""
-    try:
-        return MeshRays(mesh)
-    except InputError:
-        return BlenderRays(mesh)
-
-
-class BlenderRays(MeshRays):
-    """Casts Blender's own rays, one after the other."""
-
-    def __init__(self, mesh: TriangleMesh) -> None:
-        self._mesh, self._tree = mesh, surface_tree(mesh)
-
-    def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
-        """As of :class:`.MeshRays`."""
-        mesh = self._mesh
-        found = [self._tree.ray_cast(*ray) for ray in zip(origins.tolist(), directions.tolist(), strict=True)]
-        face = np.array([-1 if number is None else number for _, _, number, _ in found], np.int32)
-        distance = np.array([distance or 0.0 for *_, distance in found]) / np.linalg.norm(directions, axis=1)
-        a, b, c = (mesh.vertices[mesh.faces[face, corner]] for corner in range(3))
-        offset, cross = origins + distance[:, None] * directions - a, mesh.face_cross[face]
-        squared = (cross * cross).sum(axis=1)
-        second = (np.cross(offset, c - a) * cross).sum(axis=1) / squared
-        third = (np.cross(b - a, offset) * cross).sum(axis=1) / squared
-        front = (cross * directions).sum(axis=1) < 0
-        return Hits(face, distance.astype(np.float32), front, second.astype(np.float32), third.astype(np.float32))

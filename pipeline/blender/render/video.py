@@ -36,7 +36,9 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
         stream_video(path, map(np.load, files), len(files), fps=FRAMES_PER_SECOND)
 
 
-def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: float) -> None:
+def stream_video(
+    path: Path, images: Iterable[np.ndarray], count: int, *, fps: float, pixel_aspect: float = 1.0
+) -> None:
     """Encode ``count`` images ``(H, W, 3)`` uint8 as H.264, each as soon as it comes: one at a time is kept.
 
     Blender's sequencer asks for each frame just before it encodes it. The images must not use Blender's renderer.
@@ -49,6 +51,8 @@ def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: f
         At least one image. If there are fewer than ``count``, the last one stays.
     fps
         Images per second.
+    pixel_aspect
+        Width of a pixel over its height, for players.
 
     Raises
     ------
@@ -89,6 +93,8 @@ def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: f
         with temporary_data():
             scene = bpy.data.scenes.new("oneframe video")
             _set_up(scene, files, width=first.shape[1], height=first.shape[0], fps=fps)
+            # of no side may Blender's be below 1
+            scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = max(pixel_aspect, 1), max(1 / pixel_aspect, 1)
             editor = scene.sequence_editor_create()
             editor.use_cache_raw = editor.use_cache_final = False
             scene.render.filepath = render_path(written)

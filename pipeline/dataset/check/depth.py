@@ -1,8 +1,8 @@
 """Poses against pixels: a view's depth image compared with an independent projection of the surface.
 
-The model's triangles are scan-converted and depth-tested here, in numpy (:mod:`oneframe.projection.z_buffer`), without
-Blender and without its rays. So the comparison tests exactly what the dataset promises: mesh, pose, K, pixel origin,
-depth scale and depth image. Where a mesh surrounds the camera, rays find the triangles instead. Needs cv2.
+The model's triangles are scan-converted and depth-tested here (:mod:`oneframe.projection.z_buffer`), without Blender
+and without its rays. So the comparison tests exactly what the dataset promises: mesh, pose, K, pixel origin, depth
+scale and depth image. Needs cv2.
 """
 
 from dataclasses import dataclass
@@ -11,10 +11,8 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...projection.rays import MeshRays
-from ...projection.z_buffer import is_within_limits, rasterise_depth
+from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
-from ...transforms import camera_centre
 
 RAY_PX = 0.03
 """Largest distance of a renderer's ray from the pixel's centre, px: on a slope it causes a depth error."""
@@ -81,16 +79,8 @@ def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.
     rotation, translation = cam_from_model[:3, :3], cam_from_model[:3, 3]
     normals = mesh.face_cross @ rotation.T
     offsets = mesh.plane_offsets + normals @ translation
-    if is_within_limits(mesh, camera, cam_from_model):
-        inverse_depth, face = rasterise_depth(mesh, camera, cam_from_model)
-    else:
-        # the z-buffer would leave out what reaches behind the camera or far out of the image
-        rays_cam = camera.rays_cam(camera.pixel_grid())
-        directions = (rays_cam.reshape(-1, 3) @ rotation).astype(np.float32)
-        origins = np.tile(camera_centre(cam_from_model).astype(np.float32), (len(directions), 1))
-        face = MeshRays(mesh).first_hits(origins, directions).face.reshape(camera.shape_hw)
-        inverse_depth = (normals[face] * rays_cam).sum(axis=-1) / np.where(face >= 0, offsets[face], 1.0)
-    z = np.divide(1.0, inverse_depth, out=np.zeros_like(inverse_depth), where=face >= 0)
+    raster = rasterise_depth(mesh, camera, cam_from_model)
+    z, face = raster.depth_mm, raster.face
     gradients = np.divide(
         normals[:, :2], offsets[:, None], out=np.zeros((len(normals), 2)), where=offsets[:, None] != 0
     )

@@ -1,13 +1,8 @@
-"""Images with known poses for trials of the refinement: the frame of a case, and published photographs.
+"""Images with known poses for trials of the refinement: the frame of a case, and published photographs."""
 
-Needs ``cv2``.
-"""
-
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from oneframe.camera.distortion import undistort
@@ -19,9 +14,8 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points, turned_about
 
-from ..published import LMO_OBJECTS, lmo_image, lmo_model, read_bloster, read_codes, read_lmo
+from ..published import read_bloster, read_codes
 
-FEWEST_VISIBLE_POINTS = 100
 VISIBLE_POINTS = 2000
 """Approximate number of points that represent the visible surface."""
 
@@ -36,8 +30,6 @@ class RefinementScene:
         ``(H, W, 3)`` float32 RGB 0..1, undistorted; ``(H, W)`` bool, pixels that may be used.
     camera, mesh, cam_from_model
         Intrinsics; the mesh in the model frame, mm; the true pose.
-    colours
-        ``(V, 3)`` RGB 0..1 per vertex, or ``None`` if unknown.
     points
         ``(N, 3)`` mm, visible points of the surface, model frame.
     largest_px, largest_deg
@@ -49,7 +41,6 @@ class RefinementScene:
     valid: np.ndarray
     camera: PinholeCamera
     mesh: TriangleMesh
-    colours: np.ndarray | None
     cam_from_model: np.ndarray
     points: np.ndarray
     largest_px: float
@@ -77,60 +68,24 @@ def case_scene(path: Path) -> RefinementScene:
     if case.distortion is not None:
         image, valid = undistort(image, case.camera, case.distortion)
     points = visible_points(mesh, case.camera, pose)
-    return RefinementScene(path.stem, image, valid, case.camera, mesh, None, pose, points, 2.0, 1.0)
+    return RefinementScene(path.stem, image, valid, case.camera, mesh, pose, points, 2.0, 1.0)
 
 
-def lmo_scenes(folder: Path) -> list[RefinementScene]:
-    """Scenes of LM-O, one per image; successive images use successive :data:`.LMO_OBJECTS`.
-
-    Images without their object, or with hardly any of it in view, are left out. The true poses of LM-O are 2 to 6 px
-    off themselves, so a result within 5 px counts as right ("2D projection", Brachmann et al. 2016).
-    """
-    camera, truth = read_lmo(folder)
-    objects = {number: _coloured_mesh(lmo_model(folder, number)) for number in LMO_OBJECTS}
-    scenes = []
-    for index, (frame, poses) in enumerate(truth.items()):
-        number = LMO_OBJECTS[index % len(LMO_OBJECTS)]
-        if number not in poses:
-            continue
-        mesh, colours = objects[number]
-        points = visible_points(mesh, camera, poses[number])
-        if len(points) < FEWEST_VISIBLE_POINTS:
-            continue
-        image, name = _read_image(lmo_image(folder, frame)), f"frame {frame} object {number}"
-        valid = np.ones(camera.shape_hw, bool)
-        scenes.append(RefinementScene(name, image, valid, camera, mesh, colours, poses[number], points, 5.0, None))
-    if not scenes:
-        raise InputError(f"{folder}: expected frames with objects of {LMO_OBJECTS} in view, found none")
-    return scenes
-
-
-def bloster_scenes(folder: Path, *, coloured: bool) -> list[RefinementScene]:
+def bloster_scenes(folder: Path) -> list[RefinementScene]:
     """Scenes of "bloster", one for each of its photographs of a cushion.
 
     The poses are good to about 2 px; the mesh lies 2.5 to 15 mm nearer than the measured depth then. So a result within
     5 px counts as right.
-
-    Parameters
-    ----------
-    folder
-        As for :func:`.read_bloster`.
-    coloured
-        Whether the surface has the colours that the next photograph shows of it. The cushion's print has nothing to do
-        with its shape, so without them there is little to refine by.
     """
     camera, frames = read_bloster(folder)
     mesh = read_mesh(folder / "mesh_70k.ply")[0].scaled(1000.0)
     offset = mesh.vertices.mean(axis=0)
     mesh = mesh.moved(-offset)
-    images = [_read_image(path) for path, _ in frames]
-    poses = [pose @ rigid(translation=offset) for _, pose in frames]
     scenes = []
-    for number, (image, pose) in enumerate(zip(images, poses, strict=True)):
-        following = (number + 1) % len(frames)
-        colours = _seen_colours(mesh, camera, poses[following], images[following]) if coloured else None
+    for number, (path, cam_from_mesh) in enumerate(frames):
+        image, pose = _read_image(path), cam_from_mesh @ rigid(translation=offset)
         points, valid = visible_points(mesh, camera, pose), np.ones(camera.shape_hw, bool)
-        scenes.append(RefinementScene(f"view {number}", image, valid, camera, mesh, colours, pose, points, 5.0, None))
+        scenes.append(RefinementScene(f"view {number}", image, valid, camera, mesh, pose, points, 5.0, None))
     return scenes
 
 
@@ -153,21 +108,6 @@ def displacement_px(scene: RefinementScene, cam_from_model: np.ndarray) -> float
     return float(np.linalg.norm(found - true, axis=1).mean())
 
 
-def _seen_colours(
-    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, image: np.ndarray
-) -> np.ndarray:
-    """``(V, 3)`` colours of the vertices in an image; the mean colour for those that it does not show."""
-    points_cam = transform_points(cam_from_model, mesh.vertices)
-    pixels = np.round(camera.project(points_cam))
-    inside = (points_cam[:, 2] > 0) & ((pixels >= 0) & (pixels < camera.size_wh)).all(axis=1)
-    x, y = np.where(inside[:, None], pixels, 0).astype(int).T
-    inverse_depth = rasterise_depth(mesh, camera, cam_from_model).inverse_depth[y, x]
-    # within 1 % of the distance of the nearest surface
-    seen = inside & (np.abs(inverse_depth * points_cam[:, 2] - 1) < 0.01)
-    smooth = cv2.GaussianBlur(image, (0, 0), 1.5)[y, x]
-    return np.where(seen[:, None], smooth, smooth[seen].mean(axis=0))
-
-
 def visible_points(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
     """``(N, 3)`` mm, model frame: about :data:`VISIBLE_POINTS` points of the surface that the camera sees."""
     factor = max(camera.width / 320, 1.0)
@@ -180,11 +120,3 @@ def visible_points(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np
 
 def _read_image(path: Path) -> np.ndarray:
     return read_codes(path).astype(np.float32) / 255
-
-
-def _coloured_mesh(path: Path) -> tuple[TriangleMesh, np.ndarray]:
-    """Read LM-O's text PLY: x y z nx ny nz red green blue [alpha], then triangles."""
-    mesh, _ = read_mesh(path)
-    body = path.read_bytes().split(b"end_header\n", 1)[1]
-    rows = np.loadtxt(io.BytesIO(body), max_rows=len(mesh.vertices), usecols=range(9))
-    return mesh, rows[:, 6:9] / 255

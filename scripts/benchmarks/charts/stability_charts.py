@@ -59,11 +59,6 @@ LANDMARKS = {
 }
 SOLVERS = {"EPnP": (WARNING, "^"), "SQPnP + LM": (PEER, "s")}
 PERSPECTIVE = "points 600 px wide at every focal length; wrong: more than 10° or 60 px off"
-SOURCES = (
-    (refinement.RENDERED, "sample, rendered:\n3 trials of one frame"),
-    (refinement.BLOSTER, "bloster:\n14 photographs"),
-    (refinement.LMO, "LM-O:\n12 photographs"),
-)
 FRAMES = (
     ("texture-poor", "", "Texture-poor", "contrast / the original's"),
     ("occluded", "", "Occluded", "part under instruments"),
@@ -160,27 +155,19 @@ def _failures(cells: Sequence[Cell], sweep: str) -> list:
 
 
 def refinement_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) -> list[Path]:
-    """A row of panels for each source of frames in the table: the basin, and bad frames."""
-    rows = list[list[Panel]]()
-    for source, name in SOURCES:
-        if not (basin := in_sweep(cells, "basin", source)):
-            continue
-        first, shift = not rows, f"{name}\n\nshift (% of distance)"
-        row = [box_panel(basin, "Basin: right of all starts" * first, ("start: rotation (°)", shift), right_of_all)]
-        row += [
-            outcome_panel(in_sweep(cells, sweep, source + end), title * first, label)
-            for sweep, end, title, label in FRAMES
-        ]
-        rows.append(row)
+    """The basin, and bad frames."""
+    basin, source = in_sweep(cells, "basin", refinement.RENDERED), refinement.RENDERED
+    axes = "start: rotation (°)", "sample, rendered:\n3 trials of one frame\n\nshift (% of distance)"
+    row = [box_panel(basin, "Basin: right of all starts", axes, right_of_all)]
+    row += [outcome_panel(in_sweep(cells, sweep, source + end), title, label) for sweep, end, title, label in FRAMES]
     small = (
-        "Photographs are made worse in the box of the object, and refined by its colours. Bad frames start 3° and "
-        "1.3 % of the distance (sample: 60 px) off. Wrong: accepted, beyond 2 px or 1° (photographs: 5 px, as their "
-        "poses are not exact), and further off than twice the stated error.",
+        "Bad frames start 3° and 1.3 % of the distance (60 px) off. Wrong: accepted, beyond 2 px or 1°, further off "
+        "than twice the stated error.",
         conditions_note(conditions),
     )
     widths = [1.5, *[1] * len(FRAMES)]
     return [
-        draw_chart(data, "Refinement: where it fails", rows, small, size=(2.4, 2.5), key=outcome_key(), widths=widths)
+        draw_chart(data, "Refinement: where it fails", [row], small, size=(2.4, 2.5), key=outcome_key(), widths=widths)
     ]
 
 

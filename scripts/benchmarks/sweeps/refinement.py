@@ -20,11 +20,8 @@ from ..alignment.refinement_scenes import RefinementScene, displacement_px, dist
 from .cells import NO_LIMIT, Cell, Limit, Outcome, Task
 
 TOPIC = "refinement"
-RENDERED, BLOSTER, LMO = "rendered", "bloster", "LM-O"
-"""Sources of scenes, the beginnings of series: the built-in sample case, and two sets of real photographs."""
-RENDERED_TRIALS = 3
-LMO_STEP = 5
-"""Every fifth scene of LM-O: each of its six objects in two photographs."""
+RENDERED, TRIALS = "rendered", 3
+"""The series of the built-in sample case, and trials of a setting."""
 ANGLES_DEG, SHIFTS_PERCENT = (0.0, 5.0, 10.0, 15.0, 25.0), (0.0, 2.0, 5.0, 10.0)
 START = 3.0, 4 / 3
 """Degrees and percent of the distance that the pose is off at the start of the trials with bad frames."""
@@ -142,7 +139,7 @@ def outcome(scene: RefinementScene, start: np.ndarray) -> Outcome:
 
     An accepted pose counts as wrong if it is beyond the scene's limits, and further off than twice what was stated.
     """
-    result = refine_pose(scene.image, scene.valid, scene.camera, scene.mesh, start, colours=scene.colours)
+    result = refine_pose(scene.image, scene.valid, scene.camera, scene.mesh, start)
     if not result.accepted:
         return Outcome("refuses", message=result.message)
     error_px = displacement_px(scene, result.cam_from_model)
@@ -177,20 +174,16 @@ def measure_frame(
     return [Cell.of(name, series, value, outcomes, limit=limit)]
 
 
-def tasks(source: str, scenes: Sequence[RefinementScene], seed: int, *, quick: bool) -> Iterator[Task]:
-    """All measurements of the topic on a source's scenes; of photographs, which are many, at every second setting.
-
-    ``quick`` takes four cells of the basin and one bad frame of a kind, of one scene.
-    """
-    step = 1 if source == RENDERED else 2
-    angles, shifts = (values[:4:3] if quick else values[::step] for values in (ANGLES_DEG, SHIFTS_PERCENT))
-    scenes = scenes[:1] if quick else scenes
+def tasks(scene: RefinementScene, seed: int, *, quick: bool) -> Iterator[Task]:
+    """All measurements of the topic; ``quick`` takes four cells of the basin and one bad frame of a kind, once."""
+    angles, shifts = (values[:4:3] if quick else values for values in (ANGLES_DEG, SHIFTS_PERCENT))
+    scenes = [scene] * (1 if quick else TRIALS)
     for key, (percent, angle_deg) in enumerate(itertools.product(SHIFTS_PERCENT, ANGLES_DEG)):
         if angle_deg in angles and percent in shifts:
-            yield partial(measure_basin, source, scenes, angle_deg, percent, key, seed)
+            yield partial(measure_basin, RENDERED, scenes, angle_deg, percent, key, seed)
     for number, (name, (_, values)) in enumerate(FRAMES.items()):
         for index, value in enumerate(values):
-            if index == len(values) // 2 if quick else index % step == step - 1:
-                yield partial(measure_frame, source, scenes, name, value, (number, index), seed)
+            if index == len(values) // 2 or not quick:
+                yield partial(measure_frame, RENDERED, scenes, name, value, (number, index), seed)
                 if name == "occluded" and value > 0:
-                    yield partial(measure_frame, source + MASKED, scenes, name, value, (number, index), seed)
+                    yield partial(measure_frame, RENDERED + MASKED, scenes, name, value, (number, index), seed)

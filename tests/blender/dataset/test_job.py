@@ -62,7 +62,7 @@ def test_all_files_of_the_layout_are_there(reference):
 
 
 def test_raster_makes_the_same_dataset_in_any_processes(case, tmp_path, run_command):
-    """Also in those of the program, where Embree has other threads, and other views before."""
+    """Also in those of the program, which have other threads, and other views before."""
     options = dataclasses.replace(OPTIONS, count=8, engine="raster", samples=4)
     run_here(case, tmp_path / "one", options)
     arguments = ("--count", 8, "--seed", 3, "--float-depth", "--engine", "raster", "--samples", 4, "--workers", 2)

@@ -10,7 +10,7 @@ import pytest
 
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job
-from oneframe.blender.render.surface_tree import ViewProbe
+from oneframe.blender.render.surface_tree import ViewProbe, surface_tree
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
@@ -20,7 +20,6 @@ from oneframe.dataset.run.run_folder import Shard
 from oneframe.images.png import encode_png
 from oneframe.occlusion.occluders import draw_occluders, places_doubt
 from oneframe.packing.pack import pack_dataset
-from oneframe.projection.rays import MeshRays
 from oneframe.reader import open_dataset
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid
@@ -142,7 +141,7 @@ def test_shards_and_packs_hold_the_same(case, occluded, tmp_path):
 
 
 def test_no_instrument_goes_through_the_surface():
-    """No side of a face of the one leads through the other, as Embree's rays tell."""
+    """No side of a face of the one leads through the other."""
     surface = tiny_surface().moved(-OFFSET)
     probe = ViewProbe(surface, CAMERA, lambda points, normals: np.ones(len(points), bool))
     drawn = [draw_occluders(3.0, (seed, 0), probe, CAMERA, POSE) for seed in range(12)]
@@ -166,5 +165,5 @@ def test_instruments_that_find_no_place_are_told_of(distance_mm, focal_px):
 def pierced(edges_of: TriangleMesh, at: TriangleMesh) -> bool:
     start = edges_of.vertices[edges_of.faces].reshape(-1, 3)
     end = edges_of.vertices[edges_of.faces[:, [1, 2, 0]]].reshape(-1, 3)
-    hits = MeshRays(at).first_hits(start.astype(np.float32), (end - start).astype(np.float32))
-    return bool(((hits.face >= 0) & (hits.distance < 1)).any())
+    tree, length = surface_tree(at), np.linalg.norm(end - start, axis=1)
+    return any(tree.ray_cast(*edge, far)[0] is not None for *edge, far in zip(start, end - start, length, strict=True))

@@ -1,21 +1,17 @@
 """Anti-aliased views: close to many samples per pixel, exact where they must be, independent of earlier views."""
 
-import sys
-
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
 from oneframe.blender.render.cycles import CyclesScene
 from oneframe.blender.render.engines import opened_engine, reference_view_of
-from oneframe.blender.render.surface_tree import BlenderRays
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.reference_view import ReferenceView, colours_of, unseen_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.projection.edge_pixels import edge_pixels
-from oneframe.projection.rays import MeshRays
-from oneframe.transforms import camera_centre, rigid
+from oneframe.transforms import rigid
 from scripts.benchmarks.rendering.converged_view import converged_view
 
 pytestmark = pytest.mark.render
@@ -143,31 +139,6 @@ def test_nothing_mixes_with_what_the_masks_exclude(stepped_mesh, frontal_pose, o
         assert np.array_equal(filled.depth_mm, view.depth_mm)
         # within the frame's range, which has no neutral grey
         assert np.allclose(filled.rgb[filled.mask], 0.125, atol=1e-4)
-
-
-def test_blender_s_rays_are_those_of_embree(stepped_mesh, oblique_pose):
-    """Front, back and background; the places in the faces too."""
-    for pose in (oblique_pose, oblique_pose @ rigid(np.diag([1.0, -1.0, -1.0]))):
-        directions = (VIEW.rays_cam(VIEW.pixel_grid().reshape(-1, 2)) @ pose[:3, :3]).astype(np.float32)
-        origins = np.broadcast_to(camera_centre(pose), directions.shape).astype(np.float32)
-        found, expected = (rays(stepped_mesh).first_hits(origins, directions) for rays in (BlenderRays, MeshRays))
-        same = found.face == expected.face
-        # a pixel's centre may lie on an edge to the last bit
-        assert np.count_nonzero(~same) <= 5
-        hit = same & (found.face >= 0)
-        assert hit.any()
-        assert np.array_equal(found.front[hit], expected.front[hit])
-        np.testing.assert_allclose(found.distance[hit], expected.distance[hit], rtol=1e-5)
-        for name in ("second", "third"):
-            np.testing.assert_allclose(getattr(found, name)[hit], getattr(expected, name)[hit], atol=1e-2)
-
-
-def test_views_without_embree(stepped_mesh, frontal_pose, oblique_pose, photograph, source_from, monkeypatch):
-    source = source_from(stepped_mesh, photograph, frontal_pose)
-    (view,) = views_of(source, "projective", [oblique_pose])
-    monkeypatch.setitem(sys.modules, "embreex.mesh_construction", None)
-    (other,) = views_of(source, "projective", [oblique_pose])
-    assert np.count_nonzero(np.abs(view.rgb - other.rgb).max(axis=2) > 1 / 255) <= 5
 
 
 def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose, photograph, source_from):

@@ -228,15 +228,11 @@ def test_however_near_the_lens_is_its_lamp_lights_what_it_sees(part, bumpy_mesh,
 
 
 def test_the_light_belongs_to_a_datasets_identity_if_it_is_asked_for(bumpy_mesh, frontal_pose, sharp_image, lit_case):
-    loaded = lit_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA)
-    without, plain, lit = (
-        describe(case, DatasetOptions(light=light), None, hashes={}, blender="")
-        for case, light in (
-            (replace(loaded, case=replace(loaded.case, light=None)), "none"),
-            (loaded, "none"),
-            (loaded, "lens"),
-        )
-    )
-    assert plain == without
+    def described(light, asked):
+        loaded = lit_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, light=light)
+        return describe(loaded, DatasetOptions(light=asked), None, hashes={}, blender="")
+
+    plain, lit = described(LIGHT, "none"), described(LIGHT, "lens")
+    assert plain == described(None, "none")
     assert lit["light"] == {"lamp_cam_mm": LIGHT.lamp_cam_mm, "ambient": 0.08, "falloff": 2.0}
     assert lit["options"] == {**plain["options"], "light": "lens"}

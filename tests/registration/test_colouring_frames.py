@@ -1,6 +1,4 @@
-"""Which frames colour the surface: none that is blurred or covered, and those that the frames left out speak for."""
-
-import re
+"""Which frames colour the surface: none that is blurred or covered, first the one that adds most."""
 
 import cv2
 import numpy as np
@@ -8,7 +6,7 @@ import pytest
 
 from oneframe.colour.source_view import SourceView
 from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.registration.colour_sources import chosen_sources
+from oneframe.registration.colouring_frames import colouring_frames
 from oneframe.registration.further_frames import FurtherFrame
 from tests.alignment.test_refinement import hills
 from tests.registration.test_registration import CAMERA, SOURCE, photograph, seen_from
@@ -20,7 +18,7 @@ MESH = hills(1)
 
 
 @pytest.fixture(scope="module")
-def source() -> SourceView:
+def own() -> SourceView:
     valid = EVERYWHERE.copy()
     valid[:, SEEN_PX:] = False
     inverse = np.where(valid, rasterise_depth(MESH, CAMERA, SOURCE).inverse_depth, 0).astype(np.float32)
@@ -58,7 +56,7 @@ SPOILT = {
 }
 
 
-def test_spoilt_frames_are_not_taken_and_others_bring_gain(source):
+def test_spoilt_frames_are_not_taken_and_others_add_what_the_own_did_not_see(own):
     rng = np.random.default_rng(0)
     clear = [candidate(number, *rng.uniform((-15, -40), (15, 40))) for number in range(4)]
     # in another light, which is matched
@@ -67,30 +65,18 @@ def test_spoilt_frames_are_not_taken_and_others_bring_gain(source):
         candidate(10 + number, *rng.uniform((-15, -40), (15, 40)), spoil)
         for number, spoil in enumerate(SPOILT.values())
     ]
-    choice = chosen_sources(MESH, source, [*spoilt, *clear], 3)
-    assert "of 10 accepted frames, 2 are blurred and 3 covered in part" in choice.lines[-1]
-    assert choice.numbers
-    assert set(choice.numbers) <= {frame.number for frame, _ in clear}
-    assert len(choice.lines) == len(choice.numbers) + 1
-    figures = [[float(figure) for figure in re.findall(r"\d+(?:\.\d+)?", line)] for line in choice.lines[:-1]]
-    assert figures[0][1] > 15
-    for *_, after, before, _ in figures:
-        assert after < before
+    chosen, lines = colouring_frames(MESH, own, [*spoilt, *clear], 3)
+    assert "of 10 accepted frames, 2 are blurred and 3 covered in part; of the other 5" in lines[-1]
+    assert 1 <= len(chosen) == len(lines) - 1
+    assert set(chosen) <= {frame.number for frame, _ in clear}
+    added = [float(line.split(" colours ")[1].split("%")[0]) for line in lines[:-1]]
+    assert added[0] > 15
+    assert added == sorted(added, reverse=True)
     # the order of the frames says nothing
-    backwards = chosen_sources(MESH, source, [*clear, *spoilt][::-1], 3)
-    assert backwards.numbers == choice.numbers
-
-
-def test_what_the_others_do_not_show_is_not_taken(source):
-    """Of frames that differ where the case's own saw nothing, the one that no other frame speaks for is left out."""
-
-    def repainted(image: np.ndarray) -> np.ndarray:
-        image = image.copy()
-        image[:, SEEN_PX + 10 :] = 1 - image[:, SEEN_PX + 10 :]
-        return image
-
-    honest = [candidate(number, 0, 0) for number in range(3)]
-    choice = chosen_sources(MESH, source, [candidate(9, 0, 0, repainted), *honest], 4)
-    assert choice.numbers == (0,)
-    assert not chosen_sources(MESH, source, honest[:1], 4).numbers
-    assert "none bring" in chosen_sources(MESH, source, honest[:1], 4).lines[-1]
+    assert colouring_frames(MESH, own, [*clear, *spoilt][::-1], 3)[0] == chosen
+    # nor is one taken that adds nothing
+    same = [candidate(number, 0, 0) for number in range(3)]
+    chosen, lines = colouring_frames(MESH, own, same, 4)
+    assert chosen == [0]
+    assert "1 colours what" in lines[-1]
+    assert colouring_frames(MESH, own, [], 4)[0] == []

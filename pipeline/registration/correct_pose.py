@@ -1,7 +1,7 @@
-"""Correct the pose of a case's frame, the source, by further frames of its surface.
+"""Correct the pose of a case's frame by further frames of its surface.
 
-A pixel of the source lies on the surface where its ray meets it: at a wrong pose of the source in a wrong place. Frames
-that see the place from other sides cannot all agree on it, whatever their poses, unless the source's is right. All
+A pixel of the case's frame lies on the surface where its ray meets it: at a wrong pose in a wrong place. Frames
+that see the place from other sides cannot all agree on it, whatever their poses, unless that is right. All
 poses are found together, as in bundle adjustment (Triggs et al. 2000) with points that stay on the surface.
 """
 
@@ -20,7 +20,7 @@ from ..case.pose_record import FURTHER_FRAMES, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.numbers import format_two_digits
 from ..least_squares import damped_least_squares
-from ..projection.rays import MeshRays
+from ..projection.z_buffer import nearest_at
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, cross_matrices, inverse_rigid, rotation_angle_deg, transform_points
 from .flow_refinement import FlowFit
@@ -50,7 +50,7 @@ LEAST_BEND = 0.2
 """Below it, most pixels are outliers, and the formula for the covariance does not hold."""
 
 
-def correct_source(
+def correct_pose(
     loaded: LoadedCase, folder_or_video: Path, *, tool: str, date: str, progress: Callable[[float], None]
 ) -> tuple[LoadedCase, str]:
     """Correct the pose of a case by frames of a folder or a video, spread evenly over it.
@@ -109,7 +109,7 @@ def correct_source(
 
 def _settled(
     registrar: Registrar, frames: Sequence[FurtherFrame], progress: Callable[[float], None]
-) -> "tuple[LoadedCase, SourceFit, np.ndarray]":
+) -> "tuple[LoadedCase, JointFit, np.ndarray]":
     """Register frames to the case and fit its pose to them, again and again until it stays.
 
     Returns the case at its new pose, the last fit, and the ``(N, 3)`` points that it is from.
@@ -130,7 +130,7 @@ def _settled(
             break
         if not poses:
             before = _checked(registrar, frames, {key: each.cam_from_model for key, each in fits.items()})
-        correction = SourceCorrection(registrar.mesh, registrar.camera, pivot)
+        correction = PoseCorrection(registrar.mesh, registrar.camera, pivot)
         fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
         loaded = registrar.loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), UNKNOWN)
         poses = dict(zip(fits, fit.frames, strict=True))
@@ -173,32 +173,32 @@ def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -
 
 def _track(registrar: Registrar, fit: FlowFit) -> "Track":
     chosen = fit.returning(MOST_PIXELS)
-    source_px = registrar.camera.project(transform_points(registrar.cam_from_model, fit.points_model[chosen]))
-    return Track(source_px, fit.moved[chosen], fit.cam_from_model)
+    case_px = registrar.camera.project(transform_points(registrar.cam_from_model, fit.points_model[chosen]))
+    return Track(case_px, fit.moved[chosen], fit.cam_from_model)
 
 
 class Track(NamedTuple):
-    """What a registered frame shares with the source.
+    """What a registered frame shares with the case's frame.
 
-    Pixels ``(N, 2)`` of the source, where the frame shows them, and the frame's pose ``cam_from_model`` ``(4, 4)``, mm.
+    Pixels ``(N, 2)`` of the case's, where the frame shows them, and its pose ``cam_from_model`` ``(4, 4)``, mm.
     """
 
-    source_px: np.ndarray
+    case_px: np.ndarray
     frame_px: np.ndarray
     cam_from_model: np.ndarray
 
 
-class SourceFit(NamedTuple):
+class JointFit(NamedTuple):
     """The poses that fit together.
 
     Attributes
     ----------
     cam_from_model
-        ``(4, 4)`` the source's, mm.
+        ``(4, 4)`` that of the case's frame, mm.
     frames
         ``(F, 4, 4)`` those of the frames, mm.
     covariance
-        ``(6, 6)`` of the source's twist about the pivot, mm and radians along the camera's axes.
+        ``(6, 6)`` of the twist of the case's frame about the pivot, mm and radians along the camera's axes.
     agreement
         Mean weight of the pixels, 0..1: low at a pose that is not near the right one, and on a wrong surface.
     """
@@ -210,7 +210,7 @@ class SourceFit(NamedTuple):
 
 
 class _Linear(NamedTuple):
-    """Residuals ``(N, 2)``, their weights ``(N,)`` and cost, and derivatives by the twists of source and own frame."""
+    """Residuals ``(N, 2)``, their weights ``(N,)`` and cost, and derivatives by the twists of both frames."""
 
     residuals: np.ndarray
     weight: np.ndarray
@@ -218,71 +218,69 @@ class _Linear(NamedTuple):
     jacobian: np.ndarray
 
 
-class SourceCorrection:
-    """Finds the source's pose from tracks."""
+class PoseCorrection:
+    """Finds the pose of the case's frame from tracks."""
 
     def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, pivot_model: np.ndarray) -> None:
         """Prepare a surface (model frame) and the camera of all frames; twists are about the ``(3,)`` pivot, mm."""
-        self._mesh, self._rays, self._camera, self._pivot = mesh, MeshRays(mesh), camera, pivot_model
+        self._mesh, self._camera, self._pivot = mesh, camera, pivot_model
 
-    def fit(self, source: np.ndarray, tracks: Sequence[Track]) -> SourceFit:
-        """The poses that fit together, from a rough one ``(4, 4)`` of the source; every track has pixels."""
-        poses = np.stack([source, *(track.cam_from_model for track in tracks)])
-        number = np.repeat(np.arange(len(tracks)), [len(track.source_px) for track in tracks])
-        source_px, frame_px = (np.concatenate(each) for each in list(zip(*tracks, strict=True))[:2])
+    def fit(self, case_from_model: np.ndarray, tracks: Sequence[Track]) -> JointFit:
+        """The poses that fit together, from a rough one ``(4, 4)`` of the case's frame; every track has pixels."""
+        poses = np.stack([case_from_model, *(track.cam_from_model for track in tracks)])
+        number = np.repeat(np.arange(len(tracks)), [len(track.case_px) for track in tracks])
+        case_px, frame_px = (np.concatenate(each) for each in list(zip(*tracks, strict=True))[:2])
 
         def better(before: tuple[np.ndarray, _Linear], step: np.ndarray) -> tuple[np.ndarray, _Linear] | None:
             twists = zip(step.reshape(-1, 6), before[0], strict=True)
             moved = np.stack([apply_twist(*each, self._pivot) for each in twists])
-            after = self._linear(moved, source_px, frame_px, number)
+            after = self._linear(moved, case_px, frame_px, number)
             return (moved, after) if after.cost < before[1].cost else None
 
         poses, now = damped_least_squares(
-            (poses, self._linear(poses, source_px, frame_px, number)),
+            (poses, self._linear(poses, case_px, frame_px, number)),
             lambda state: _normal_equations(state[1], number),
             better,
             lambda before, after: before[1].cost - after[1].cost < SETTLED * before[1].cost,
             steps=MOST_STEPS,
         )
-        return SourceFit(poses[0], poses[1:], _covariance(now, number, source_px), float(now.weight.mean()))
+        return JointFit(poses[0], poses[1:], _covariance(now, number, case_px), float(now.weight.mean()))
 
-    def _linear(self, poses: np.ndarray, source_px: np.ndarray, frame_px: np.ndarray, number: np.ndarray) -> _Linear:
-        """All pixels, each with the number of its frame, at the poses of the source and the frames."""
-        camera, source = self._camera, poses[0]
-        rays_cam = camera.rays_cam(source_px)
-        depths_mm, normals_cam, met = self._hits(source, rays_cam)
+    def _linear(self, poses: np.ndarray, case_px: np.ndarray, frame_px: np.ndarray, number: np.ndarray) -> _Linear:
+        """All pixels, each with the number of its frame, at the poses of the case's frame and the others."""
+        camera, case_from_model = self._camera, poses[0]
+        rays_cam = camera.rays_cam(case_px)
+        depths_mm, normals_cam, met = self._hits(case_from_model, case_px)
         points_cam = depths_mm[:, None] * rays_cam
-        points_model = (points_cam - source[:3, 3]) @ source[:3, :3]
+        points_model = (points_cam - case_from_model[:3, 3]) @ case_from_model[:3, :3]
         frames = Poses.of(poses[1:], self._pivot)[number]
         offsets_cam = np.einsum("nij,nj->ni", frames.rotations, points_model - self._pivot)
         residuals = frame_px - camera.project(offsets_cam + frames.positions)
         cost, weight = LOSS(np.where(met, (residuals**2).sum(axis=1), np.nan))
         by_frame = twist_jacobians(camera, offsets_cam[:, None], frames.positions)[:, 0]
-        # a point moves against the source's twist, and along its ray back to the surface
+        # a point moves against the twist of the case's frame, and along its ray back to the surface
         facing = np.where(met, (normals_cam * rays_cam).sum(axis=1), 1.0)
         slide = np.eye(3) - rays_cam[:, :, None] * normals_cam[:, None] / facing[:, None, None]
-        turn = cross_matrices(points_cam - transform_points(source, self._pivot[None]))
+        turn = cross_matrices(points_cam - transform_points(case_from_model, self._pivot[None]))
         moved = slide @ np.concatenate([np.broadcast_to(-np.eye(3), turn.shape), turn], axis=2)
-        by_source = by_frame[:, :, :3] @ frames.rotations @ source[:3, :3].T @ moved
-        jacobian, known = np.concatenate([by_source, by_frame], axis=2), (weight > 0)[:, None]
+        by_case = by_frame[:, :, :3] @ frames.rotations @ case_from_model[:3, :3].T @ moved
+        jacobian, known = np.concatenate([by_case, by_frame], axis=2), (weight > 0)[:, None]
         residuals, jacobian = np.where(known, residuals, 0.0), np.where(known[..., None], jacobian, 0.0)
         return _Linear(residuals, weight, float(cost.sum()), jacobian)
 
-    def _hits(self, source: np.ndarray, rays_cam: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _hits(self, case_from_model: np.ndarray, case_px: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Depths ``(N,)``, unit normals ``(N, 3)`` in camera axes, and which rays meet the surface not too steeply."""
-        rays, origin = rays_cam @ source[:3, :3], camera_centre(source)
-        origins = np.tile(origin.astype(np.float32), (len(rays), 1))
-        face = self._rays.first_hits(origins, rays.astype(np.float32)).face
-        # in double precision: Embree's depth would not move with the source by small steps
+        rays, origin = self._camera.rays_cam(case_px) @ case_from_model[:3, :3], camera_centre(case_from_model)
+        face = nearest_at(self._mesh, self._camera, case_from_model, case_px)[1]
         normals, corners = self._mesh.face_normals[face], self._mesh.vertices[self._mesh.faces[face, 0]]
         facing = (normals * rays).sum(axis=1)
         met = (face >= 0) & (np.abs(facing) > STEEPEST * np.linalg.norm(rays, axis=1))
         depths_mm = ((corners - origin) * normals).sum(axis=1) / np.where(met, facing, 1.0)
-        return np.where(met, depths_mm, 1.0), normals @ source[:3, :3].T, met
+        return np.where(met, depths_mm, 1.0), normals @ case_from_model[:3, :3].T, met
 
 
 def _normal_equations(linear: _Linear, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """J^T W J ``(6 + 6 F, 6 + 6 F)`` and J^T W r of the twists of the source and of F frames."""
+    """J^T W J ``(6 + 6 F, 6 + 6 F)`` and J^T W r of the twists of the case's frame and of F others."""
     count = number.max() + 1
     normal, gradient = np.zeros((6 * count + 6,) * 2), np.zeros(6 * count + 6)
     for frame in range(count):
@@ -294,16 +292,16 @@ def _normal_equations(linear: _Linear, number: np.ndarray) -> tuple[np.ndarray, 
     return normal, gradient
 
 
-def _covariance(linear: _Linear, number: np.ndarray, source_px: np.ndarray) -> np.ndarray:
-    """The ``(6, 6)`` covariance of the source's twist, robust against errors shared in a block (Liang & Zeger 1986).
+def _covariance(linear: _Linear, number: np.ndarray, case_px: np.ndarray) -> np.ndarray:
+    """The ``(6, 6)`` covariance of that of the case, robust against errors shared in a block (Liang & Zeger 1986).
 
-    The blocks are the source's: a wrong surface errs alike in all frames.
+    The blocks are those of the case's frame: a wrong surface errs alike in all frames.
     """
     inverse = np.linalg.inv(_normal_equations(linear, number)[0])[:6]
     own = np.stack([inverse[:, 6 + 6 * frame : 12 + 6 * frame] for frame in range(number.max() + 1)])[number]
     by_twist = np.concatenate([np.broadcast_to(inverse[:, :6], own.shape), own], axis=2)
     pulled = np.einsum("nij,ncj,nc,n->ni", by_twist, linear.jacobian, linear.residuals, linear.weight)
-    count, block = blocks_of(source_px)
+    count, block = blocks_of(case_px)
     sums = np.zeros((count, 6))
     np.add.at(sums, block, pulled)
     # the loss bends: its second derivative is less than the weight (Huber 1981), in the mean over both directions

@@ -80,7 +80,6 @@ def test_trimesh_reads_what_is_written_and_the_reverse(tmp_path, mesh):
         ("b.ply", {"encoding": "ascii"}),
         ("c.ply", {"encoding": "binary"}),
         ("d.stl", {"file_type": "stl"}),
-        ("e.stl", {"file_type": "stl_ascii"}),
         ("f.obj", {"digits": 12}),
     ]:
         theirs.export(tmp_path / name, **options)

@@ -243,12 +243,6 @@ def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, case_path)
     options.distance_min, options.distance_max = 2.0, 1.0
     for operator in (bpy.ops.oneframe.render_dataset, bpy.ops.oneframe.preview_view):
         refused(operator, "expected Nearest .* <= Farthest")
-    options.distance_min = 0.9
-    opened.oneframe.surface.scale = (1.1, 1.1, 1.1)
-    bpy.context.view_layer.update()
-    refused(bpy.ops.oneframe.render_dataset, "Remove Scale")
-    opened.oneframe.surface.scale = (1, 1, 1)
-    bpy.context.view_layer.update()
     assert background_job.current() is None
     assert case_path.read_bytes() == text
 

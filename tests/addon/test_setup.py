@@ -186,7 +186,7 @@ def test_a_scaled_surface_is_refused_until_the_scale_is_removed(opened, tmp_path
         origin = surface.matrix_world.translation.copy()
         surface.matrix_world = surface.matrix_world @ Matrix.Diagonal((*factors, 1.0))
         bpy.context.view_layer.update()
-        for operator in (save, operators.nudge):
+        for operator in (save, operators.nudge, operators.render_dataset):
             refused(operator, kind)
         assert not (tmp_path / "x.toml").exists()
         bpy.ops.oneframe.remove_scale()

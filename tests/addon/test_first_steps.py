@@ -137,25 +137,10 @@ def test_recent_cases_and_their_films_are_found_again(addon, folder):
     assert film_of_case(bpy.context.scene) == folder / "films/film.avi"
 
 
-@pytest.fixture
-def users_scene(addon):
-    """A scene as in a new file, with the user's own settings."""
-    scene = bpy.context.scene
-    scene.name = "mine"
-    bpy.ops.mesh.primitive_cube_add()
-    bpy.ops.object.camera_add(location=(3, 4, 5))
-    scene.camera = bpy.context.object
-    scene.world = bpy.data.worlds.new("mine")
-    scene.render.resolution_x, scene.render.resolution_y, scene.unit_settings.scale_length = 1234, 567, 10.0
-    for area in bpy.context.screen.areas:
-        if area.type == "VIEW_3D":
-            area.spaces.active.shading.color_type = "RANDOM"
-    return scene
-
-
-def test_the_workbench_is_found_again(users_scene, folder, tmp_path):
+def test_the_workbench_is_found_again(addon, folder, tmp_path):
     """From the user's scene, and after saving and opening the file: there is one, and typed values come along."""
-    bpy.context.scene.oneframe.camera.fx = "321"
+    users_scene = bpy.context.scene
+    users_scene.oneframe.camera.fx = "321"
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     bench = bpy.context.scene
     assert bench.oneframe.camera.fx == "321"

@@ -260,7 +260,7 @@ def test_files_without_a_preamble_are_read(write_series, tmp_path, implicit, wit
         read_volume(tmp_path)
 
 
-@pytest.mark.parametrize("kept", [0, 100, 140, 400])
+@pytest.mark.parametrize("kept", [0, 100, 140, 400, -20])
 def test_a_slice_that_was_cut_off_is_not_passed_over(write_series, tmp_path, kept):
     """At an end of the series nothing else would tell."""
     write_series(tmp_path)
@@ -272,10 +272,7 @@ def test_a_slice_that_was_cut_off_is_not_passed_over(write_series, tmp_path, kep
         read_volume(tmp_path)
 
 
-def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path):
-    write_series(tmp_path / "cut")
-    for path in (tmp_path / "cut").iterdir():
-        path.write_bytes(path.read_bytes()[:-20])
+def test_multi_frame_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "ct")
     single = next((tmp_path / "ct").iterdir())
     write_series(tmp_path / "many")
@@ -286,7 +283,6 @@ def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path
     changed(tmp_path / "many", framed)
     (tmp_path / "empty").mkdir()
     for path, message in {
-        tmp_path / "cut": "damaged or cut off",
         single: "expected a folder of DICOM files, found one of them",
         tmp_path / "many": r"found 3 images in one file \(multi-frame\); convert it to NIfTI",
         tmp_path / "empty": "found no image",

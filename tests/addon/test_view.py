@@ -20,12 +20,6 @@ OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")
 
 
 @pytest.fixture
-def scene(addon, write_tiny_case, tmp_path):
-    bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
-    return bpy.context.scene
-
-
-@pytest.fixture
 def gpu_context(addon):
     """Enables drawing without a window."""
     import gpu
@@ -134,10 +128,10 @@ def test_creases_of_a_box_are_its_edges(gpu_context):
 
 
 @pytest.mark.gl
-def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
+def test_frame_is_drawn_with_its_own_code_values(gpu_context, opened):
     import gpu
 
-    image, _ = read_image(frame_path(scene))
+    image, _ = read_image(frame_path(opened))
     height, width = image.shape[:2]
     camera = PinholeCamera(width, height, 320.0, 318.0, 30.0, 25.5)
     seen = FrameView(camera, np.array([1.0, -1.0]), np.array([0.5, height - 0.5]))
@@ -145,8 +139,8 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     buffer = gpu.types.GPUFrameBuffer(color_slots=(target,))
     picture = SurfacePicture(width, height)
     with buffer.bind():
-        composite = Composite(picture, seen, frame_image_of(scene), 1.0, everywhere=True)
-        composite.draw(scene.oneframe_view, (0, 0), (width, height))
+        composite = Composite(picture, seen, frame_image_of(opened), 1.0, everywhere=True)
+        composite.draw(opened.oneframe_view, (0, 0), (width, height))
     shown = np.array(target.read(), float).reshape(height, width, 4)[::-1, :, :3]
     # the outermost pixels are mixed with the opposite border by some cards' anisotropic filters
     codes = 255 * codes_from_linear(shown)
@@ -196,20 +190,20 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     assert (alpha()[well_inside & (u < edge - 1), 3] == 0).all()
 
 
-def test_view_operators_are_disabled_in_other_views(scene, in_view):
+def test_view_operators_are_disabled_in_other_views(opened, in_view):
     in_view.region_3d.view_perspective = "PERSP"
     for operator in OPERATORS:
         assert not getattr(bpy.ops.oneframe, operator).poll()
     assert bpy.ops.oneframe.show_frame() == {"FINISHED"}
     assert all(getattr(bpy.ops.oneframe, operator).poll() for operator in OPERATORS)
-    opacities = [bpy.ops.oneframe.cycle_opacity() and round(scene.oneframe_view.opacity, 3) for _ in range(8)]
+    opacities = [bpy.ops.oneframe.cycle_opacity() and round(opened.oneframe_view.opacity, 3) for _ in range(8)]
     assert opacities[:4] == opacities[4:]
     assert len(set(opacities)) > 1
-    scene.oneframe.surface = None
+    opened.oneframe.surface = None
     assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "show_frame"))
 
 
-def test_a_hint_shows_what_would_act_now(scene, in_view):
+def test_a_hint_shows_what_would_act_now(opened, in_view):
     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     assert not binding("oneframe.refine")
     bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
@@ -220,6 +214,6 @@ def test_a_hint_shows_what_would_act_now(scene, in_view):
     assert not binding("oneframe.fit_frame")
     bpy.ops.wm.tool_set_by_id(name=MASK_TOOL)
     assert not binding("oneframe.refine")
-    scene.oneframe.surface = None
+    opened.oneframe.surface = None
     bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
     assert not binding("oneframe.refine")

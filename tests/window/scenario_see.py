@@ -2,7 +2,6 @@
 
 import bpy
 import numpy as np
-from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 WINDOW = 1024, 640
 STILL_PX = 1.0
@@ -25,10 +24,6 @@ def placed(scene):
     return np.array([scene.oneframe.camera_object.matrix_world, scene.oneframe.surface.matrix_world])
 
 
-def seen(user):
-    return FrameView.of(bpy.context.scene, user.region(), user.view)
-
-
 def zoom(user, scene):
     """Zoom with the wheel, also with the view locked to the camera, which must not move then."""
     region = user.region()
@@ -39,11 +34,11 @@ def zoom(user, scene):
         yield from user.key("HOME", user.middle())
         yield from user.move(tuple(np.round(corner + np.array(fraction) * [region.width, region.height])))
         place = np.round(user._place)
-        under = seen(user).px_from_region(place - corner)
+        under = user.frame_view.px_from_region(place - corner)
         for kind in ["WHEELUPMOUSE"] * steps[0] + ["WHEELDOWNMOUSE"] * steps[1]:
             user.event(kind, "PRESS", tuple(place))
             yield 0.06
-            view = seen(user)
+            view = user.frame_view
             largest = max(largest, view.magnification)
             moved.append(np.abs(view.region_from_px(under) - (place - corner)).max())
     user.area.spaces.active.lock_camera = False
@@ -51,9 +46,9 @@ def zoom(user, scene):
     assert max(moved) < STILL_PX
     assert largest > 16
     yield from user.key("SEVEN")
-    yield from user.until(lambda: abs(seen(user).magnification - 1) < 1e-4, "1 : 1")
+    yield from user.until(lambda: abs(user.frame_view.magnification - 1) < 1e-4, "1 : 1")
     yield from user.key("HOME")
-    yield from user.until(lambda: abs(seen(user).magnification - 1) > 1e-3, "the whole frame")
+    yield from user.until(lambda: abs(user.frame_view.magnification - 1) > 1e-3, "the whole frame")
 
 
 def keys(user, scene):

@@ -86,17 +86,6 @@ def test_photographs_are_repeatable_and_leave_the_blender_file_as_it_was(tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == {"once.png", "again {x} ##.png"}
 
 
-def test_photographs_are_well_exposed_with_light_and_shade(tmp_path, coarse):
-    image = photograph(coarse, SMALL, frame_pose(), tmp_path / "photograph.png")
-    assert (image.max(axis=2) >= 0.995).mean() < 0.03
-    assert 0.45 < image.mean() < 0.75
-    shade, light = np.percentile(image.mean(axis=2), [2, 98])
-    assert light - shade > 0.35
-    # bone and tissue are warm
-    red, _, blue = image.mean(axis=(0, 1))
-    assert red > 1.2 * blue
-
-
 def test_sample_case_is_read_back_as_written(tmp_path, coarse):
     paths = list(write_sample_case(tmp_path / "case", coarse, camera=SMALL))
     assert paths[-1].name == "case.toml"

@@ -52,7 +52,7 @@ def test_margins_hold_on_the_finished_surface_and_little_more_stays(seed, tolera
     assert removed is not None
     finish = finish_of(volume, solid, removed, structures, tolerance_mm=tolerance_mm)
     made = bone_surface(volume, 300, solid, removed, finish)
-    found = clearances(made.surface, removed, grid, structures, plan.margins_mm)
+    found = clearances(made, removed, grid, structures, plan.margins_mm)
     assert violations(found) == []
     assert margin <= found[0].smallest_mm <= widened_mm(margin, grid, finish.tolerance_mm)
     assert clearances(isosurface(volume.values, 300, grid), removed, grid, structures, {}) == ()

@@ -272,21 +272,6 @@ def test_a_slice_that_was_cut_off_is_not_passed_over(write_series, tmp_path, kep
         read_volume(tmp_path)
 
 
-def test_transfer_syntaxes_that_cannot_be_read_are_named(write_series, tmp_path):
-    from pydicom.encaps import encapsulate
-    from pydicom.uid import UID
-
-    def compress(dataset) -> None:
-        dataset.file_meta.TransferSyntaxUID = UID("1.2.840.10008.1.2.4.201")
-        dataset.PixelData = encapsulate([b"\xff\x4f\xff\x51" + bytes(100)])
-        dataset["PixelData"].VR, dataset["PixelData"].is_undefined_length = "OB", True
-
-    write_series(tmp_path)
-    changed(tmp_path, compress)
-    with pytest.raises(InputError, match=r"syntax 1\.2\.840\.10008\.1\.2\.4\.201; decompress"):
-        read_volume(tmp_path)
-
-
 def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "cut")
     for path in (tmp_path / "cut").iterdir():

@@ -17,34 +17,19 @@ from blender_addon.ui import frame_view
 from oneframe.alignment import align_case as align
 from oneframe.alignment.align_case import align_case
 from oneframe.alignment.refinement.refine import refine_pose
-from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.images.png import encode_png
-from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from tests.addon.conftest import refused
 from tests.addon.test_setup import exchange_edited
-from tests.alignment.test_refinement import hills
+from tests.alignment.test_refinement import CAMERA, TRUE_POSE, hills, photograph
 from tests.remembered import refinement, remembered
 
-CAMERA = PinholeCamera(180, 135, fx=975.0, fy=978.0, cx=91.5, cy=65.5)
-TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
 START = TRUE_POSE @ rigid(rotation_from_vector(np.radians([1.5, -1.0, 1.0])), np.array([1.0, -1.0, 2.0]))
-
-
-def photograph(mesh: TriangleMesh) -> np.ndarray:
-    """Lambertian shading by a light next to the lens, 8-bit grey as RGB."""
-    raster = rasterise_depth(mesh, CAMERA, TRUE_POSE)
-    points = CAMERA.rays_cam(CAMERA.pixel_grid()) / raster.inverse_depth[..., None]
-    normals = (mesh.face_normals @ TRUE_POSE[:3, :3].T)[raster.face]
-    to_lamp = np.array([30.0, -25.0, 0.0]) - points
-    shade = (normals * to_lamp).sum(axis=2) / np.linalg.norm(to_lamp, axis=2)
-    return np.repeat(np.clip(230 * shade, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +37,9 @@ def case_folder(tmp_path_factory):
     folder, mesh = tmp_path_factory.mktemp("hills"), hills(1, height=2.2 * 1.5**1.5)
     write_ply(folder / "surface.ply", mesh)
     stored, _ = read_mesh(folder / "surface.ply")
-    (folder / "frame.png").write_bytes(encode_png(photograph(stored)))
-    mirrored = np.ascontiguousarray(photograph(stored)[:, ::-1])
+    image = np.rint(255 * photograph(stored)).astype(np.uint8)
+    (folder / "frame.png").write_bytes(encode_png(image))
+    mirrored = np.ascontiguousarray(image[:, ::-1])
     (folder / "mirrored.png").write_bytes(encode_png(mirrored))
     (folder / "flat.png").write_bytes(encode_png(np.full((135, 180, 3), 128, np.uint8)))
     for name, pose in (("start", START), ("true", TRUE_POSE)):

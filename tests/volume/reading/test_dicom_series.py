@@ -291,6 +291,8 @@ def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path
     write_series(tmp_path / "cut")
     for path in (tmp_path / "cut").iterdir():
         path.write_bytes(path.read_bytes()[:-20])
+    write_series(tmp_path / "short")
+    changed(tmp_path / "short", lambda dataset: setattr(dataset, "PixelData", dataset.PixelData[:-20]))
     write_series(tmp_path / "ct")
     single = next((tmp_path / "ct").iterdir())
     write_series(tmp_path / "many")
@@ -302,6 +304,7 @@ def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path
     (tmp_path / "empty").mkdir()
     for path, message in {
         tmp_path / "cut": "damaged or cut off",
+        tmp_path / "short": "damaged or cut off",
         single: "expected a folder of DICOM files, found one of them",
         tmp_path / "many": r"found 3 images in one file \(multi-frame\); convert it to NIfTI",
         tmp_path / "empty": "found no image",

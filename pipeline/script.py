@@ -30,8 +30,7 @@ from .files.keys import nearest_name
 from .files.outputs import check_folder
 from .surface.mesh import TriangleMesh
 from .surface.structure_colour import structure_colour
-from .volume.bone.bone import bone_voxels
-from .volume.bone.threshold import DEFAULT_HU, check_threshold
+from .volume.bone.bone import DEFAULT_HU, bone_voxels, check_threshold
 from .volume.make_surface import SurfaceSettings, make_surface
 from .volume.reading.volume_reader import read_volume
 
@@ -49,7 +48,7 @@ def surface_from_ct(ct: Path | str, *, threshold_hu: float = DEFAULT_HU) -> Tria
     volume = read_volume(Path(ct))
     check_threshold(volume, threshold_hu)
     settings = SurfaceSettings(tolerance_mm=0)
-    return make_surface(volume, threshold_hu, bone_voxels(volume, threshold_hu), None, settings).bone.surface.mesh
+    return make_surface(volume, threshold_hu, bone_voxels(volume, threshold_hu), None, settings).bone.mesh
 
 
 def make_case(

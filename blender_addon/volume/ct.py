@@ -7,7 +7,7 @@ from bpy.props import FloatProperty, IntProperty, StringProperty
 
 from ..class_registration import at_end, attached, prop
 from ..pipeline.errors import InputError
-from ..pipeline.volume.bone.threshold import DEFAULT_HU
+from ..pipeline.volume.bone.bone import DEFAULT_HU
 from ..pipeline.volume.volume import LabelMap, Volume
 from ..state import from_scene
 

@@ -15,10 +15,9 @@ from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import Ball, TriangleMesh, ball_around
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.structure_colour import structure_colour
-from ..pipeline.volume.bone.bone import bone_voxels
+from ..pipeline.volume.bone.bone import DEFAULT_HU, bone_voxels, check_threshold, otsu_threshold
 from ..pipeline.volume.bone.bone_surface import STAGES
 from ..pipeline.volume.bone.structures import structure_names, without_bone
-from ..pipeline.volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
 from ..pipeline.volume.make_surface import STRUCTURES_STAGE, SurfaceSettings, make_surface
 from ..pipeline.volume.reading.dicom_series import SeriesInfo
 from ..pipeline.volume.reading.label_map import read_labels
@@ -230,7 +229,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT):
 
             labels = None if ct.labels is None else without_bone(ct.labels)
             made = make_surface(ct.volume, level, solid, labels, SurfaceSettings(), report=report)
-            paths = write_meshes(session_folder(), made.bone.surface.mesh, made.structures)
+            paths = write_meshes(session_folder(), made.bone.mesh, made.structures)
             return made.finish.focus, made.structures, paths
 
         return make

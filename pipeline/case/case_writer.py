@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
+from ..files.content import command_files, write_bytes_atomically
 from ..files.numbers import MM_PER_UNIT, length_text
 from ..files.outputs import check_outputs, writing
 from ..poses.pose_file import POSE_KEY
@@ -43,6 +43,8 @@ def write_case(path: Path | str, case: Case, *, comment: str = "") -> None:
         Lines for the beginning of the file.
     """
     path = Path(path)
+    if path == case.path:
+        command_files().grants(path)
     check_outputs([case_output(path)], {name: file for name, file in case.input_files().items() if name != "case"})
     text = case_text(path, case, comment=comment)
     data = encoded(path, text)

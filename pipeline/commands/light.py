@@ -19,7 +19,7 @@ EPILOG = """examples:
 Two registered frames and more tell a lamp at the lens from the light of a room, which stands still. One frame alone
 does so seldom: then the command says that it does not know. The case gets a table [light]: where the lamp is in the
 camera's axes, the ambient part beside it, and how sure they are. Exit code 2: there is no lamp at the lens, or the
-frames do not tell; nothing is written.
+frames do not tell, as where they are not of this surface; nothing is written.
 """
 
 
@@ -52,13 +52,12 @@ def run(arguments: Arguments) -> None:
     from ..registration.pose_list import accepted_frames, small_frames
 
     case, output, target = read_case(arguments.case), own_output(), arguments.out
-    outputs = [case_output(target)] if target else []
-    if target and not arguments.overwrite:
-        check_replaced(target, case)
     loaded = load_case(case)
     output.writelines(f"note: {message}\n" for message in loaded.messages)
     accepted = accepted_frames(arguments.frames, arguments.video, loaded) if arguments.frames else None
-    check_outputs(outputs, case.input_files() | (accepted.files if accepted else {}))
+    check_outputs([case_output(target)] if target else [], accepted.files if accepted else {})
+    if target and not arguments.overwrite:
+        check_replaced(target, case)
     transfer = arguments.transfer or (case.light.transfer if case.light else "srgb")
     try:
         found = find_lamp(loaded.surface.mesh, small_frames(loaded, accepted), transfer)

@@ -103,6 +103,7 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
     from ..blender.dataset.run import run as render
     from ..blender.dataset.run import work
     from ..case.pose_record import INITIAL_GUESS
+    from ..dataset.layout import RECORD
     from ..files.outputs import check_folder
 
     job = _job(arguments)
@@ -113,6 +114,11 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
             "take it back in the window, or delete [frame] refused"
         )
     check_folder(arguments.out, _read_by(job))
+    around = next((each for each in arguments.out.resolve().parents if (each / RECORD).is_file()), None)
+    if around is not None:
+        raise InputError(
+            f"{arguments.out}: expected a folder of its own, found it in the dataset {around}; name another"
+        )
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)
         return

@@ -36,12 +36,6 @@ class Arguments:
 
 def run(arguments: Arguments) -> None:
     """Train the network and write its file."""
-    try:
-        from ..learning.coordinate_network import onnx_file, trained_network
-    except ImportError as error:
-        raise InputError(
-            f"train: expected PyTorch and onnx, {error.name} is not installed; run pip install torch onnx and try again"
-        ) from None
     from ..files.outputs import check_outputs, made_folder, write_output
     from ..learning.view_crops import ViewCrops
     from ..progress import Progress
@@ -52,6 +46,12 @@ def run(arguments: Arguments) -> None:
     check_outputs([out], {})
     if out.resolve().is_relative_to(arguments.dataset.resolve()):
         raise InputError(f"{out}: expected a file outside of the dataset; choose another folder")
+    try:
+        from ..learning.coordinate_network import onnx_file, trained_network
+    except ImportError as error:
+        raise InputError(
+            f"train: expected PyTorch and onnx, {error.name} is not installed; run pip install torch onnx and try again"
+        ) from None
     chosen = views[:: -(-len(views) // MOST_VIEWS)]
     with naming(arguments.dataset.name), Progress(len(chosen), "views read", stream=output) as progress:
         crops = ViewCrops.of(chosen, advance=progress.advance)

@@ -43,7 +43,7 @@ TABLES = (
     "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", TARGETS, "dataset_info.md",
     "overlay.png", CONTACT_SHEET,
 )  # fmt: skip
-SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
+SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco_modal.json")
 VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
 FOLDERS = (*MODEL_FOLDERS, "video", SPLIT)
 """The folders beside ``dataset.json`` that a run writes into, apart from :data:`WORK`."""

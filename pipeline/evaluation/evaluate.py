@@ -196,27 +196,21 @@ def evaluation_run(
     inception: Path | None = None,
 ) -> EvaluationRun:
     """Read cases, lists of photographs and the network, and check that the files can be written."""
-    inputs: dict[str, Path] = {}
     given = []
-    for number, (case_path, list_path) in enumerate(pairs, start=1):
+    for case_path, list_path in pairs:
         loaded = load_case(read_case(case_path))
-        photographs, _ = read_photographs(list_path, loaded.case)
+        listed, _ = read_photographs(list_path, loaded.case)
         to_model = loaded.surface.mesh_from_model
-        check_listed(loaded, (each.cam_from_mesh @ to_model for each in photographs), list_path.name)
-        given.append((loaded, photographs))
-        files = {**loaded.case.input_files(), "list of photographs": list_path}
-        inputs |= {f"{name} of case {number}": path for name, path in files.items()}
+        check_listed(loaded, (each.cam_from_mesh @ to_model for each in listed), list_path.name)
+        given.append((loaded, listed))
     cases = named_cases(given)
-    inputs |= {
+    network = None if inception is None else Inception(inception)
+    photographs = {
         f"photograph {number} of {case.name}": photograph.image
         for case in cases
         for number, photograph in enumerate(case.photographs, start=1)
     }
-    network = None
-    if inception is not None:
-        inputs["network"] = inception
-        network = Inception(inception)
-    check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), inputs)
+    check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), photographs)
     return EvaluationRun(out, cases, methods, seed, network)
 
 

@@ -31,6 +31,49 @@ _CONTROLS = re.compile(r"[\0-\x08\x0e-\x1f]")
 _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 
+class CommandFiles:
+    """What a command has read, and what it has been granted to write: a file is an input or an output, never both.
+
+    Attributes
+    ----------
+    inputs
+        What was opened, in order of the first time -> what it was to be.
+    """
+
+    def __init__(self) -> None:
+        self.inputs: dict[Path, str] = {}
+        self._outputs: set[str] = set()
+
+    def opens(self, path: Path, what: str) -> None:
+        """Note a file that is read, but for what stands where an output goes."""
+        whole = Path(os.path.realpath(path))
+        if not any(str(place) in self._outputs for place in (whole, *whole.parents)):
+            self.inputs.setdefault(path, what)
+
+    def grants(self, path: Path) -> None:
+        """Take a file, or a folder with all in it, for an output from now on."""
+        self._outputs.add(os.path.realpath(path))
+        self.inputs = {each: what for each, what in self.inputs.items() if os.path.realpath(each) not in self._outputs}
+
+
+_FILES: ContextVar[CommandFiles | None] = ContextVar("files", default=None)
+
+
+def command_files() -> CommandFiles:
+    """Those of the command that runs; nothing is noted outside of :func:`files_of_command`."""
+    return _FILES.get() or CommandFiles()
+
+
+@contextmanager
+def files_of_command() -> Iterator[None]:
+    """Note what is read inside the block, which is a command of its own."""
+    token = _FILES.set(CommandFiles())
+    try:
+        yield
+    finally:
+        _FILES.reset(token)
+
+
 @contextmanager
 def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
     """Turn the errors of opening and reading ``path`` inside the block into an :class:`~oneframe.errors.InputError`.
@@ -52,6 +95,7 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
             raise InputError(f"{place}: expected {what}, cannot read {it} (a folder); give the path of a file in it")
         if not stat.S_ISREG(mode):
             raise InputError(f"{place}: expected {what}, cannot read {it} (no regular file); copy it to a file first")
+        command_files().opens(path, what)
         yield
     except FileNotFoundError:
         # as TOML reads ".\frame.png"

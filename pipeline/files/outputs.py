@@ -1,6 +1,7 @@
 """What may be written, checked by all commands and operators before any work starts.
 
-1. An input of the same command is never replaced, however its name is spelt: links and other cases are the same file.
+1. An input of the same command, which it has opened or is going to, is never replaced, however its name is spelt: links
+   and other cases are the same file.
 2. Any other file that the user names is replaced, as by any program; no two outputs are one file.
 3. A folder for several files of given names holds nothing but such files, and no input at all.
 """
@@ -15,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import InputError, RunError
-from .content import remove_abandoned, write_bytes_atomically
+from .content import command_files, remove_abandoned, write_bytes_atomically
 
 _DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 ADVICE = "free space, or choose another place"
@@ -29,7 +30,7 @@ def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
     outputs
         All files that will be written.
     inputs
-        All files that the command reads, by what they are, such as ``frame``.
+        The files that the command is going to read, by what they are, such as ``frame``. What it has opened is known.
     """
     protected = _Inputs(inputs)
     seen: dict[str, Path] = {}
@@ -48,6 +49,8 @@ def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
                 _check_folder(path)
                 folders.add(path.parent)
                 remove_abandoned(path.parent)
+    for path in seen.values():
+        command_files().grants(path)
 
 
 def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> None:
@@ -60,10 +63,10 @@ def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> No
     names
         Regular expression of all names that the command may give to files and folders in it.
     inputs
-        All files and folders that the command reads, by what they are.
+        The files and folders that the command is going to read, by what they are.
     """
-    check_folder(folder, inputs)
     protected = _Inputs(inputs)
+    check_folder(folder, inputs)
     with writing(folder):
         found = sorted(os.listdir(folder)) if folder.exists() else []
         remove_abandoned(folder)
@@ -80,10 +83,17 @@ def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> No
 def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:
     """Check that no input is or lies in a folder whose files a command replaces."""
     whole = Path(os.path.realpath(folder))
-    for name, path in inputs.items():
+    for name, path in _with_opened(inputs):
         places = (Path(os.path.realpath(path)), Path(os.path.realpath(path.parent)) / path.name)
         if any(whole in (place, *place.parents) for place in places):
             raise InputError(_with_input(folder, name, path))
+    command_files().grants(folder)
+
+
+def _with_opened(inputs: Mapping[str, Path]) -> list[tuple[str, Path]]:
+    """Name and path of what the command has opened, and of these inputs."""
+    opened = [(what.split(" ", 1)[-1], path) for path, what in command_files().inputs.items()]
+    return [*opened, *inputs.items()]
 
 
 def _with_input(folder: Path, name: str, path: Path) -> str:
@@ -126,7 +136,7 @@ class _Inputs:
     def __init__(self, inputs: Mapping[str, Path]) -> None:
         self._by_number: dict[tuple[int, int], tuple[str, Path]] = {}
         self._by_path: dict[str, tuple[str, Path]] = {}
-        for item in inputs.items():
+        for item in _with_opened(inputs):
             self._by_path[os.path.realpath(item[1])] = item
             with suppress(OSError):
                 found = item[1].stat()

@@ -24,21 +24,20 @@ from ..errors import InputError
 from ..images.transfer import TRANSFERS
 from ..least_squares import damped_least_squares
 from ..surface.mesh import TriangleMesh
-from .lens_light import PHYSICAL, LensLight
+from .lens_light import PHYSICAL, LensLight, working_distance_mm
 from .shaded_points import Image, ShadedPoints, shaded_points
 
 X, Y, AMBIENT, GLOSS, Z, FALLOFF = range(6)
 """The parameters: place of the lamp in the camera's axes, mm, ambient part, gloss beside it, and exponent."""
 START = np.array([0.0, 0.0, 0.1, 0.05, 0.0, PHYSICAL])
-LEAST = np.array([-100.0, -100.0, 0.0, 0.0, -np.inf, 0.0])
-MOST = np.array([100.0, 100.0, 1.0, 1.0, np.inf, np.inf])
-"""Bounds of the parameters: a lamp on one of them is none at the lens."""
+FARTHEST = 1 / 3
+"""How far beside the lens a lamp may be, in working distances: one that is there is none at the lens."""
 STEPS = np.array([0.1, 0.1, 1e-4, 1e-4, 0.1, 1e-2])
 """Of central differences."""
 ENOUGH = np.array([1e-2, 1e-2, 1e-5, 1e-4, 1.0, 1.0])
 """Changes of the parameters that end the fit."""
-GRANTED = {Z: 20.0, FALLOFF: 0.3}
-"""Standard deviations of what is not looked for."""
+GRANTED = {Z: 1 / 15, FALLOFF: 0.3}
+"""Standard deviations of what is not looked for; of the depth in working distances: 20 mm at 300 mm."""
 PROFILE = 2
 """Terms of the profile: powers of the squared distance from the axis."""
 ROUNDS, ITERATIONS = 2, 30
@@ -51,9 +50,11 @@ FEWEST_POINTS = 200
 MISFIT = 2.5
 """What the scatter between cells is multiplied by: light between walls, highlights and the lamp's profile push all to
 one side. Of places found from path-traced photographs, nine of ten were then within two standard deviations."""
-LEAST_EXPLAINED, LARGEST_DEVIATION_MM = 0.25, 30.0
-"""A lamp explains so much of the shading at least, and is as sure. Measured over several frames: lamps explain 78 % and
-more, lights of rooms and suns nothing; of one frame, these end on a bound or are less sure."""
+LEAST_EXPLAINED, LARGEST_DEVIATION = 0.25, 0.1
+"""A lamp explains so much of the shading at least, and its place is as sure, in working distances. Over several frames
+lamps explain 78 % and more, lights of rooms and suns nothing; of one frame, these end on a bound or are less sure."""
+MOST_STRENGTH = 0.1
+"""Where less of a lamp's light than this moves with the lens, by two deviations, several frames show that none does."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,11 @@ class FoundLamp:
         Standard deviations of its place along the camera's axes, and of the ambient part.
     frames, points
         How many took part.
+    working_mm
+        The working distance of the first frame.
+    strength, strength_deviation
+        How much the light changes with the lens, relative to what a lamp in its middle makes: about 1 for a lamp, 0 for
+        lights that stand still.
     explained, correlation
         The part of the variance of the logarithm of the frames' light that the lamp explains, below 0 if it explains
         nothing, and the correlation with that of the shading; both without exposure and albedo.
@@ -78,21 +84,25 @@ class FoundLamp:
     ambient_deviation: float
     frames: int
     points: int
+    working_mm: float
+    strength: float
+    strength_deviation: float
     explained: float
     correlation: float
 
     @property
     def objection(self) -> str:
-        """Why this is no lamp at the lens, in words; empty if it is one."""
-        x, y, _ = self.light.lamp_cam_mm
-        bounded = np.array([x, y, self.light.ambient])
-        outside = ((bounded <= LEAST[:3]) & (LEAST[:3] < 0) | (bounded >= MOST[:3])).any()
-        unsure = not max(self.deviation_mm[:2]) <= LARGEST_DEVIATION_MM
-        if self.explained >= LEAST_EXPLAINED and not outside and not unsure:
+        """Why this is no lamp at the lens, or why nobody knows, in words; empty if it is one."""
+        away = np.abs(self.light.lamp_cam_mm[:2]).max()
+        beside = away < FARTHEST * self.working_mm and self.light.ambient < 1
+        sure = max(self.deviation_mm[:2]) <= LARGEST_DEVIATION * self.working_mm
+        if self.explained >= LEAST_EXPLAINED and beside and sure:
             return ""
         if self.frames == 1:
             return f"one frame does not tell a lamp at the lens from the light of a room here: {self.figures}"
-        return f"no lamp at the lens: {self.figures}"
+        if self.explained < LEAST_EXPLAINED and self.strength + 2 * self.strength_deviation < MOST_STRENGTH:
+            return f"no lamp at the lens, if these are frames of this surface: {self.figures}"
+        return f"the frames do not tell whether there is a lamp at the lens: {self.figures}"
 
     @property
     def figures(self) -> str:
@@ -174,6 +184,9 @@ class _Problem:
         profile = seen.off_axis[:, None] ** np.arange(1, 1 + PROFILE * several)
         self._linear = np.concatenate([exposures, profile], axis=1)
         self._weights = np.ones(len(seen.point))
+        self._working_mm = working_distance_mm(seen.poses[0], seen.middle_model)
+        self._least = np.array([-FARTHEST * self._working_mm] * 2 + [0.0, 0.0, -np.inf, 0.0])
+        self._most = np.array([FARTHEST * self._working_mm] * 2 + [1.0, 1.0, np.inf, np.inf])
 
     def solved(self, values: np.ndarray) -> np.ndarray:
         """The best parameters, from those given."""
@@ -187,7 +200,7 @@ class _Problem:
         def better(values: np.ndarray, step: np.ndarray) -> np.ndarray | None:
             trial = values.copy()
             trial[self._free] += step
-            trial = np.clip(trial, LEAST, MOST)
+            trial = np.clip(trial, self._least, self._most)
             return trial if self._cost(self._residuals(trial)) <= self._cost(self._residuals(values)) else None
 
         def is_settled(before: np.ndarray, after: np.ndarray) -> bool:
@@ -202,31 +215,43 @@ class _Problem:
         variance = max(self._cost(shown), 1e-300)
         together = float((self._weights * shown * told).sum())
         deviation = self._deviation(values, residuals)
+        usual = self._without_rest(self._log_shading(START))
+        weight = max(self._cost(usual), 1e-300)
+        strength = float((self._weights * shown * usual).sum()) / weight
+        scores = self._by_cells((self._weights * usual * (shown - strength * usual))[:, None])
         return FoundLamp(
             light=_light(values),
-            deviation_mm=(float(deviation[X]), float(deviation[Y]), GRANTED[Z]),
+            deviation_mm=(float(deviation[X]), float(deviation[Y]), GRANTED[Z] * self._working_mm),
             ambient_deviation=float(deviation[AMBIENT]),
             frames=len(self._seen.poses),
             points=len(np.unique(self._seen.point)),
+            working_mm=self._working_mm,
+            strength=strength,
+            strength_deviation=MISFIT * float(np.sqrt((scores**2).sum())) / weight,
             explained=1 - self._cost(residuals) / variance,
             correlation=together / max(np.sqrt(variance * self._cost(told)), 1e-300),
         )
 
     def _deviation(self, values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
         """Standard deviations, robust to errors that depend on one another within cells (White 1980)."""
-        slopes, points = self._slopes(values, self._free), self._seen.points
+        slopes = self._slopes(values, self._free)
         weighted = slopes * self._weights[:, None]
         inverse = np.linalg.pinv(weighted.T @ slopes)
-        places = np.floor((points - points.min(axis=0)) * (CELLS / max(float(np.ptp(points, axis=0).max()), 1e-9)))
-        cell = np.unique(places, axis=0, return_inverse=True)[1].ravel()
-        scores = np.stack([np.bincount(cell, column * residuals) for column in weighted.T], axis=1)
+        scores = self._by_cells(weighted * residuals[:, None])
         count = len(scores)
         covariance = inverse @ (scores.T @ scores) @ inverse * (MISFIT**2 * count / max(count - 1, 1))
-        granted = self._slopes(values, list(GRANTED)) * list(GRANTED.values())
+        granted = self._slopes(values, [Z, FALLOFF]) * [GRANTED[Z] * self._working_mm, GRANTED[FALLOFF]]
         shift = inverse @ (weighted.T @ granted)
         deviation = np.zeros(len(values))
         deviation[self._free] = np.sqrt(np.diag(covariance) + (shift**2).sum(axis=1))
         return deviation
+
+    def _by_cells(self, values: np.ndarray) -> np.ndarray:
+        """``(C, P)`` sums of ``(N, P)`` values over the cells of the surface."""
+        points = self._seen.points
+        places = np.floor((points - points.min(axis=0)) * (CELLS / max(float(np.ptp(points, axis=0).max()), 1e-9)))
+        cell = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+        return np.stack([np.bincount(cell, column) for column in values.T], axis=1)
 
     def _reweight(self, values: np.ndarray) -> None:
         residuals = self._residuals(values)
@@ -252,7 +277,7 @@ class _Problem:
         for at in parameters:
             up, down = values.copy(), values.copy()
             up[at], down[at] = up[at] + STEPS[at], down[at] - STEPS[at]
-            up, down = np.clip(up, LEAST, MOST), np.clip(down, LEAST, MOST)
+            up, down = (np.clip(each, self._least, self._most) for each in (up, down))
             columns.append((self._log_shading(up) - self._log_shading(down)) / (up[at] - down[at]))
         return self._without_rest(np.stack(columns, axis=1))
 

@@ -14,6 +14,7 @@ from dataclasses import MISSING, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..files.content import files_of_command
 from .arguments import ArgumentParser, at_least, explained_imports
 
 KEY = "argument"
@@ -37,7 +38,7 @@ def run_command(prog: str, command: Any, argv: Sequence[str]) -> int:
 
     A command that adds arguments which are declared elsewhere gets all of them as argparse does, and ``argv``.
     """
-    with explained_imports():
+    with explained_imports(), files_of_command():
         parsed = command_parser(prog, command).parse(argv)
         if hasattr(command, "add_arguments"):
             parsed.argv = argv

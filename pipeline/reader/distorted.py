@@ -7,16 +7,19 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..camera.distortion import checked_distortion
+from ..camera.distortion import checked_distortion, distorted_pixels
 from ..errors import InputError
 from .view import View
+
+EXACT_PX = 0.01
+"""How near the lens must put a place of the view to its pixel: beyond what a barrel reaches there is none."""
 
 
 class DistortedView:
     """The arrays of a :class:`.View`, in the image of a lens with distortion; its k, pose and number.
 
     Each pixel takes all arrays but ``rgb`` from one pixel of the view, the nearest, so they agree; ``rgb`` is
-    interpolated. Where the view ends all is 0 and points are NaN, as beside its corners with a barrel distortion.
+    interpolated. Where the view ends, or the lens puts nothing, all is 0 and points are NaN: beside a barrel's corners.
     """
 
     def __init__(self, view: View, coefficients: Sequence[float] | None = None) -> None:
@@ -30,17 +33,27 @@ class DistortedView:
             if not found:
                 raise InputError(f"view {view.index}: expected coefficients, as the frame had no distortion")
             coefficients = list(found.values())
-        checked_distortion(coefficients, camera, f"view {view.index}: distortion")
+        self._lens = checked_distortion(coefficients, camera, f"view {view.index}: distortion")
+        corners = np.array([(0, 0), (camera.width - 1, camera.height - 1)])
+        if self._lens and np.abs(distorted_pixels(camera, self._lens, corners) - corners).max() > max(camera.size_wh):
+            raise InputError(
+                f"view {view.index}: distortion: expected coefficients of a lens, found {coefficients!r}, which move "
+                "the corners by more than the image; use OpenCV's order [k1, k2, p1, p2, k3]"
+            )
         self.view, self.coefficients, self._size_wh = view, tuple(coefficients), camera.size_wh
 
     @cached_property
     def _places(self) -> np.ndarray:
-        """``(H, W, 2)`` float32: the pixel of the view that each pixel shows."""
+        """``(H, W, 2)`` float32: the pixel of the view that each pixel shows; -1, outside of it, for none."""
         width, height = self._size_wh
         pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 1, 2).astype(float)
         criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
         k, lens = self.view.k, np.array(self.coefficients, float)
         places = cv2.undistortPointsIter(pixels, k, lens, np.eye(3), k, criteria)
+        if self._lens is not None:
+            # a search that went astray, and the lens of a view is invertible within it alone
+            back = distorted_pixels(self.view.files.description.camera, self._lens, places)
+            places[~((np.abs(back - pixels) < EXACT_PX) & (np.abs(places) < width + height)).all(axis=-1)] = -1
         return places.reshape(height, width, 2).astype(np.float32)
 
     def __getattr__(self, name: str) -> Any:

@@ -95,60 +95,30 @@ def stated_space(path: Path) -> str | None:
 # --- STL
 
 
-_STL_CORNER = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
-
-
 def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Read text or binary STL; the result is as that of :func:`oneframe.surface.ply_reader.read_ply`."""
+    """Read binary STL; the result is as that of :func:`oneframe.surface.ply_reader.read_ply`."""
     header, record = 84, 50
     announced = int.from_bytes(data[80:header], "little")
     expected = header + record * announced
-    messages: list[str] = []
-    # a binary header may begin with "solid" too; but a text, read as binary, announces over 100 million triangles
-    begins_as_text = data[:200].lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1000]
-    if begins_as_text and len(data) < expected:
-        points = _stl_text_points(data, where)
-    elif len(data) < expected:
+    if len(data) < expected and data[:200].lstrip()[:5].lower() == b"solid":
+        raise InputError(
+            f"{where}: expected a binary STL, found a text or a truncated file; export it as binary STL or PLY, "
+            "for example from Blender"
+        )
+    if len(data) < max(expected, header):
         raise InputError(
             f"{where}: expected {announced:,} triangles in {expected:,} bytes, the file has {len(data):,} bytes; "
             "it is truncated or not an STL file: copy or export it again"
         )
-    elif announced > MOST_FACES:
+    if announced > MOST_FACES:
         raise InputError(f"{where}: expected up to {MOST_FACES:,} triangles, found {announced:,}; decimate the mesh")
-    else:
-        shape, strides = (announced, 3, 3), (record, 12, 4)
-        points = np.ndarray(shape, "<f4", data, header + 12, strides) if announced else np.empty(shape)
-        if len(data) > expected:
-            messages.append(f"{where}: ignored {len(data) - expected:,} bytes after the last triangle")
+    points = (
+        np.ndarray((announced, 3, 3), "<f4", data, header + 12, (record, 12, 4)) if announced else np.empty((0, 3, 3))
+    )
+    ignored = [f"{where}: ignored {len(data) - expected:,} bytes after the last triangle"] * (len(data) > expected)
     # in the precision of the file, for the memory
     vertices, corners = distinct_points(points.reshape(-1, 3))
-    return vertices.astype(np.float64), np.full(len(points), 3), corners, messages
-
-
-def _stl_text_points(data: bytes, where: str) -> np.ndarray:
-    """``(F, 3, 3)`` corners of the facets of a text STL."""
-    text = data.lower()
-    _check_single(len(re.findall(rb"^[ \t]*endsolid\b", text.replace(b"\r", b"\n"), re.MULTILINE)), "solids", where)
-    facets, corners = len(re.findall(rb"\bendfacet\b", text)), _STL_CORNER.findall(text)
-    last = text.rstrip().rpartition(b"\n")[2].rpartition(b"\r")[2]
-    if not last.lstrip().startswith(b"endsolid") or b"\0" in data or len(corners) != 3 * facets:
-        raise InputError(
-            f"{where}: expected facets of three corners and 'endsolid' in the last line, found {facets:,} facets and "
-            f"{len(corners):,} corners; the file is truncated or corrupt: copy or export it again"
-        )
-    try:
-        return np.array(corners, np.bytes_).astype(np.float64).reshape(-1, 3, 3)
-    except ValueError as error:
-        raise InputError(f"{where}: expected corners of numbers ({error}); copy or export it again") from None
-
-
-def _check_single(count: int, kind: str, where: str) -> None:
-    """Check that a file holds one surface: in several, a nerve would become part of the bone."""
-    if count > 1:
-        raise InputError(
-            f"{where}: expected one surface, found {count} {kind}; save each as a file of its own (3D Slicer: PLY, or "
-            "STL that is not merged) and give the structures with --structure, or join them, in Blender with Ctrl J"
-        )
+    return vertices.astype(np.float64), np.full(len(points), 3), corners, ignored
 
 
 def triangulated(vertices: np.ndarray, lengths: np.ndarray, corners: np.ndarray, where: str) -> np.ndarray:
@@ -256,7 +226,12 @@ def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
             f"{where}: line {largest}: expected vertex numbers 1..{len(points) // 3}, found {most + 1}; "
             "the file is truncated or corrupt: copy or export it again"
         )
-    _check_single(len(objects), "objects or groups (o, g)", where)
+    if len(objects) > 1:
+        # a nerve would become part of the bone
+        raise InputError(
+            f"{where}: expected one surface, found {len(objects)} objects or groups (o, g); save each as a file of its "
+            "own (3D Slicer: PLY) and give the structures with --structure, or join them, in Blender with Ctrl J"
+        )
     vertices = np.array(points, np.float64).reshape(-1, 3)
     return vertices, np.array(lengths, np.int64), np.array(corners, np.int64), unfinished_warnings(data, where)
 

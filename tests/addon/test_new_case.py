@@ -21,6 +21,7 @@ from oneframe.case.pose_record import PoseRecord
 from oneframe.commands.__main__ import dispatch
 from oneframe.files.content import content_named
 from oneframe.images.png import encode_png
+from tests.addon.conftest import refused
 from tests.tree import tree
 from tests.video.surgical_film import write_film
 from tests.volume.ball_ct import write_ball_ct
@@ -111,8 +112,7 @@ def test_a_surface_folder_with_a_damaged_structure_changes_nothing(addon, files,
     path.write_bytes(path.read_bytes()[:-50])
     load(surface=files / "surface" / "surface.ply")
     before = bpy.context.scene.oneframe.surface
-    with pytest.raises(RuntimeError, match=r"facial_nerve.ply"):
-        load(surface=tmp_path / "surface" / "surface.json")
+    refused(load, r"facial_nerve.ply", surface=tmp_path / "surface" / "surface.json")
     assert bpy.context.scene.oneframe.surface == before
 
 
@@ -129,8 +129,12 @@ def test_files_in_the_folder_stay_and_those_of_others_are_not_replaced(addon, fi
     other = tmp_path / "other"
     other.mkdir()
     (other / "frame.png").write_bytes((files / "masked.png").read_bytes())
-    with pytest.raises(RuntimeError, match=r"frame.png: expected no such file or that of this case"):
-        bpy.ops.oneframe.save_case(filepath=str(other / "case.toml"), collect=True)
+    refused(
+        bpy.ops.oneframe.save_case,
+        r"frame.png: expected no such file or that of this case",
+        filepath=str(other / "case.toml"),
+        collect=True,
+    )
     assert [path.name for path in other.iterdir()] == ["frame.png"]
     assert bpy.context.scene.oneframe.frame_path == str(folder / "view.jpg")
 
@@ -156,12 +160,10 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
         (tmp_path / "inverse.png").write_bytes(encode_png((np.mgrid[:72, :96][0] < 10).astype(np.uint8)))
         path = tmp_path / "inverse.png" if message == "together" else files / wrong
         before = scene.oneframe.frame_path
-        with pytest.raises(RuntimeError, match=message):
-            load(mask=path)
+        refused(load, message, mask=path)
         assert scene.oneframe.frame_path == before
     # a dataset would outlive the file
-    with pytest.raises(RuntimeError, match=r"frame: expected a file that lasts, found masked_masked.png.*Save Case"):
-        bpy.ops.oneframe.render_dataset()
+    refused(bpy.ops.oneframe.render_dataset, r"frame: expected a file that lasts, found masked_masked.png.*Save Case")
     # kept although no copies are asked for: the masked frame is no file of the user's
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
     case = read_case(tmp_path / "case.toml")
@@ -227,6 +229,9 @@ def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):
     assert 'video = "film.avi"\nvideo_frame = 2\n' in written
     (folder / "case.toml").write_text(written.replace('video = "film.avi"\nvideo_frame = 2\n', ""))
     assert_same_case(folder, tmp_path / "command")
+    load(frame=files / "photo.jpg")
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "photo.toml"))
+    assert read_case(tmp_path / "photo.toml").video is None
 
 
 def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(addon, files, tmp_path):
@@ -249,13 +254,11 @@ def test_what_is_no_ct_or_has_no_bone_changes_nothing(addon, files):
     bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
     scene = bpy.context.scene
     before = ct.ct_of(scene)
-    with pytest.raises(RuntimeError, match="label"):
-        bpy.ops.oneframe.open_ct(filepath=str(files / "labels.nii.gz"))
+    refused(bpy.ops.oneframe.open_ct, "label", filepath=str(files / "labels.nii.gz"))
     assert ct.ct_of(scene) is before
     assert scene.oneframe_ct.path == str(files / "ct.nii.gz")
     scene.oneframe_ct.threshold_hu = 3000
-    with pytest.raises(RuntimeError, match="HU"):
-        bpy.ops.oneframe.make_surface()
+    refused(bpy.ops.oneframe.make_surface, "HU")
     assert scene.oneframe.surface is None
     bpy.ops.oneframe.otsu()
     assert bpy.ops.oneframe.make_surface() == {"FINISHED"}

@@ -23,6 +23,7 @@ from oneframe.case.pose_record import PoseRecord
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import is_same_pose
+from tests.addon.conftest import refused
 from tests.tree import tree
 
 MORE = """
@@ -185,9 +186,8 @@ def test_a_scaled_surface_is_refused_until_the_scale_is_removed(opened, tmp_path
         origin = surface.matrix_world.translation.copy()
         surface.matrix_world = surface.matrix_world @ Matrix.Diagonal((*factors, 1.0))
         bpy.context.view_layer.update()
-        for operator in (save, operators.nudge):
-            with pytest.raises(RuntimeError, match=kind):
-                operator()
+        for operator in (save, operators.nudge, operators.render_dataset):
+            refused(operator, kind)
         assert not (tmp_path / "x.toml").exists()
         bpy.ops.oneframe.remove_scale()
         rotation = updated_pose(opened)[:3, :3]
@@ -198,10 +198,8 @@ def test_a_scaled_surface_is_refused_until_the_scale_is_removed(opened, tmp_path
 
 def test_deleted_objects_are_reported(opened):
     bpy.data.objects.remove(opened.oneframe.surface)
-    with pytest.raises(RuntimeError, match="surface first"):
-        bpy.ops.oneframe.save_case(filepath="x.toml")
-    with pytest.raises(RuntimeError, match="Load the surface first"):
-        bpy.ops.oneframe.add_structure(filepath="x.ply")
+    refused(bpy.ops.oneframe.save_case, "surface first", filepath="x.toml")
+    refused(bpy.ops.oneframe.add_structure, "Load the surface first", filepath="x.ply")
     opened.collection.children[0].objects.unlink(opened.oneframe.camera_object)
     bpy.ops.oneframe.set_camera()
     assert opened.oneframe.camera_object.name in opened.objects
@@ -220,8 +218,7 @@ def test_an_edited_surface_is_refused_and_another_version_keeps_pose_and_landmar
     before = updated_pose(opened)
     point = surface.matrix_world @ surface.data.vertices[7].co
     surface.data.vertices[0].co.z += 3.0
-    with pytest.raises(RuntimeError, match="edited in Blender"):
-        bpy.ops.oneframe.save_case(filepath=str(tmp_path / "edited.toml"))
+    refused(bpy.ops.oneframe.save_case, "edited in Blender", filepath=str(tmp_path / "edited.toml"))
     exchange_edited(tmp_path / "edited.ply")
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "edited.toml"))
     saved, given = read_case(tmp_path / "edited.toml"), read_case(case_path)
@@ -237,6 +234,7 @@ def test_an_edited_surface_is_refused_and_another_version_keeps_pose_and_landmar
 MISTAKES = [
     ("load_frame", "bad.png", b"not an image", "expected an image"),
     ("load_camera", "k.json", b'{"fx": 0}', "k.json"),
+    ("open_video", "bad.mp4", b"", "it is empty"),
     ("open_case", "moved/case.toml", None, "does not exist"),
     ("load_pose", "pose.txt", b"-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "reflection"),
     ("save_case", "", None, "expected a file"),

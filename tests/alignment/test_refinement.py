@@ -99,22 +99,12 @@ def test_converges_from_a_rough_pose(mesh, frame, rng):
     # pixels mean pixels: the errors of both poses, without knowing the truth
     assert result.before.error_px == pytest.approx(error(mesh, start)[1], rel=0.15)
     assert moved / 3 < result.after.error_px < 3
-    assert fractions == sorted(fractions)
-    assert fractions[0] == 0
-    assert fractions[-1] == 1
-
-
-def test_the_estimated_error_of_a_pose_is_how_far_it_is_off(mesh, frame):
-    """Sideways, by a known number of pixels; and more uncertain in the direction in which it is."""
-    shift_px = 6.0
-    start = rigid(translation=[shift_px * 300 / CAMERA.fx, 0, 0]) @ TRUE_POSE
-    result = refine_pose(frame, VALID, CAMERA, mesh, start)
-    assert result.verified, result.message
-    assert result.before.error_px == pytest.approx(shift_px, abs=1.0)
-    assert error(mesh, result.cam_from_model)[1] < 0.75
     assert "depth" in result.uncertainty.weakest
     lateral, depth = result.uncertainty.translation_mm[:2].max(), result.uncertainty.translation_mm[2]
     assert lateral < depth / 2
+    assert fractions == sorted(fractions)
+    assert fractions[0] == 0
+    assert fractions[-1] == 1
 
 
 def test_masked_pixels_have_no_influence(mesh, frame, rng):

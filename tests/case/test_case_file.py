@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.camera.distortion import Distortion
@@ -13,7 +13,6 @@ from oneframe.dataset.options import checked_options
 from oneframe.errors import InputError
 from oneframe.files.numbers import MM_PER_UNIT
 
-KEYS = tuple(PoseRecord.__dataclass_fields__)
 PARTS = {
     "units": 'units = "mm"',
     "image": 'image = "frame.png"',
@@ -163,54 +162,44 @@ def message_of(path: Path) -> str:
     return "case.toml: taken"
 
 
-@given(key=st.sampled_from(sorted(PARTS)), value=values, option=st.sampled_from(["count", "scale", "engine", "video"]))
-def test_any_value_is_accepted_or_refused_with_a_message(tmp_path_factory, key, value, option):
-    folder = tmp_path_factory.getbasetemp()
-    name = PARTS[key].partition(" = ")[0]
-    assert message_of(case_file(folder, **{key: f"{name} = {as_toml(value)}"})).startswith("case.toml: ")
-    assert message_of(case_file(folder, f"[dataset]\n{option} = {as_toml(value)}")).startswith("case.toml: ")
+TABLES = {
+    "[dataset]": ("count", "scale", "engine", "video"),
+    '[[landmarks]]\nname = "a"': ("surface", "pixel", "enabled"),
+    "[[landmarks]]": ("name",),
+    "[alignment]": tuple(PoseRecord.__dataclass_fields__),
+}
+"""Tables and their keys."""
 
 
+@settings(max_examples=75)
 @given(
-    key=st.sampled_from(["name", "surface", "pixel", "enabled", *KEYS]),
+    part=st.sampled_from(sorted(PARTS)),
+    place=st.sampled_from([(table, key) for table, keys in TABLES.items() for key in keys]),
     value=values | st.lists(numbers, min_size=2, max_size=3),
     units=st.sampled_from(sorted(MM_PER_UNIT)),
 )
-def test_any_landmark_and_provenance_is_accepted_or_refused_with_a_message(tmp_path_factory, key, value, units):
-    table = "[alignment]\n" if key in KEYS else "[[landmarks]]\n" + 'name = "a"\n' * (key != "name")
-    more = f"{table}{key} = {as_toml(value)}"
-    path = case_file(tmp_path_factory.getbasetemp(), more, units=f'units = "{units}"')
+def test_any_value_is_accepted_or_refused_with_a_message(tmp_path_factory, part, place, value, units):
+    folder, (table, key) = tmp_path_factory.getbasetemp(), place
+    name = PARTS[part].partition(" = ")[0]
+    assert message_of(case_file(folder, **{part: f"{name} = {as_toml(value)}"})).startswith("case.toml: ")
+    path = case_file(folder, f"{table}\n{key} = {as_toml(value)}", units=f'units = "{units}"')
     assert message_of(path).startswith("case.toml: ")
 
 
-@pytest.mark.parametrize(
-    ("content", "advice"),
-    [
-        (b"units = 'Gr\xf6\xdfe'", "save it as UTF-8"),
-        (b'units = "C:\\Users"', r"write / in paths, not \\"),
-    ],
-)
-def test_what_an_editor_or_windows_writes_is_refused_with_advice(tmp_path, content, advice):
-    path = tmp_path / "case.toml"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=advice):
-        read_case(path)
+NO_TOML = {
+    "of another encoding": (b"units = 'Gr\xf6\xdfe'", "save it as UTF-8"),
+    "a path of Windows": (b'units = "C:\\Users"', r"write / in paths, not \\"),
+    "unfinished": (b"units = ", "."),
+    "a picture": (b"\x89PNG\r\n\x1a\n", "."),
+    "nested without end": (b"a = " + b"[" * 100_000, "."),
+    "a key of many parts": (b"a." * 40_000, "."),
+    "a key twice": (b'units = "mm"\nunits = "m"', "."),
+}
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"units = ",
-        b"\x89PNG\r\n\x1a\n",
-        b"\xff\xfe",
-        b"a = " + b"[" * 100_000,
-        b"a." * 40_000,
-        b'units = "mm"\nunits = "m"',
-    ],
-    ids=["unfinished", "a picture", "not UTF-8", "nested without end", "a key of many parts", "a key twice"],
-)
-def test_what_is_not_toml_is_refused(tmp_path, content):
-    path = tmp_path / "case.toml"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"^case.toml: expected TOML, found a mistake: ."):
-        read_case(path)
+@pytest.mark.parametrize("name", NO_TOML)
+def test_what_is_not_toml_is_refused(tmp_path, name):
+    content, advice = NO_TOML[name]
+    (tmp_path / "case.toml").write_bytes(content)
+    with pytest.raises(InputError, match=rf"^case.toml: expected TOML, found a mistake: .*{advice}"):
+        read_case(tmp_path / "case.toml")

@@ -29,7 +29,7 @@ def test_boxes_are_those_counted_pixel_by_pixel(mask):
 def test_scene_tables_have_the_entries_of_bop(written, scene, views):
     """Names and nesting of bop_toolkit's docs/bop_datasets_format.md and inout.load_scene_gt/camera."""
     tables = scene_tables(written, scene)
-    assert tables.keys() == {"scene_camera", "scene_gt", "scene_gt_info", "scene_gt_coco"}
+    assert tables.keys() == {"scene_camera", "scene_gt", "scene_gt_info", "scene_gt_coco_modal"}
     for name in ("scene_camera", "scene_gt", "scene_gt_info"):
         assert list(tables[name]) == [str(image) for image in range(len(views))]
     for image, view in enumerate(views):

@@ -124,7 +124,7 @@ BESIDE = [
     "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png", "models/models_info.json",
     "models/obj_000001.ply", "video/trajectory.mp4", "video/poses.csv",
 ]  # fmt: skip
-TABLES = [f"{S1}/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")]
+TABLES = [f"{S1}/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco_modal")]
 OF_VIEWS = [
     [f"{S0}/rgb/000000.png", f"{S0}/depth/000001.png", f"{S0}/mask/000002_000000.png", f"{S1}/frame/000000.json"],
     [f"{S0}/mask_visib/000000_000000.png", f"{S0}/mask_observed/000001_000000.png", f"{S0}/depth_mm/000002.npy",
@@ -148,7 +148,7 @@ def test_files_that_are_damaged_or_missing_are_named(filmed, run, monkeypatch, c
 
 
 NUMBERS = ["camera.json", "models/models_info.json"]
-NUMBERS += [f"{S0}/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")]
+NUMBERS += [f"{S0}/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco_modal")]
 
 
 def leaves(value: dict | list) -> Iterator[tuple[dict | list, object]]:
@@ -158,6 +158,16 @@ def leaves(value: dict | list) -> Iterator[tuple[dict | list, object]]:
             yield from leaves(part)
         elif part is not None and not isinstance(part, bool):
             yield value, key
+
+
+def test_what_other_programs_leave_is_no_finding(copied, run):
+    scene = copied / SPLIT / "000000"
+    for name in ("rgb/._000000.png", "rgb/@eaDir/000000.png", "rgb.cache", ".DS_Store", "__MACOSX/rgb/._000000.png"):
+        (scene / name).parent.mkdir(parents=True, exist_ok=True)
+        (scene / name).write_bytes(b"theirs")
+    assert run(copied) == 0
+    (scene / "rgb" / "mine.png").write_bytes(b"mine")
+    assert run(copied) == 1
 
 
 @pytest.mark.parametrize("names", [NUMBERS, ["transforms.json"]], ids=len)

@@ -28,7 +28,7 @@ def test_run_lengths_are_the_shortest_code_of_the_mask_also_compressed(mask):
 @pytest.mark.parametrize(("scene", "views"), [(0, [0, 1, 2]), (1, [3, 4])])
 def test_coco_tables_refer_to_their_images_and_hold_their_masks(written, scene, views):
     """Boxes count pixels, and as in bop_toolkit's calc_gt_coco.py a view without surface has no annotation."""
-    coco = scene_tables(written, scene)["scene_gt_coco"]
+    coco = scene_tables(written, scene)["scene_gt_coco_modal"]
     assert [image["id"] for image in coco["images"]] == list(range(len(views)))
     for image in coco["images"]:
         assert (written / "train_synt" / f"{scene:06d}" / image["file_name"]).exists()

@@ -9,8 +9,6 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from hypothesis import given
-from hypothesis import strategies as st
 from PIL import Image, ImageCms
 
 from oneframe.errors import InputError
@@ -172,10 +170,3 @@ def test_an_image_with_an_exif_orientation_is_refused(kind, orientation):
         return
     with pytest.raises(InputError, match=rf"^frame: .*EXIF orientation {orientation}, .*save it as PNG"):
         check_image(data, "frame")
-
-
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif"])
-@given(shape=st.tuples(st.integers(1, 200), st.integers(1, 200)), channels=st.sampled_from([1, 3]))
-def test_the_size_is_the_decoders(suffix, shape, channels):
-    image = np.zeros((*shape, channels), np.uint8)
-    assert check_image(cv2.imencode(suffix, image, [cv2.IMWRITE_TIFF_COMPRESSION, 1])[1].tobytes(), "") == shape[::-1]

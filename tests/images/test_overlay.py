@@ -12,7 +12,6 @@ from oneframe.images.overlay import (
     GAP_PX,
     SMOOTHING_PX,
     draw_overlay,
-    hidden_opacity,
     outline_segments,
     outlines,
 )
@@ -99,12 +98,7 @@ def test_the_picture_has_the_dashes(tissue):
 
 
 def test_what_lies_deeper_is_fainter():
-    depths = np.linspace(0, 15, 200)
-    opacity = hidden_opacity(depths)
-    assert (np.diff(opacity) <= 0).all()
-    assert (np.diff(opacity[depths < 10]) < 0).all()
-    assert opacity.min() > 0
-    # in the picture: a slab that goes down to the right
+    """A slab that goes down to the right."""
     ramp = np.broadcast_to(300 + np.linspace(0.5, 9.5, SHAPE[1]), SHAPE)
     mask = np.zeros(SHAPE, bool)
     mask[60:180] = True

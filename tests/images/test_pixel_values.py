@@ -22,14 +22,6 @@ def test_a_plane_is_sampled_exactly_inside_and_zero_outside(size, pixel):
     assert found == pytest.approx(3 + 2 * clipped[0] - 5 * clipped[1], abs=1e-9) if inside else found == 0
 
 
-@given(SIZES)
-def test_centres_are_the_pixels_themselves(size):
-    image = np.random.default_rng(size).random((size[1], size[0], 3))
-    v, u = np.mgrid[: size[1], : size[0]]
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
-    assert np.array_equal(sample_bilinear(image, pixels.astype(float)), image.reshape(-1, 3))
-
-
 @pytest.mark.parametrize("curve", TRANSFERS.values(), ids=TRANSFERS)
 def test_codes_and_light_go_both_ways(curve):
     codes = np.arange(256) / 255

@@ -1,6 +1,7 @@
 """A network learns where a picture shows which point of a surface; PnP makes a pose of that, which is judged."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 
 import cv2
@@ -155,6 +156,20 @@ def test_a_network_of_something_else_is_refused(coded_case, what):
     with pytest.raises(InputError, match=rf"network\.onnx: expected .*{words}"):
         registration.registered(folder, "frames", folder / "located", "--network", folder / "network.onnx")
     assert not (folder / "located").exists()
+
+
+@pytest.mark.parametrize(
+    "lie",
+    [
+        {"width": 0}, {"width": "wide"}, {"height": 10**9}, {"height": 96.5}, {"fx": 0.0}, {"fx": float("nan")},
+        {"fx": -150.0}, {"fx": 1e300}, {"reach_mm": float("inf")}, {"reach_mm": None}, {"centre_model": (0.0, 0.0)},
+        {"centre_model": 1.0}, {"centre_model": (0.0, 0.0, float("nan"))}, {"surface": 7}, {"dataset": [[]]},
+    ],
+)  # fmt: skip
+def test_a_record_that_lies_is_none(lie):
+    data = network_of_colours(RECORD).replace(RECORD.text().encode(), json.dumps(asdict(RECORD) | lie).encode())
+    with pytest.raises(InputError, match="found no record of its training that could be"):
+        NetworkRecord.of_file(data, "network.onnx")
 
 
 def test_larger_views_are_made_smaller_and_show_the_same_points():

@@ -50,7 +50,7 @@ def detections(scene: Path, *, shift_px: int = 0) -> list[dict]:
 def test_a_perfect_detector_scores_one_by_pycocotools(dataset):
     for _, scene in scenes(dataset):
         with contextlib.redirect_stdout(io.StringIO()):
-            truth = COCO(str(scene / "scene_gt_coco.json"))
+            truth = COCO(str(scene / "scene_gt_coco_modal.json"))
         (category,) = truth.loadCats(truth.getCatIds())
         assert category["name"] == json.loads((dataset / "dataset.json").read_text())["object"]
         for image in truth.loadImgs(truth.getImgIds()):
@@ -72,7 +72,7 @@ def test_a_perfect_detector_scores_one_by_pycocotools(dataset):
 def test_the_rendered_dataset_has_what_readers_stumble_over(rendered_dataset):
     """A name beyond ASCII, a whole surface, one that the image cuts, and none."""
     ((_, scene),) = scenes(rendered_dataset)
-    (category,) = json.loads((scene / "scene_gt_coco.json").read_text(encoding="utf-8"))["categories"]
+    (category,) = json.loads((scene / "scene_gt_coco_modal.json").read_text(encoding="utf-8"))["categories"]
     assert category["name"] == OBJECT
     fractions = [info["visib_fract"] for (info,) in json.loads((scene / "scene_gt_info.json").read_text()).values()]
     assert min(fractions) == 0

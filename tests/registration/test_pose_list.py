@@ -51,16 +51,24 @@ def assert_same(one, other):
 
 
 @pytest.mark.parametrize("mm_per_unit", [1.0, 1000.0])
-def test_a_list_gives_back_what_was_found(mm_per_unit):
+def test_a_list_gives_back_what_was_found(write_tiny_case, tmp_path, mm_per_unit):
     rng = np.random.default_rng(3)
     mesh_from_model = se3_exp(np.array([300.0, -20.0, 5.0, 0.0, 0.0, 0.0]))
     frames = {7: found_in(rng), 2: found_in(rng, REFUSED), 30: replace(found_in(rng), changed=True)}
-    entries = [pose_entry("", number, found, mesh_from_model, mm_per_unit) for number, found in frames.items()]
+    entries = [pose_entry("a.png", number, found, mesh_from_model, mm_per_unit) for number, found in frames.items()]
+    (tmp_path / "list.json").write_bytes(encoded_list(entries))
     back = registered_of(json.loads(encoded_list(entries)), mesh_from_model, mm_per_unit)
     assert back.keys() == frames.keys()
     for number, found in frames.items():
         assert_same(found, back[number])
     assert list(accepted_poses(back)) == [7], "the surface has changed in the other one"
+    # as photographs
+    case = replace(read_case(write_tiny_case(tmp_path)), mm_per_unit=mm_per_unit)
+    photographs, _ = read_photographs(tmp_path / "list.json", case)
+    assert {each.image for each in photographs} == {tmp_path / "a.png"}
+    poses = [found.cam_from_model for found in frames.values() if found.cam_from_model is not None]
+    for photograph, pose in zip(photographs, poses, strict=True):
+        np.testing.assert_allclose(photograph.cam_from_mesh @ mesh_from_model, pose, atol=1e-9)
 
 
 @pytest.mark.parametrize("state", [ACCEPTED, "doubtful"])
@@ -113,30 +121,3 @@ def test_views_come_from_far_apart():
     assert narrowest(all_of) >= best / 2
     assert sorted(spread_views(poses, 20)) == list(range(9))
     assert spread_views([], 3, poses) == []
-
-
-# --- lists of photographs
-
-SMALL = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
-MESH_FROM_MODEL = se3_exp(np.array([20.0, -7.0, 3.0, 0.2, -0.1, 0.4]))
-
-
-@pytest.fixture
-def loaded(loaded_case, bumpy_mesh, frontal_pose):
-    image = np.zeros((48, 64, 3), np.float32)
-    return loaded_case(bumpy_mesh, image, frontal_pose, SMALL, mesh_from_model=MESH_FROM_MODEL, mm_per_unit=1000.0)
-
-
-def listed(pose: object, image: object = "a.png") -> dict:
-    return {"image": image, "cam_from_mesh": pose}
-
-
-def test_poses_are_those_of_the_model_in_millimetres(tmp_path, loaded, oblique_pose):
-    in_metres = oblique_pose @ inverse_rigid(MESH_FROM_MODEL)
-    in_metres[:3, 3] /= 1000
-    path = tmp_path / "list.json"
-    path.write_text(json.dumps([listed(in_metres.tolist())]))
-    (photograph,), messages = read_photographs(path, loaded.case)
-    assert photograph.image == tmp_path / "a.png"
-    assert not messages
-    np.testing.assert_allclose(photograph.cam_from_mesh @ MESH_FROM_MODEL, oblique_pose, atol=1e-9)

@@ -117,8 +117,3 @@ def test_of_a_film_that_shows_nothing_well_the_report_says_so(short_film, rng):
         lines = report_lines(Path("film.mp4"), FilmScores(info, frames, None, False), 1, 1)
         assert any("look at it before you use it" in line for line in lines) == doubtful
     assert "160x120 px, 1 frame from 0.00 s to 0.00 s" in lines[0]
-
-
-def children() -> set[str]:
-    listed = Path("/proc/self/task").glob("*/children")
-    return {child for file in listed for child in file.read_text().split()}

@@ -1,15 +1,13 @@
 """Grids in any direction, balls, and what every surface of a solid obeys."""
 
-from collections.abc import Callable, Collection
-from dataclasses import replace
+from collections.abc import Callable
 
 import numpy as np
 import trimesh
 
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import transform_points
-from oneframe.volume.bone.structures import structure_name
-from oneframe.volume.volume import LabelMap, Volume, VoxelGrid
+from oneframe.volume.volume import Volume, VoxelGrid
 
 
 def oblique_grid(rng: np.random.Generator, spacing: float | np.ndarray, size: int) -> VoxelGrid:
@@ -51,11 +49,6 @@ def check_crop(whole: Volume, part: Volume) -> None:
     x, y, z = np.rint(index).astype(int).T
     np.testing.assert_allclose(index, np.rint(index), atol=1e-4)
     np.testing.assert_array_equal(part.values.ravel(), whole.values[z, y, x])
-
-
-def only(labels: LabelMap, structures: Collection[str]) -> LabelMap:
-    """The map with the names of some structures alone."""
-    return replace(labels, names={k: name for k, name in labels.names.items() if structure_name(name) in structures})
 
 
 def scanned(distance: Callable[[np.ndarray], np.ndarray], grid: VoxelGrid) -> np.ndarray:

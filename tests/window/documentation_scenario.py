@@ -12,7 +12,7 @@ import numpy as np
 from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector
 from bl_ext.user_default.oneframe.state import from_scene
-from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
+from bl_ext.user_default.oneframe.ui.frame_view import surface_point_at
 from bl_ext.user_default.oneframe.video import session
 from bl_ext.user_default.oneframe.view.zoom import STATUS_PX
 from mathutils import Quaternion
@@ -144,7 +144,7 @@ def view_picture(user: User, name: str, width: int) -> Action:
 
 def frame_picture(user: User, name: str) -> Action:
     """Keep the part of the view in which the frame is, without the status line."""
-    seen, region = FrameView.of(bpy.context.scene, user.region(), user.view), user.region()
+    seen, region = user.frame_view, user.region()
     width, height = seen.camera.size_wh
     (left, low), (right, high) = seen.region_from_px([[0, height - 1], [width - 1, 0]]).round().astype(int).tolist()
     below = user.region("HEADER").height + round(STATUS_PX)

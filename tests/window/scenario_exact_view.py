@@ -20,7 +20,6 @@ from bl_ext.user_default.oneframe.pipeline.transforms import (
     rotation_from_vector,
     transform_points,
 )
-from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 CAMERA = PinholeCamera(960, 720, 5100.0, 4980.0, 402.3, 415.8)
 CAM_FROM_MODEL = rigid(rotation_from_vector(np.array([0.3, -0.5, 1.1])), [2.0, -3.0, 300.0])
@@ -51,7 +50,7 @@ def scenario(user):
     # zoom in until the window's pixels are smaller than the tolerance
     user.view.view_camera_zoom = 90.0
     per_offset, at_zero = yield from pan_rule(user)
-    scale = FrameView.of(scene, user.region(), user.view).scale
+    scale = user.frame_view.scale
     region_middle = np.array([user.region().width, user.region().height]) / 2
     # the frame is drawn with the overlays: switch off all others
     for what in ("show_floor", "show_axis_x", "show_axis_y", "show_cursor", "show_text", "show_extras"):
@@ -63,7 +62,7 @@ def scenario(user):
         for middle in itertools.product((120, 360, 600, 840), (60, 180, 300, 420, 540, 660)):
             user.view.view_camera_offset = (region_middle - middle * scale - at_zero) / per_offset
             yield from user.redraw()
-            view = FrameView.of(scene, user.region(), user.view)
+            view = user.frame_view
             off |= distances((yield from user.look()), user.region(), view, dots)
         yield from user.picture(shown)
         user.facts[shown] = {"dots": len(off), "largest_px": round(max(off.values()), 4)}
@@ -78,7 +77,7 @@ def pan_rule(user):
     for offset in (0.0, 0.01):
         user.view.view_camera_offset = offset, offset
         yield from user.redraw()
-        seen.append(FrameView.of(bpy.context.scene, user.region(), user.view).offset)
+        seen.append(user.frame_view.offset)
     return (seen[1] - seen[0]) / 0.01, seen[0]
 
 

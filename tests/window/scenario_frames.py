@@ -22,7 +22,7 @@ def scenario(user):
     yield from user.open_case()
     yield from user.open_sidebar("OneFrame")
     film = part("video.session").of(user.window.scene)
-    before = pose(user)
+    before = user.pose
     yield from scrub(user, film)
     yield from see(user, 2, "0_not_registered", alone=True)
     yield from user.key("ESC", user.middle())
@@ -30,16 +30,12 @@ def scenario(user):
     yield from look(user, film)
     yield from take(user)
     yield from play(user, film)
-    assert np.array_equal(pose(user), before), "looking moves nothing"
+    assert np.array_equal(user.pose, before), "looking moves nothing"
     # all found frames in the queue: a button and Enter
     yield from user.press("queue_found")
     yield from user.key("RET")
     yield from user.until(lambda: len(part("setup.queued").queue_of(user.window.scene)) == COUNT, "the queue", 60)
     yield from show_queue(user)
-
-
-def pose(user):
-    return part("state.from_scene").cam_from_model(user.window.scene)
 
 
 def alone(user, path):
@@ -86,7 +82,7 @@ def place(user, film, at):
 
 def scrub(user, film):
     """A drag in the Timeline shows the frames under the pointer, and moves nothing; arrows step, also in the view."""
-    before, shown_frame = pose(user), part("video.shown_frame")
+    before, shown_frame = user.pose, part("video.shown_frame")
     assert not shown_frame.is_shown(user.window.scene), "the case's frame is in view until the Timeline is used"
     start, end = place(user, film, 0), place(user, film, 4)
     yield from user.move(start)
@@ -104,7 +100,7 @@ def scrub(user, film):
     yield from user.until(lambda: film.shown == LOST, "the next frame")
     yield from user.key("LEFT_ARROW", user.middle())
     yield from user.until(lambda: film.shown == 4, "the frame before, also over the view")
-    assert np.array_equal(pose(user), before), "the tool did not get drag and keys"
+    assert np.array_equal(user.pose, before), "the tool did not get drag and keys"
 
 
 def ended(user):
@@ -135,7 +131,7 @@ def see(user, at, name, *, alone):
     user.window.scene.frame_set(film.scores.frames[at].index)
     yield from user.until(lambda: film.is_full, "the full frame")
     yield from user.picture(name)
-    view = part("ui.frame_view").FrameView.of(user.window.scene, user.region(), user.view)
+    view = user.frame_view
     width, height = view.camera.size_wh
     corners = view.region_from_px([[-0.5, height - 0.5], [width - 0.5, -0.5]])
     drawn = float((difference(user, film, *corners).max(axis=2) > 60).mean())
@@ -150,11 +146,11 @@ def look(user, film):
     yield from see(user, 2, "3_found", alone=False)
     yield from user.key("ESC", user.middle())
     assert not part("video.shown_frame").is_shown(scene)
-    before = pose(user)
+    before = user.pose
     yield from user.key("RIGHT_ARROW", user.middle())
-    yield from user.until(lambda: not np.array_equal(pose(user), before), "a nudge of the surface")
+    yield from user.until(lambda: not np.array_equal(user.pose, before), "a nudge of the surface")
     assert film.shown == 2
-    yield from user.undo(lambda: np.array_equal(pose(user), before), "the pose after undo")
+    yield from user.undo(lambda: np.array_equal(user.pose, before), "the pose after undo")
 
 
 def take(user):
@@ -162,14 +158,14 @@ def take(user):
     session, film_poses = part("video.session"), part("frames.film_poses")
 
     def state():
-        return user.window.scene.oneframe.frame_path, pose(user).tolist()
+        return user.window.scene.oneframe.frame_path, user.pose.tolist()
 
     before, taken = state(), film_poses.frame_at(user.window.scene, 2)
     film = session.of(user.window.scene)
     user.window.scene.frame_set(2)
     yield from user.key("RET", place(user, film, 3))
     yield from user.until(lambda: state()[0] != before[0], "another frame", 30)
-    assert np.array_equal(pose(user), taken.cam_from_model)
+    assert np.array_equal(user.pose, taken.cam_from_model)
     yield from user.press("rescale_camera")
     assert part("setup.alignment_record").pose_record(user.window.scene).method == "registered"
     for _ in range(2):

@@ -1,6 +1,5 @@
-"""Landmarks by mouse: pins, drags that are fine or cancelled, disabling and deleting, picks in other views."""
+"""Landmarks by mouse: pins, drags that are fine or cancelled, switched off and deleted, picks in other views."""
 
-import addon_utils
 import bpy
 import numpy as np
 from bl_ext.user_default.oneframe.landmarks import solve
@@ -8,17 +7,16 @@ from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_obje
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector, transform_points
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.state.landmarks import points_model
-from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
+from bl_ext.user_default.oneframe.ui.frame_view import surface_point_at
 from bl_ext.user_default.oneframe.ui.keymap import LANDMARK_TOOL
 
 FEATURES = np.array([(170, 250), (330, 190), (800, 190), (860, 560), (460, 540)], float)
-ADDON = "bl_ext.user_default.oneframe"
 
 
 def scenario(user):
     yield from user.open_case()
     user.plain_view()
-    true = from_scene.cam_from_model(bpy.context.scene)
+    true = user.pose
     points = np.array([surface_point_at(bpy.context.scene, pixel) for pixel in FEATURES])
     start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [4.0, -3.0, 8.0]) @ true
     surface_object.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
@@ -33,7 +31,6 @@ def scenario(user):
     yield from drag(user)
     yield from use_and_delete(user)
     yield from pick_elsewhere(user)
-    yield from disable_with_active_tool(user)
 
 
 def miss(user):
@@ -58,41 +55,37 @@ def miss(user):
 def pull(user, points):
     """Each pin brings its point to its pixel while the other points stay; one undo step each."""
     for count, (point, pixel) in enumerate(zip(points, FEATURES, strict=True), start=1):
-        before = errors_px(points)
-        yield from user.drag(place(user, seen(point[None])[0]), place(user, pixel), ctrl=True)
+        before = errors_px(user, points)
+        yield from user.drag(place(user, seen(user, point[None])[0]), place(user, pixel), ctrl=True)
         yield from user.until(lambda number=count: len(entries()) == number, f"pin {count}")
         yield from user.redraw()
-        user.facts[f"px after {count} pins"] = round(float(errors_px(points).mean()), 1)
+        user.facts[f"px after {count} pins"] = round(float(errors_px(user, points).mean()), 1)
         # the pointer is on whole screen pixels, at the press and at the release
-        on_screen = errors_px(points)[:count] * frame_view(user).magnification
+        on_screen = errors_px(user, points)[:count] * user.frame_view.magnification
         assert on_screen.max() < 2.5, (count, before, on_screen)
-    pose = from_scene.cam_from_model(bpy.context.scene)
+    pose = user.pose
     yield from user.undo(lambda: len(entries()) == len(points) - 1, "a pin undone")
     yield from user.redo(lambda: len(entries()) == len(points), "a pin redone")
-    yield from user.until(lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "its pose redone")
+    yield from user.until(lambda: np.array_equal(user.pose, pose), "its pose redone")
 
 
 def drag(user):
     """An image point follows the pointer and the pose follows it; Esc restores both; Shift is 10 times finer."""
-    pixel, pose = pixel_of(1), from_scene.cam_from_model(bpy.context.scene)
+    pixel, pose = pixel_of(1), user.pose
     at = place(user, pixel)
     yield from user.move(at)
     user.event("LEFTMOUSE", "PRESS", at)
     yield 0.1
     user.event("MOUSEMOVE", "NOTHING", (at[0] + 4, at[1] + 3))
     yield from user.until(lambda: not np.array_equal(pixel_of(1), pixel), "the image point to follow")
-    yield from user.until(
-        lambda: not np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose to follow"
-    )
+    yield from user.until(lambda: not np.array_equal(user.pose, pose), "the pose to follow")
     yield from user.redraw()
     yield 0.3
     user.event("ESC", "PRESS", at)
     user.event("ESC", "RELEASE", at)
     yield from user.until(lambda: np.array_equal(pixel_of(1), pixel), "the drag cancelled")
     user.event("LEFTMOUSE", "RELEASE", at)
-    yield from user.until(
-        lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose restored"
-    )
+    yield from user.until(lambda: np.array_equal(user.pose, pose), "the pose restored")
     yield 0.2
 
     user.event("MOUSEMOVE", "NOTHING", at)
@@ -104,7 +97,7 @@ def drag(user):
     user.event("LEFT_SHIFT", "RELEASE", at)
     user.event("LEFTMOUSE", "RELEASE", (at[0] + 20, at[1]))
     yield from user.until(lambda: not np.array_equal(pixel_of(1), pixel), "the fine drag")
-    moved_px = (pixel_of(1) - pixel) * frame_view(user).scale
+    moved_px = (pixel_of(1) - pixel) * user.frame_view.scale
     assert np.allclose(moved_px, [2.0, 0.0], atol=0.05), moved_px
 
 
@@ -135,19 +128,10 @@ def pick_elsewhere(user):
     yield from user.picture("3_other_view")
     user.view.view_perspective = "CAMERA"
     yield from user.redraw()
-    yield from user.click(place(user, seen(points_model(bpy.context.scene)[-1:])[0]))
+    yield from user.click(place(user, seen(user, points_model(bpy.context.scene)[-1:])[0]))
     yield from user.until(lambda: entries()[-1].has_pixel, "its image point")
     assert len(entries()) == count + 1
     assert solve.solution(bpy.context.scene).estimate is not None
-
-
-def disable_with_active_tool(user):
-    addon_utils.disable(ADDON)
-    yield from user.redraw()
-    tool = user.window.workspace.tools.from_space_view3d_mode("OBJECT")
-    assert tool.idname == "builtin.select_box", tool.idname
-    addon_utils.enable(ADDON)
-    yield from user.redraw()
 
 
 def entries():
@@ -158,20 +142,16 @@ def pixel_of(index):
     return np.array(entries()[index].pixel, float)
 
 
-def frame_view(user):
-    return FrameView.of(bpy.context.scene, user.region(), user.view)
-
-
 def place(user, pixel):
     """The screen pixel of the window that shows a pixel of the frame."""
-    region, at = user.region(), frame_view(user).region_from_px(pixel)
+    region, at = user.region(), user.frame_view.region_from_px(pixel)
     return region.x + float(np.floor(at[0])), region.y + float(np.floor(at[1]))
 
 
-def seen(points):
-    pose = from_scene.cam_from_model(bpy.context.scene)
+def seen(user, points):
+    pose = user.pose
     return from_scene.camera(bpy.context.scene).project(transform_points(pose, points))
 
 
-def errors_px(points):
-    return np.linalg.norm(seen(points) - FEATURES, axis=1)
+def errors_px(user, points):
+    return np.linalg.norm(seen(user, points) - FEATURES, axis=1)

@@ -8,7 +8,6 @@ from bl_ext.user_default.oneframe.pipeline.images.pixel_values import to_uint8
 from bl_ext.user_default.oneframe.pipeline.images.png import encode_png
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector
 from bl_ext.user_default.oneframe.setup.alignment_record import pose_record
-from bl_ext.user_default.oneframe.state import from_scene
 
 
 def scenario(user):
@@ -16,16 +15,16 @@ def scenario(user):
     user.plain_view()
     yield from user.open_sidebar("OneFrame")
     scene = bpy.context.scene
-    start = rigid(rotation_from_vector(np.radians([1.0, -1.5, 1.0])), [1.0, -1.0, 2.0]) @ pose()
+    start = rigid(rotation_from_vector(np.radians([1.0, -1.5, 1.0])), [1.0, -1.0, 2.0]) @ user.pose
     surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     with user.context():
         bpy.ops.ed.undo_push(message="rough")
     yield from user.redraw()
-    start = pose()
+    start = user.pose
     yield from preview(user, start)
     yield from user.key("ESC")
     yield 0.3
-    assert np.array_equal(pose(), start)
+    assert np.array_equal(user.pose, start)
     assert pose_record(scene).method == "manual"
 
     mirrored = user.folder / "mirrored.png"
@@ -37,7 +36,7 @@ def scenario(user):
     yield from user.key("RET")
     yield from user.key("ESC")
     yield 0.3
-    assert np.array_equal(pose(), start)
+    assert np.array_equal(user.pose, start)
     assert pose_record(scene).method == "another frame"
     again = yield from preview(user, start)
     assert np.array_equal(again, refused)
@@ -48,13 +47,9 @@ def scenario(user):
 def preview(user, start):
     """F, then Space twice: the pose that was found, that before, and the found one again, which is returned."""
     yield from user.key("F", user.middle())
-    yield from user.until(lambda: not np.array_equal(pose(), start), "a pose that was found")
-    found = pose()
+    yield from user.until(lambda: not np.array_equal(user.pose, start), "a pose that was found")
+    found = user.pose
     for wanted in (start, found):
         yield from user.key("SPACE")
-        yield from user.until(lambda wanted=wanted: np.array_equal(pose(), wanted), "before and after")
+        yield from user.until(lambda wanted=wanted: np.array_equal(user.pose, wanted), "before and after")
     return found
-
-
-def pose():
-    return from_scene.cam_from_model(bpy.context.scene)

@@ -2,8 +2,6 @@
 
 import bpy
 import numpy as np
-import x11
-from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 WINDOW = 1024, 640
 STILL_PX = 1.0
@@ -19,16 +17,11 @@ def scenario(user):
     before = placed(scene)
     yield from zoom(user, scene)
     yield from keys(user, scene)
-    yield from contour(user, scene)
     assert (placed(scene) == before).all()
 
 
 def placed(scene):
     return np.array([scene.oneframe.camera_object.matrix_world, scene.oneframe.surface.matrix_world])
-
-
-def seen(user):
-    return FrameView.of(bpy.context.scene, user.region(), user.view)
 
 
 def zoom(user, scene):
@@ -41,11 +34,11 @@ def zoom(user, scene):
         yield from user.key("HOME", user.middle())
         yield from user.move(tuple(np.round(corner + np.array(fraction) * [region.width, region.height])))
         place = np.round(user._place)
-        under = seen(user).px_from_region(place - corner)
+        under = user.frame_view.px_from_region(place - corner)
         for kind in ["WHEELUPMOUSE"] * steps[0] + ["WHEELDOWNMOUSE"] * steps[1]:
             user.event(kind, "PRESS", tuple(place))
             yield 0.06
-            view = seen(user)
+            view = user.frame_view
             largest = max(largest, view.magnification)
             moved.append(np.abs(view.region_from_px(under) - (place - corner)).max())
     user.area.spaces.active.lock_camera = False
@@ -53,9 +46,9 @@ def zoom(user, scene):
     assert max(moved) < STILL_PX
     assert largest > 16
     yield from user.key("SEVEN")
-    yield from user.until(lambda: abs(seen(user).magnification - 1) < 1e-4, "1 : 1")
+    yield from user.until(lambda: abs(user.frame_view.magnification - 1) < 1e-4, "1 : 1")
     yield from user.key("HOME")
-    yield from user.until(lambda: abs(seen(user).magnification - 1) > 1e-3, "the whole frame")
+    yield from user.until(lambda: abs(user.frame_view.magnification - 1) > 1e-3, "the whole frame")
 
 
 def keys(user, scene):
@@ -73,24 +66,3 @@ def keys(user, scene):
         yield from user.key(key)
     view.opacity = 0.0
     yield from user.redraw()
-
-
-def contour(user, scene):
-    view = scene.oneframe_view
-    frame = shown(user)
-    view.contour = True
-    yield from user.redraw()
-    lines = np.abs(shown(user) - frame).max(axis=2) > 40
-    user.facts["contour"] = round(float(lines.mean()), 4)
-    assert 0.002 < lines.mean() < 0.2
-    view.contour = False
-    yield from user.redraw()
-
-
-def shown(user):
-    """The middle of the frame in the view, float RGB, top row first."""
-    region = user.region()
-    picture = x11.capture()[::-1][region.y : region.y + region.height, region.x : region.x + region.width]
-    width, height = seen(user).camera.size_wh
-    low, high = seen(user).region_from_px([[0.2 * width, 0.8 * height], [0.8 * width, 0.2 * height]]).astype(int)
-    return picture[low[1] : high[1], low[0] : high[0]][::-1].astype(float)

@@ -2,7 +2,6 @@
 
 import bpy
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
-from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL, active_tool
 from bl_ext.user_default.oneframe.view.zoom import free_rectangle
 from user import PACKAGE
@@ -68,7 +67,7 @@ def workspaces():
 
 def assert_frame_is_free(user):
     """The whole frame lies beside toolbar, sidebar and headers, and fills what they leave."""
-    view = FrameView.of(bpy.context.scene, user.region(), user.view)
+    view = user.frame_view
     width, height = view.camera.size_wh
     low, high = free_rectangle(user.area)
     left_low, right_high = view.region_from_px([[-0.5, height - 0.5], [width - 0.5, -0.5]])

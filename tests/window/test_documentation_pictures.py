@@ -48,17 +48,15 @@ def test_take_the_pictures(blender, resources, sample, run_oneframe, tmp_path):
         picture.save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
 
 
-def test_take_the_pictures_of_the_first_session(play):
-    play(Path(__file__).with_name("scenario_first_session.py"), TIMEOUT_S)
-    shots = (PICTURES / "first_session").glob("*.png")
-    for number, path in enumerate(sorted(shots), start=1):
-        Image.open(path).save(Path(FOLDER, f"first_session_{number}.jpg"), "JPEG", **QUALITY)
-
-
-def test_take_the_pictures_of_the_frames(play):
-    play(Path(__file__).with_name("scenario_frames.py"), TIMEOUT_S)
-    for shot, name in (("3_found", "frames"), ("4_queue", "queue")):
-        Image.open(PICTURES / "frames" / f"{shot}.png").save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
+def test_take_the_pictures_of_two_scenarios(play):
+    for name in ("first_session", "frames"):
+        play(Path(__file__).with_name(f"scenario_{name}.py"), TIMEOUT_S)
+    shots = {
+        f"first_session_{at}": path for at, path in enumerate(sorted((PICTURES / "first_session").glob("*.png")), 1)
+    }
+    shots |= {"frames": PICTURES / "frames" / "3_found.png", "queue": PICTURES / "frames" / "4_queue.png"}
+    for name, path in shots.items():
+        Image.open(path).save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
 
 
 def first_page(case: Path, dataset: Path) -> Image.Image:

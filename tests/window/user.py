@@ -261,6 +261,16 @@ class User(Hands):
         for structure in scene.oneframe.surface.children:
             structure.hide_viewport = True
 
+    @property
+    def pose(self) -> np.ndarray:
+        """The surface's pose, camera from model."""
+        return part("state.from_scene").cam_from_model(self.window.scene)
+
+    @property
+    def frame_view(self) -> object:
+        """Where the frame is in the 3D view."""
+        return part("ui.frame_view").FrameView.of(self.window.scene, self.region(), self.view)
+
     # --- files ------------------------------------------------------------------------------------------------------
 
     def choose_file(self, path: Path) -> Action:

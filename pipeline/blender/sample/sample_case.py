@@ -33,13 +33,13 @@ COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
 def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_out: bool = True) -> None:
     """Check before any work that the files of :func:`write_sample_case` can be written."""
     case, text = folder / "case.toml", case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
+    images = ("frame.png", *(_held_out_views() if held_out else ()))
+    names = ["surface.ply", *map(_structure_file, STRUCTURES), *images, UNALIGNED, "case.toml"]
+    check_outputs([folder / name for name in (*names, *([HELD_OUT] if held_out else []))], {})
     if not case.exists():
         check_own_folder(folder, _NAMES, {})
     elif read_content(case, "a case file") != text.encode():
         raise InputError(f"{case}: expected no such file or the sample's, found another case; choose another folder")
-    images = ("frame.png", *(_held_out_views() if held_out else ()))
-    names = ["surface.ply", *map(_structure_file, STRUCTURES), *images, UNALIGNED, "case.toml"]
-    check_outputs([folder / name for name in (*names, *([HELD_OUT] if held_out else []))], {})
 
 
 def write_sample_case(

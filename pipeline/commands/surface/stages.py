@@ -17,10 +17,9 @@ from ...case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, str
 from ...files.outputs import check_outputs, check_own_folder, write_output, writing
 from ...progress import ShareProgress
 from ...surface.structure_colour import structure_colour
-from ...volume.bone.bone import bone_voxels
+from ...volume.bone.bone import DEFAULT_HU, bone_voxels, check_threshold, otsu_threshold
 from ...volume.bone.isosurface import RemovedField
 from ...volume.bone.structures import structure_names, without_bone
-from ...volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
 from ...volume.drill.drill_plan import DrillPlan, check_margins, check_strokes, read_drill_plan, unprotected
 from ...volume.drill.virtual_drill import clearances, violations
 from ...volume.make_surface import MadeSurface, SurfaceSettings, make_surface
@@ -140,7 +139,7 @@ def _report_removed(work: _Work, made: MadeSurface) -> None:
 
 def _report_clearances(work: _Work, made: MadeSurface, removed: RemovedField, volume: Volume, plan: DrillPlan) -> None:
     """Record how near the drill came to the structures, and say where it came too near."""
-    found = clearances(made.bone.surface, removed, volume.grid, made.structures, plan.margins_mm)
+    found = clearances(made.bone, removed, volume.grid, made.structures, plan.margins_mm)
     work.record["drill"] = {
         "strokes": len(plan.strokes), "margins_mm": dict(plan.margins_mm),
         "clearances": [
@@ -162,10 +161,10 @@ def _outputs(out: Path, structures: Iterable[str]) -> list[Path]:
 
 
 def _write_meshes(work: _Work, out: Path, made: MadeSurface) -> None:
-    mesh, finish = made.bone.surface.mesh, made.finish
+    mesh, finish = made.bone.mesh, made.finish
     work.record["surface"] = {
         "file": SURFACE, "vertices": len(mesh.vertices), "faces": len(mesh.faces),
-        "drilled_vertices": int(made.bone.surface.drilled.sum()), "extracted_faces": made.bone.extracted_faces,
+        "drilled_vertices": int(made.bone.drilled.sum()),
         "smoothing_steps": finish.smoothing_steps, "tolerance_mm": finish.tolerance_mm,
     }  # fmt: skip
     if finish.focus is not None:

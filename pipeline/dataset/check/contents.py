@@ -23,7 +23,9 @@ from ..layout import (
 from .findings import Findings
 
 DAMAGED, STRAY = "damaged files", "stray files"
-DESKTOP_FILES = {".DS_Store", "Thumbs.db", "desktop.ini"}
+DESKTOP_FILES, DESKTOP_FOLDERS = {".DS_Store", "Thumbs.db", "desktop.ini"}, {"@eaDir", "__MACOSX"}
+LEFT_BY_OTHERS = re.compile(r"\._.*|.*\.cache")
+"""What macOS writes beside each file on other file systems, and what readers keep for themselves."""
 NOTES = {"", ".md", ".txt"}
 """Suffixes of files beside ``dataset.json`` that no reader takes for data: LICENSE, README.md, notes.txt."""
 PARTIAL = ".partial-"
@@ -68,6 +70,7 @@ def check_names(root: Path, description: Description, findings: Findings, *, unf
     """
     for folder, folders, files in os.walk(root):
         inside = Path(folder).relative_to(root).as_posix()
+        folders[:] = [name for name in folders if name not in DESKTOP_FOLDERS]
         if inside == ".":
             # a run keeps its own files there, and programs theirs in hidden folders; a further dataset is another check
             folders[:] = [name for name in folders if not name.startswith(".") and name not in description.further]
@@ -78,7 +81,9 @@ def check_names(root: Path, description: Description, findings: Findings, *, unf
                 findings.add("links that lead out", f"{name}: expected a part of the dataset, {found}")
         for base in files:
             name = base if inside == "." else f"{inside}/{base}"
-            if base in DESKTOP_FILES or (inside == "." and _is_note(base)) or _is_of(name, description):
+            if base in DESKTOP_FILES or LEFT_BY_OTHERS.fullmatch(base):
+                continue
+            if (inside == "." and _is_note(base)) or _is_of(name, description):
                 continue
             if not base.startswith(PARTIAL):
                 findings.add(STRAY, f"{name}: expected no such file in a dataset of {description.count} views")

@@ -1,6 +1,6 @@
 """The files of the BOP format: models, ``camera.json``, and the tables of each scene, from the records of its views.
 
-Source: thodan/bop_toolkit, docs/bop_datasets_format.md; for ``scene_gt_coco.json`` its calc_gt_coco.py, and
+Source: thodan/bop_toolkit, docs/bop_datasets_format.md; for ``scene_gt_coco_modal.json`` its calc_gt_coco.py, and
 cocodataset.org, "Data format". Rotations are row-major, translations and depths millimetres,
 ``m2c`` is ``cam_from_model`` for the mesh in ``models/``. The origin of that mesh is the mean of its vertices, not the
 centre of its box as in BOP's own datasets; ``models_info.json`` holds where that centre is.
@@ -94,7 +94,7 @@ def write_scene(root: Path, records: Sequence[ViewRecord], camera: PinholeCamera
     _write_rows(folder / "scene_camera.json", scene_camera)
     _write_rows(folder / "scene_gt.json", scene_gt)
     _write_rows(folder / "scene_gt_info.json", scene_gt_info)
-    write_json(folder / "scene_gt_coco.json", coco_table(paths, records, camera, object_name), indent=None)
+    write_json(folder / "scene_gt_coco_modal.json", coco_table(paths, records, camera, object_name), indent=None)
 
 
 def scene_entries(

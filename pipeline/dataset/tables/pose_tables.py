@@ -12,7 +12,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...files.content import written_file
 from ...transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
-from ..layout import ViewPaths
+from ..layout import MODEL_FILES, ViewPaths
 from ..run.resume_record import ViewRecord
 
 POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)), "tx_mm", "ty_mm", "tz_mm")
@@ -51,7 +51,8 @@ def write_poses(
     model_from_mesh = inverse_rigid(mesh_from_model)
     with written_file(root / "poses.csv") as poses, written_file(root / "transforms.json") as nerf:
         poses.write(_csv_line(POSE_TABLE_COLUMNS))
-        head = _nerf_intrinsics(camera) | _instant_ngp_scene(bounds, depth_scale)
+        # splats start from the model's coloured points
+        head = _nerf_intrinsics(camera) | _instant_ngp_scene(bounds, depth_scale) | {"ply_file_path": MODEL_FILES[0]}
         nerf.write(f'{json.dumps(head)[:-1]}, "frames": ['.encode())
         separator = ""
         for record in records:

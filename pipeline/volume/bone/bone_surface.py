@@ -55,22 +55,6 @@ class Finish:
     focus: Ball | None = None
 
 
-@dataclass(frozen=True)
-class BoneSurface:
-    """The surface, and how it became what it is.
-
-    Attributes
-    ----------
-    surface
-        Closed; ``drilled`` tells the vertices on what was removed.
-    extracted_faces
-        Number of faces before simplification.
-    """
-
-    surface: Isosurface
-    extracted_faces: int
-
-
 def bone_surface(
     volume: Volume,
     level_hu: float,
@@ -79,8 +63,8 @@ def bone_surface(
     finish: Finish = Finish(),
     *,
     report: Report | None = None,
-) -> BoneSurface:
-    """The surface of bone.
+) -> Isosurface:
+    """The surface of bone, closed; ``drilled`` tells the vertices on what was removed.
 
     Parameters
     ----------
@@ -96,8 +80,7 @@ def bone_surface(
     surface = isosurface(volume.values, level_hu, volume.grid, solid=solid, removed=removed)
     if report is not None:
         report("extracted", 1.0)
-    faces = len(surface.mesh.faces)
-    if faces == 0:
+    if len(surface.mesh.faces) == 0:
         raise InputError("surface: expected bone, found none left; remove less")
     surface = smoothed(
         surface, finish.smoothing_steps, progress=None if report is None else partial(report, "smoothed")
@@ -111,7 +94,7 @@ def bone_surface(
             f"surface: expected up to {MOST_FACES:,} faces, found {len(surface.mesh.faces):,}; crop the volume, choose "
             "a higher threshold, or a larger tolerance"
         )
-    return BoneSurface(surface, faces)
+    return surface
 
 
 def moved_mm(grid: VoxelGrid, tolerance_mm: float) -> float:

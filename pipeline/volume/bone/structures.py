@@ -11,7 +11,7 @@ from unicodedata import category, normalize
 import numpy as np
 
 from ...surface.mesh import TriangleMesh
-from ..volume import LabelMap, box_around, box_slices
+from ..volume import LabelMap
 from .bone_surface import smoothed
 from .isosurface import isosurface
 
@@ -101,13 +101,15 @@ def structure_meshes(labels: LabelMap, *, progress: Callable[[float], None] | No
 
     ``progress`` is called with the finished share, 0..1, after each structure; what it raises ends the work.
     """
-    names = structure_names(labels)
-    layers = _layers(labels.values, names)
+    # not before there are structures: it takes long to import
+    from scipy.ndimage import find_objects
+
+    boxes = dict(enumerate(find_objects(labels.values), 1))
     # a cropped map keeps the names of labels that are gone
-    wanted = {label: name for label, name in names.items() if label in layers}
+    wanted = {label: name for label, name in structure_names(labels).items() if boxes.get(label)}
     meshes = {}
     for count, (label, name) in enumerate(wanted.items()):
-        meshes[name] = _mesh(labels, label, layers[label])
+        meshes[name] = _mesh(labels, label, boxes[label])
         if progress is not None:
             progress((count + 1) / len(wanted))
     return meshes
@@ -122,29 +124,16 @@ def structure_names(labels: LabelMap) -> dict[int, str]:
     return names
 
 
-def _layers(values: np.ndarray, wanted: Collection[int]) -> dict[int, tuple[int, int]]:
-    """First and one past the last layer of each label."""
-    layers: dict[int, tuple[int, int]] = {}
-    for z, layer in enumerate(values):
-        for label in np.flatnonzero(np.bincount(layer.ravel())).tolist():
-            if label in wanted:
-                layers[label] = (layers.get(label, (z, z))[0], z + 1)
-    return layers
-
-
-def _mesh(labels: LabelMap, label: int, layers: tuple[int, int]) -> TriangleMesh:
-    # not before there are structures: it takes long to import
+def _mesh(labels: LabelMap, label: int, box: tuple[slice, ...]) -> TriangleMesh:
     from scipy.ndimage import gaussian_filter
 
-    mask = labels.values[layers[0] : layers[1]] == label
-    first, stop = box_around(mask)
-    mask = mask[box_slices(first, stop)]
+    mask = labels.values[box] == label
     reach = math.ceil(3 * BLUR_VOXELS)
     margin = reach + 1
     # around it, also beyond the volume's border, is air
     field = gaussian_filter(np.pad(mask.astype(np.float32), margin), BLUR_VOXELS, mode="constant", radius=reach)
     depth, height, width = field.shape
-    grid = labels.grid.shifted(first - margin + np.array([0, 0, layers[0]]), (width, height, depth))
+    grid = labels.grid.shifted(np.array([each.start - margin for each in box[::-1]]), (width, height, depth))
     voxels = int(np.count_nonzero(mask))
     lowest, highest = _LOWEST_LEVEL, 0.999 * float(field.max())
     level = min(0.5, highest)

@@ -57,10 +57,10 @@ RESCALE_TYPES = ("OD", "HU", "US", "MGML", "Z_EFF", "ED", "EDW", "HU_MOD", "PCT"
 """The standard's words; US is "unspecified"."""
 
 CT, DIRECTORY = "1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.1.3.10"
-_META_UID = re.compile(rb"\x02\x00(.)\x00UI..([0-9.]*)", re.DOTALL)
-_UNCOMPRESSED = ("", "1.2.840.10008.1.2", "1.2.840.10008.1.2.1")
+_SYNTAX = re.compile(rb"\x02\x00\x10\x00UI..([0-9.]*)", re.DOTALL)
+_UNCOMPRESSED = (b"1.2.840.10008.1.2", b"1.2.840.10008.1.2.1")
 _PIXEL_DATA = re.compile(rb"\xe0\x7f\x10\x00(?:O[BW]\x00\x00)?(.{4})", re.DOTALL)
-_CLASS_UID = re.compile(rb"(?:\x08\x00\x16\x00|\x00\x08\x00\x16)(?:UI..|.{4})([0-9.]+)", re.DOTALL)
+_CLASS_UID = re.compile(rb"(?:\x02\x00\x02\x00|\x08\x00\x16\x00|\x00\x08\x00\x16)(?:UI..|.{4})([0-9.]+)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -96,34 +96,28 @@ class Slice:
     apart: Mapping[str, str]
 
 
-def unreadable(where: str, path: Path) -> InputError:
+def unreadable(where: str) -> InputError:
     """The error for a slice that GDCM cannot read."""
-    syntax = (file_meta_information(path) or {}).get(0x0010, "")
-    number = syntax if re.fullmatch(r"[0-9.]{1,64}", syntax) else "none"
     return InputError(
         f"{where}: cannot read its pixels; it is damaged or cut off (copy or export the series again), or compressed "
-        f"in a way that GDCM does not know (transfer syntax {number}; decompress it with gdcmconv --raw or dcm2niix)"
+        "in a way that GDCM does not know (decompress it with gdcmconv --raw or dcm2niix)"
     )
 
 
-def file_meta_information(path: Path) -> dict[int, str] | None:
-    """Identifiers in group 0002 by element below 256; ``None`` if the file is not DICOM.
+def image_class(path: Path) -> str | None:
+    """The identifier of what a file holds, empty if it does not say; ``None`` if it is not DICOM.
 
-    This group is never compressed, so a transfer syntax that cannot be read is named. Older files have neither it nor
-    the preamble and begin with group 0008, in which the class of the image stands too.
+    It stands in group 0002, or, in older files, which begin with group 0008, in that.
     """
     with open(path, "rb") as file:
         head = file.read(4096)
     was_slice = (not head or path.suffix.lower() in (".dcm", ".ima")) and not path.name.startswith(".")
     if not is_dicom_beginning(head) and not was_slice:
         return None
-    found = {element[0]: value.decode() for element, value in _META_UID.findall(head)}
-    if image_class := _CLASS_UID.search(head):
-        found.setdefault(0x0002, image_class[1].decode())
-    elif was_slice or head[128:132] == b"DICM":
-        # cut off before it says what it is: it must not be passed over
-        found.setdefault(0x0002, CT)
-    return found
+    if match := _CLASS_UID.search(head):
+        return match[1].decode()
+    # cut off before it says what it is: it must not be passed over
+    return CT if was_slice or head[128:132] == b"DICM" else ""
 
 
 def is_dicom_beginning(head: bytes) -> bool:
@@ -152,9 +146,11 @@ def tags_of(path: Path) -> tuple[dict[str, str], int] | None:
 
 def has_pixels(path: Path, count: int) -> bool:
     """Whether a file without compression states at least so many bytes of pixels: GDCM fills up others at will."""
-    if (file_meta_information(path) or {}).get(0x0010, "") not in _UNCOMPRESSED:
+    data = path.read_bytes()
+    syntax = _SYNTAX.search(data, 0, 4096)
+    if syntax and syntax[1] not in _UNCOMPRESSED:
         return True
-    lengths = [int.from_bytes(length, "little") for length in _PIXEL_DATA.findall(path.read_bytes())]
+    lengths = [int.from_bytes(length, "little") for length in _PIXEL_DATA.findall(data)]
     return not lengths or lengths[-1] >= count
 
 

@@ -21,15 +21,14 @@ from .dicom_header import (
     IN_TURN,
     Slice,
     dicom_reader,
-    file_meta_information,
     has_pixels,
+    image_class,
     slice_of,
     tags_of,
     unreadable,
 )
-from .header_checks import check_axes, check_memory
 from .slice_geometry import FEWEST_SLICES, stack_of
-from .voxel_values import ValueSurvey
+from .volume_checks import ValueSurvey, check_axes, check_memory
 
 MOST_FILES = 50_000
 """In a folder of DICOM files and the folders in it, of any kind."""
@@ -91,13 +90,13 @@ def find_series(folder: Path) -> tuple[Series, ...]:
     """The series of images in a folder and the folders in it, from all their headers."""
     paths = _dicom_paths(folder)
     files: dict[str, dict[tuple[str, ...], list[Slice]]] = {}
-    for index, (path, group) in enumerate(paths):
+    for index, (path, kind) in enumerate(paths):
         header = tags_of(path)
         # enhanced CT, too
-        is_ct = f"{group.get(0x0002)}.".startswith(f"{CT}.")
+        is_ct = f"{kind}.".startswith(f"{CT}.")
         if header is None:
             if is_ct:
-                raise unreadable(f"{folder}: file {index + 1} of {len(paths)} in the order of their names", path)
+                raise unreadable(f"{folder}: file {index + 1} of {len(paths)} in the order of their names")
             continue
         tags, frames = header
         if not tags["modality"] and is_ct:
@@ -200,12 +199,12 @@ def _pixels(part: Slice, where: str) -> np.ndarray:
     except (RuntimeError, MemoryError):
         pixels = None
     if pixels is None or pixels.shape != (1, *part.size[::-1]):
-        raise unreadable(where, part.path)
+        raise unreadable(where)
     return pixels[0]
 
 
-def _dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
-    """The DICOM files in a folder and those in it, sorted, and their file meta information."""
+def _dicom_paths(folder: Path) -> list[tuple[Path, str]]:
+    """The DICOM files in a folder and those in it, sorted, and what they hold."""
     paths, count = [], 0
     try:
         for parent, folders, names in os.walk(folder):
@@ -217,9 +216,9 @@ def _dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
                     "folder of one examination"
                 )
             for path in (Path(parent, name) for name in sorted(names)):
-                group = file_meta_information(path) if path.is_file() else None
-                if group is not None and group.get(0x0002) != DIRECTORY:
-                    paths.append((path, group))
+                kind = image_class(path) if path.is_file() else None
+                if kind not in (None, DIRECTORY):
+                    paths.append((path, kind))
     except OSError as error:
         raise InputError(
             f"{folder}: expected a folder of DICOM files, cannot read it ({error.strerror}); check its permissions"

@@ -17,7 +17,7 @@ from ...files.tables import parsed_json
 from ...transforms import transform_points
 from ..bone.structures import anatomical_name, is_bone, plain_text
 from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_corners
-from .header_checks import apart_mm
+from .volume_checks import apart_mm
 from .volume_header import read_header, volume_suffix
 from .volume_reader import file_voxels
 

@@ -24,7 +24,7 @@ from ...files.content import LARGEST_TEXT, read_beginning, reading
 from ...transforms import rotation_from_vector
 from ..simple_itk import simple_itk
 from ..volume import VoxelGrid
-from .header_checks import apart_mm, check_axes, three_dimensions
+from .volume_checks import apart_mm, check_axes, three_dimensions
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd")
 

@@ -13,9 +13,8 @@ from ..simple_itk import simple_itk
 from ..volume import Volume, VoxelGrid, box_corners, box_slices
 from .dicom_header import is_dicom_beginning
 from .dicom_series import SeriesInfo, chosen_series, find_series, series_voxels
-from .header_checks import check_memory
+from .volume_checks import ValueSurvey, check_memory
 from .volume_header import VolumeHeader, check_stored, read_header, unreadable, volume_suffix
-from .voxel_values import ValueSurvey
 
 _COPIES = 2
 """Copies of the file's voxels that ITK holds for a moment: its own, and those of the library of the format."""

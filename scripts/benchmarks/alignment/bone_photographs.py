@@ -33,9 +33,8 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import camera_centre, rigid
-from oneframe.volume.bone.bone import bone_voxels
+from oneframe.volume.bone.bone import DEFAULT_HU, bone_voxels
 from oneframe.volume.bone.structures import without_bone
-from oneframe.volume.bone.threshold import DEFAULT_HU
 from oneframe.volume.drill.drill_plan import DrillPlan, read_drill_plan
 from oneframe.volume.make_surface import SurfaceSettings, make_surface
 from oneframe.volume.reading.label_map import read_labels
@@ -120,7 +119,7 @@ def _cavity(plan: DrillPlan) -> np.ndarray:
 
 def _drilled(volume: Volume, labels: LabelMap, plan: DrillPlan) -> TriangleMesh:
     solid = bone_voxels(volume, DEFAULT_HU)
-    return make_surface(volume, DEFAULT_HU, solid, labels, SurfaceSettings(plan=plan)).bone.surface.mesh
+    return make_surface(volume, DEFAULT_HU, solid, labels, SurfaceSettings(plan=plan)).bone.mesh
 
 
 def _coarser(volume: Volume) -> Volume:

@@ -63,22 +63,12 @@ def test_grey_colour_and_alpha_of_8_and_16_bit(tmp_path, channels, bits, suffix)
     assert_read(path, image, bits)
 
 
-def test_grey_with_alpha(tmp_path):
-    image = codes(2, 8)
-    Image.fromarray(image, "LA").save(tmp_path / "frame.png")
-    assert_read(tmp_path / "frame.png", image, 8)
-
-
-def test_a_palette(tmp_path):
-    image = codes(3, 8) // 128 * 255
-    Image.fromarray(image).convert("P", palette=Image.Palette.ADAPTIVE, colors=8).save(tmp_path / "frame.png")
-    assert_read(tmp_path / "frame.png", image, 8)
-
-
-def test_the_content_decides_not_the_name(tmp_path):
-    image = codes(3, 8)
-    Image.fromarray(image).save(tmp_path / "frame.jpg", "PNG")
-    assert_read(tmp_path / "frame.jpg", image, 8)
+def test_grey_with_alpha_and_a_palette_whatever_the_name(tmp_path):
+    grey, few = codes(2, 8), codes(3, 8) // 128 * 255
+    palette = Image.fromarray(few).convert("P", palette=Image.Palette.ADAPTIVE, colors=8)
+    for image, picture in ((grey, Image.fromarray(grey, "LA")), (few, palette)):
+        picture.save(tmp_path / "frame.jpg", "PNG")
+        assert_read(tmp_path / "frame.jpg", image, 8)
 
 
 @pytest.mark.parametrize("mode", ["L", "RGB"])

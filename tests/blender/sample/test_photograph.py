@@ -18,7 +18,7 @@ from oneframe.sample.film import DISTURBED
 from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses, sample_surface
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.transforms import inverse_rigid, rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from oneframe.video.film_reader import Film
 
 pytestmark = pytest.mark.render
@@ -86,17 +86,6 @@ def test_photographs_are_repeatable_and_leave_the_blender_file_as_it_was(tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == {"once.png", "again {x} ##.png"}
 
 
-def test_photographs_are_well_exposed_with_light_and_shade(tmp_path, coarse):
-    image = photograph(coarse, SMALL, frame_pose(), tmp_path / "photograph.png")
-    assert (image.max(axis=2) >= 0.995).mean() < 0.03
-    assert 0.45 < image.mean() < 0.75
-    shade, light = np.percentile(image.mean(axis=2), [2, 98])
-    assert light - shade > 0.35
-    # bone and tissue are warm
-    red, _, blue = image.mean(axis=(0, 1))
-    assert red > 1.2 * blue
-
-
 def test_sample_case_is_read_back_as_written(tmp_path, coarse):
     paths = list(write_sample_case(tmp_path / "case", coarse, camera=SMALL))
     assert paths[-1].name == "case.toml"
@@ -113,7 +102,6 @@ def test_sample_case_is_read_back_as_written(tmp_path, coarse):
     for entry, pose in zip(listed, held_out_poses(), strict=True):
         np.testing.assert_array_equal(entry["cam_from_mesh"], pose)
         assert read_image(tmp_path / "case" / entry["image"])[0].shape == (48, 64, 3)
-        np.testing.assert_allclose(pose @ inverse_rigid(pose), np.eye(4), atol=1e-9)
     # made again, unless it has become another case
     check_sample_case(tmp_path / "case", camera=SMALL)
     paths[-1].write_text(paths[-1].read_text() + "# aligned\n")

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.volume.bone.threshold import HIGHEST_HU, LOWEST_HU, check_threshold, otsu_threshold
+from oneframe.volume.bone.bone import HIGHEST_HU, LOWEST_HU, check_threshold, otsu_threshold
 from oneframe.volume.volume import Volume, VoxelGrid
 
 

@@ -35,7 +35,7 @@ def test_distances_are_those_of_the_drilled_surface_the_nearest_first():
     assert violations([far]) == []
 
 
-@pytest.mark.parametrize(("seed", "tolerance_mm"), [(3, 0.0), (11, None)])
+@pytest.mark.parametrize(("seed", "tolerance_mm"), [(3, 0.0), (11, None), (4, 0.0), (5, None)])
 def test_margins_hold_on_the_finished_surface_and_little_more_stays(seed, tolerance_mm):
     """Round thin structures on a coarse grid: where linear interpolation and flat faces come nearest."""
     rng = np.random.default_rng(seed)
@@ -52,7 +52,7 @@ def test_margins_hold_on_the_finished_surface_and_little_more_stays(seed, tolera
     assert removed is not None
     finish = finish_of(volume, solid, removed, structures, tolerance_mm=tolerance_mm)
     made = bone_surface(volume, 300, solid, removed, finish)
-    found = clearances(made.surface, removed, grid, structures, plan.margins_mm)
+    found = clearances(made, removed, grid, structures, plan.margins_mm)
     assert violations(found) == []
     assert margin <= found[0].smallest_mm <= widened_mm(margin, grid, finish.tolerance_mm)
     assert clearances(isosurface(volume.values, 300, grid), removed, grid, structures, {}) == ()

@@ -260,7 +260,7 @@ def test_files_without_a_preamble_are_read(write_series, tmp_path, implicit, wit
         read_volume(tmp_path)
 
 
-@pytest.mark.parametrize("kept", [0, 100, 140, 400])
+@pytest.mark.parametrize("kept", [0, 100, 140, 400, -20])
 def test_a_slice_that_was_cut_off_is_not_passed_over(write_series, tmp_path, kept):
     """At an end of the series nothing else would tell."""
     write_series(tmp_path)
@@ -272,30 +272,12 @@ def test_a_slice_that_was_cut_off_is_not_passed_over(write_series, tmp_path, kep
         read_volume(tmp_path)
 
 
-def test_transfer_syntaxes_that_cannot_be_read_are_named(write_series, tmp_path):
-    from pydicom.encaps import encapsulate
-    from pydicom.uid import UID
-
-    def compress(dataset) -> None:
-        dataset.file_meta.TransferSyntaxUID = UID("1.2.840.10008.1.2.4.201")
-        dataset.PixelData = encapsulate([b"\xff\x4f\xff\x51" + bytes(100)])
-        dataset["PixelData"].VR, dataset["PixelData"].is_undefined_length = "OB", True
-
-    write_series(tmp_path)
-    changed(tmp_path, compress)
-    with pytest.raises(InputError, match=r"syntax 1\.2\.840\.10008\.1\.2\.4\.201; decompress"):
-        read_volume(tmp_path)
-
-
-def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path):
-    write_series(tmp_path / "cut")
-    for path in (tmp_path / "cut").iterdir():
-        path.write_bytes(path.read_bytes()[:-20])
-    write_series(tmp_path / "short")
-    changed(tmp_path / "short", lambda dataset: setattr(dataset, "PixelData", dataset.PixelData[:-20]))
+def test_multi_frame_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "ct")
     single = next((tmp_path / "ct").iterdir())
     write_series(tmp_path / "many")
+    write_series(tmp_path / "short")
+    changed(tmp_path / "short", lambda dataset: setattr(dataset, "PixelData", dataset.PixelData[:-20]))
 
     def framed(dataset) -> None:
         dataset.NumberOfFrames, dataset.PixelData = 3, dataset.PixelData * 3
@@ -303,10 +285,9 @@ def test_multi_frame_damaged_and_single_files_are_refused(write_series, tmp_path
     changed(tmp_path / "many", framed)
     (tmp_path / "empty").mkdir()
     for path, message in {
-        tmp_path / "cut": "damaged or cut off",
-        tmp_path / "short": "damaged or cut off",
         single: "expected a folder of DICOM files, found one of them",
         tmp_path / "many": r"found 3 images in one file \(multi-frame\); convert it to NIfTI",
+        tmp_path / "short": "damaged or cut off",
         tmp_path / "empty": "found no image",
         tmp_path / "nowhere.nii": "does not exist",
     }.items():

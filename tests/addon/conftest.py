@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.video.conftest import decoded_here  # noqa: F401
@@ -61,3 +62,11 @@ def refused(operator, message, *arguments, **settings):
     """Call an operator, which is to report this message."""
     with pytest.raises(RuntimeError, match=message):
         operator(*arguments, **settings)
+
+
+def pixels_of(image):
+    """``(H, W, 3)`` codes 0..255 of a Blender image, top row first."""
+    width, height = image.size
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    return 255 * values.reshape(height, width, -1)[::-1, :, :3]

@@ -15,7 +15,7 @@ from oneframe.colour.reference_view import baked_colour_of, reference_view
 from oneframe.images.masked_frame import UNSEEN
 from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
-from tests.addon.conftest import refused
+from tests.addon.conftest import pixels_of, refused
 
 pytestmark = pytest.mark.render
 
@@ -52,13 +52,6 @@ def attribute_values(surface, name, member, kind, width) -> np.ndarray:
 
 def shown_image(surface) -> bpy.types.Image:
     return surface.data.materials[0].node_tree.nodes.active.image
-
-
-def pixels_of(image) -> np.ndarray:
-    """``(H, W, 3)`` codes 0..255, top row first."""
-    values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
-    image.pixels.foreach_get(values)
-    return 255 * values.reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
 
 
 def test_vertex_colours_are_those_of_the_script(opened, case_path):

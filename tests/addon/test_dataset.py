@@ -35,7 +35,7 @@ from oneframe.projection.z_buffer import rasterise_depth, seen_normals
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
 from oneframe.transforms import inverse_rigid, rigid, transform_points
-from tests.addon.conftest import refused
+from tests.addon.conftest import pixels_of, refused
 from tests.alignment.test_refinement import hills
 from tests.blender.dataset.job_runs import finished_views
 from tests.registration.test_registration import CAMERA, SOURCE, photograph, seen_from, write_case
@@ -73,9 +73,7 @@ def ended(job) -> bool:
 
 def is_shown(image, expected) -> bool:
     """Whether a Blender image has the codes ``(H, W, 3)``, 0..1, to the last of 255."""
-    found = np.empty(expected.shape[0] * expected.shape[1] * 4, np.float32)
-    image.pixels.foreach_get(found)
-    return np.abs(found.reshape(*expected.shape[:2], 4)[::-1, :, :3] - expected).max() <= 0.5001 / 255
+    return np.abs(pixels_of(image) / 255 - expected).max() <= 0.5001 / 255
 
 
 def test_listed_poses_replace_the_sampler(addon, write_tiny_case, tmp_path):

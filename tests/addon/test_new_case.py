@@ -21,7 +21,7 @@ from oneframe.case.pose_record import PoseRecord
 from oneframe.commands.__main__ import dispatch
 from oneframe.files.content import content_named
 from oneframe.images.png import encode_png
-from tests.addon.conftest import refused
+from tests.addon.conftest import pixels_of, refused
 from tests.tree import tree
 from tests.video.surgical_film import write_film
 from tests.volume.ball_ct import write_ball_ct
@@ -144,10 +144,7 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
     scene = bpy.context.scene
 
     def shown() -> np.ndarray:
-        image = frame_image_of(scene)
-        values = np.empty(4 * image.size[0] * image.size[1], np.float32)
-        image.pixels.foreach_get(values)
-        return values.reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+        return pixels_of(frame_image_of(scene)) / 255
 
     own = shown()
     load(mask=files / "mask.png")

@@ -12,7 +12,7 @@ from oneframe.images.png import encode_png
 from oneframe.video.film_reader import read_video_frame
 from oneframe.video.frame_folder import write_frames
 from oneframe.video.frame_scores import best_frames, score_frames
-from tests.addon.conftest import refused
+from tests.addon.conftest import pixels_of, refused
 from tests.video.surgical_film import Event, surgical_film, write_film
 
 SIZE_WH = (64, 48)
@@ -63,14 +63,6 @@ def background(scene):
     return scene.oneframe.camera_object.data.background_images[0].image
 
 
-def pixels_of(image):
-    """``(H, W, 3)`` uint8 of a Blender image, top row first."""
-    width, height = image.size
-    values = np.empty(width * height * image.channels, np.float32)
-    image.pixels.foreach_get(values)
-    return np.rint(values.reshape(height, width, -1)[::-1, :, :3] * 255).astype(np.uint8)
-
-
 def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, video):
     scene = bpy.context.scene
     expected = score_frames(video)
@@ -78,7 +70,7 @@ def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, vi
     assert [film.scores.frames[at] for at in film.best] == list(best_frames(expected.frames, session.BEST))
     assert film.shown == film.best[0]
     assert film.is_full
-    assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, film.score.index))
+    assert np.array_equal(np.rint(pixels_of(background(scene))), read_video_frame(video, film.score.index))
     assert scene.oneframe.frame_path.endswith("frame.png"), "the case's frame stays until another one is taken"
     # the Timeline has the film's own numbers, and markers at the best frames
     assert (scene.frame_start, scene.frame_end, scene.frame_current) == (0, 39, film.score.index)
@@ -86,7 +78,7 @@ def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, vi
     for number in (38, 3, 20):
         scene.frame_set(number)
         assert film.score.index == number
-        assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, number))
+        assert np.array_equal(np.rint(pixels_of(background(scene))), read_video_frame(video, number))
     scene.frame_set(1_000)
     assert film.score.index == 39
     bpy.ops.oneframe.show_video()

@@ -350,13 +350,6 @@ def test_what_is_no_dataset_is_not_judged(tmp_path, run, capsys):
         assert expected in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("damage", [Path.unlink, cut, say_otherwise, make_a_folder])
-def test_a_lost_or_damaged_description_is_a_finding(copied, damage):
-    damage(copied / "dataset.json")
-    (finding,) = check_dataset(copied, stream=io.StringIO()).findings.shown()
-    assert finding.startswith("dataset.json")
-
-
 @pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
 def test_links_that_lead_out_are_named(copied, tmp_path, run, capsys):
     names = ("models", f"{SPLIT}/000000/rgb/000001.png", "LICENSE")

@@ -15,6 +15,7 @@ from oneframe.alignment.landmarks.covariance import pose_uncertainty
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
 from oneframe.alignment.landmarks.solver import solve_pose
 from oneframe.alignment.pose_uncertainty import PoseMode
+from oneframe.alignment.refinement import refine
 from oneframe.alignment.reprojection import Correspondences
 from oneframe.blender.bridge.camera import new_camera
 from oneframe.blender.dataset import view_renderer
@@ -33,6 +34,7 @@ from oneframe.surface.mesh import checked_mesh
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
 from scripts.benchmarks.sweeps.camera import Place, write_place
 from scripts.benchmarks.sweeps.landmarks import Clicks, camera_of, draw_trial
+from tests.alignment.test_refinement import CAMERA, TRUE_POSE, VALID, hills, photograph
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "limits.md"
 ROW = re.compile(r"^\| ([^|]+) \| ([^|]+) \| (\w+) \| `(\w+)` \(`([\w.]+)`\) \| `(\w+)` \|$", re.MULTILINE)
@@ -266,7 +268,7 @@ PLACES: dict[str, tuple[Callable[[float], Place], float]] = {
     "surface_doubts.FARTHEST_MM": (_away, 1.03),
 }
 ELSEWHERE = {"verdict.MAX_ROTATION_DEG", "refine.MIN_CONTRAST"}
-"""Limits of the refinement: tests/alignment/test_refinement.py."""
+"""Limits of the refinement: tests/alignment/test_refinement.py, and below."""
 
 
 def limit_of(name: str) -> tuple[float, str]:
@@ -295,6 +297,33 @@ def test_both_sides_of_a_limit_on_the_place(name, placed):
     limit, beyond = limit_of(name)
     assert placed(place(limit * factor)) == beyond
     assert placed(place(limit / factor)) == "works"
+
+
+class Searching(Exception):
+    """The refinement went on to its search."""
+
+
+def test_both_sides_of_the_least_contrast(monkeypatch):
+    limit, beyond = limit_of("refine.MIN_CONTRAST")
+    mesh, contrast, measured = hills(1), refine.contrast, []
+    frame = photograph(mesh)
+    monkeypatch.setattr(refine, "contrast", lambda level: measured.append(contrast(level)) or measured[-1])
+
+    def stop(fraction: float) -> None:
+        if fraction > 0:
+            raise Searching
+
+    def answer(gain: float) -> str:
+        try:
+            refined = refine.refine_pose(0.5 + gain * (frame - 0.5), VALID, CAMERA, mesh, TRUE_POSE, progress=stop)
+        except Searching:
+            return "works"
+        return "refused" if "no detail" in refined.message else "differs"
+
+    assert answer(1.0) == "works"
+    to_limit = limit / measured[0]
+    assert answer(1.05 * to_limit) == "works"
+    assert answer(to_limit / 1.05) == beyond
 
 
 def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path, monkeypatch):

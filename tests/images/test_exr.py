@@ -50,25 +50,19 @@ def test_one_part(tmp_path, planes):
     assert all(np.array_equal(found[name], planes[name]) for name in planes)
 
 
-@pytest.mark.parametrize("cut", [0, 4, 30, 200, -1])
-def test_a_cut_file_is_refused(tmp_path, planes, cut):
-    path = tmp_path / "view.exr"
-    path.write_bytes(exr(planes)[:cut])
-    with pytest.raises(ExrError, match=r"view\.exr: not an uncompressed scan-line EXR file, or damaged"):
-        read_exr(path)
+DAMAGED = r"view\.exr: not an uncompressed scan-line EXR file, or damaged"
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    ("settings", "kept", "message"),
     [
-        ({"compression": 3}, "compressed or tiled"),
-        ({"version": 2 | 0x800}, "unexpected magic number or flags"),
-        ({"version": 2 | 0x1000}, "unexpected magic number or flags"),
+        *(({}, kept, DAMAGED) for kept in (0, 4, 30, 200, -1)),
+        ({"compression": 3}, None, "compressed or tiled"),
+        ({"version": 2 | 0x800}, None, "unexpected magic number or flags"),
+        ({"version": 2 | 0x1000}, None, "unexpected magic number or flags"),
     ],
-    ids=["ZIP", "deep", "parts"],
 )
-def test_other_kinds_are_refused(tmp_path, planes, settings, message):
-    path = tmp_path / "view.exr"
-    path.write_bytes(exr(planes, **settings))
+def test_what_is_cut_off_or_of_another_kind_is_refused(tmp_path, planes, settings, kept, message):
+    (tmp_path / "view.exr").write_bytes(exr(planes, **settings)[:kept])
     with pytest.raises(ExrError, match=message):
-        read_exr(path)
+        read_exr(tmp_path / "view.exr")

@@ -190,7 +190,6 @@ FAILING = {
     "overlay": "overlay /no/case.toml --out /no/overlay.png",
     "register": "register /no/case.toml /no/frames --out /no/out",
     "light": "light /no/case.toml /no/registered",
-    "correct": "correct /no/case.toml /no/registered --out /no/out",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "pack": "pack /no/dataset --out /no/packed", "train": "train /no/dataset --out /no/network.onnx",
     "report": "report /no/dataset --out /no/report.html",

@@ -74,8 +74,8 @@ class Calibration:
 
     def same_as(self, other: "Calibration") -> bool:
         """Whether both are equal except for their place."""
-        own, theirs = ((c.size, c.distortion, c.pixel_origin, c.matrix.tolist()) for c in (self, other))
-        return own == theirs
+        own, theirs = ((c.size, c.distortion, c.pixel_origin) for c in (self, other))
+        return own == theirs and np.allclose(self.matrix, other.matrix, rtol=1e-6, equal_nan=True)
 
 
 def calibration_of(table: object, where: str) -> Calibration:
@@ -103,13 +103,16 @@ def _calibrations(table: object, path: tuple[str, ...], around: Mapping, where: 
     if not isinstance(table, Mapping):
         return
     own = _plain_keys(table)
-    matrix = _matrix(own)
-    if matrix is not None:
+    matrices = _matrices(own)
+    if matrices:
         place, scope = ".".join(path), {**around, **table}
         said, keys = f"{where}: {place}" if place else where, _plain_keys(scope)
         size = _size(keys)
         _check_whole(scope, size, said)
-        yield Calibration(place, matrix, size, _distortion(scope, said), _pixel_origin(own))
+        distortion = _distortion(scope, said)
+        for name, matrix in matrices.items():
+            named = ".".join((*path, name)) if len(matrices) > 1 else place
+            yield Calibration(named, matrix, size, distortion, _pixel_origin(own))
         return
     around = {**around, **{key: value for key, value in table.items() if not _holds_camera(value)}}
     for key, value in table.items():
@@ -119,7 +122,7 @@ def _calibrations(table: object, path: tuple[str, ...], around: Mapping, where: 
 def _holds_camera(value: object) -> bool:
     if not isinstance(value, Mapping):
         return False
-    return _matrix(_plain_keys(value)) is not None or any(map(_holds_camera, value.values()))
+    return bool(_matrices(_plain_keys(value))) or any(map(_holds_camera, value.values()))
 
 
 def _all_keys(table: object) -> Iterator[str]:
@@ -186,21 +189,17 @@ def _numbers(value: Any) -> list[float] | None:
     return numbers
 
 
-def _matrix(keys: Mapping[str, Any]) -> np.ndarray | None:
-    for name in MATRICES:
-        numbers = _numbers(keys.get(name))
-        if numbers is not None and len(numbers) == 9:
-            return np.array(numbers, dtype=np.float64).reshape(3, 3)
+def _matrices(keys: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Each ``(3, 3)`` K that a table states, by the key that holds it."""
+    stated = {name: numbers for name in MATRICES if len(numbers := _numbers(keys.get(name)) or ()) == 9}
     kalibr = _numbers(keys.get("intrinsics"))
-    if keys.get("cameramodel") == "pinhole" and kalibr is not None and len(kalibr) == 4:
-        fx, fy, cx, cy = kalibr
-        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     parts = [_number(keys.get(name, keys.get(other))) for name, other in (("fx", "flx"), ("fy", "fly"))]
     parts += [_number(keys.get(name)) for name in ("cx", "cy")]
-    if None in parts:
-        return None
-    fx, fy, cx, cy = parts  # type: ignore[assignment]
-    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    focal = {"intrinsics": kalibr} if keys.get("cameramodel") == "pinhole" and len(kalibr or ()) == 4 else {}
+    if None not in parts:
+        focal["fx"] = parts  # type: ignore[assignment]
+    stated |= {name: [fx, 0, cx, 0, fy, cy, 0, 0, 1] for name, (fx, fy, cx, cy) in focal.items()}  # type: ignore[misc]
+    return {name: np.array(numbers, dtype=np.float64).reshape(3, 3) for name, numbers in stated.items()}
 
 
 def _size(keys: Mapping[str, Any]) -> tuple[float, float] | None:

@@ -43,6 +43,8 @@ def run(arguments: Arguments) -> None:
             f"{root}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(root)}"
         )
     check_outputs([out], {"description": root / RECORD})
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{out}: expected the name of a page, *.html, found {out.name!r}; choose another name")
     if root.resolve() in out.resolve().parents:
         raise InputError(
             f"{out}: expected a file outside the folder of the dataset, whose own files it shows; choose another place"

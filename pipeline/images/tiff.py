@@ -13,9 +13,10 @@ from contextlib import suppress
 from .colour_profile import check_profile
 
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*")
+_HEADER_BYTES = 8
 
-_FORMS = {1: "B", 2: "s", 3: "H", 4: "I", 7: "s"}
-"""Type of a value -> letter of struct."""
+_FORMS = {1: "s", 2: "s", 3: "H", 4: "I", 5: "I", 7: "s"}
+"""Type of a value -> letter of struct; type 5 are fractions, two numbers each."""
 
 _MOST_VALUES = 1 << 20
 """Values of a tag that is looked at; others may hold megabytes."""
@@ -44,6 +45,16 @@ _PLAIN = {
 }
 """Tag -> the value that it has in a plain picture, which is its default, and what another one means."""
 
+_SRGB = {318: (0.3127, 0.329), 319: (0.64, 0.33, 0.3, 0.6, 0.15, 0.06)}
+"""Tags of the white point and of the primaries -> chromaticities of sRGB."""
+_CURVE, _SRGB_MIDDLE = 301, 0.2158
+"""Tag of the linear light of each code value, and that of the middle one in sRGB."""
+
+_NUMBERS = {
+    _WIDTH, _HEIGHT, _BITS, _COMPRESSION, _COLOURS, _OFFSETS, _SAMPLES, _ROWS, _SIZES, _BRIGHTEST, _EXTRA, _CURVE,
+    *_PLAIN, *_SRGB,
+}  # fmt: skip
+
 
 def checked_tiff(data: bytes, most_pixels: int) -> tuple[int, int, int]:
     """Width, height and orientation of a TIFF that holds one whole picture in sRGB.
@@ -54,8 +65,11 @@ def checked_tiff(data: bytes, most_pixels: int) -> tuple[int, int, int]:
         What else it is; or its header is damaged.
     """
     tags, following = _directory(data)
+    for tag in _NUMBERS | {_PROFILE}:
+        if tag in tags and not (tags[tag] and isinstance(tags[tag][0], int if tag in _NUMBERS else bytes)):
+            raise KeyError(tag)
     width, height = tags[_WIDTH][0], tags[_HEIGHT][0]
-    if following or _PAGES in tags:
+    if following or tags.get(_PAGES):
         raise ValueError("it holds several pictures, of which programs show different ones")
     for tag, (plain, reason) in _PLAIN.items():
         if set(tags.get(tag, (plain,))) != {plain}:
@@ -70,6 +84,12 @@ def checked_tiff(data: bytes, most_pixels: int) -> tuple[int, int, int]:
         raise ValueError(f"it has {deep} bits a channel, or less in use, not 8 or 16")
     if _PROFILE in tags:
         check_profile(tags[_PROFILE][0])  # type: ignore[arg-type]
+    differences = [abs(tags[_CURVE][1 << (deep - 1)] / 65535 - _SRGB_MIDDLE)] if _CURVE in tags else []
+    for tag in _SRGB.keys() & tags.keys():
+        numbers = tags[tag]
+        differences += [abs(numbers[2 * at] / (numbers[2 * at + 1] or 1) - own) for at, own in enumerate(_SRGB[tag])]
+    if max(differences, default=0.0) > 0.005:
+        raise ValueError("its colours are not sRGB, as its white point, primaries or transfer function say")
     if 0 < width * height <= most_pixels:
         _check_strips(data, tags, width * samples * deep // 8, height)
     return width, height, checked_exif(data)
@@ -84,11 +104,13 @@ def _check_strips(data: bytes, tags: Mapping[int, tuple[int, ...]], row_bytes: i
     if _OFFSETS not in tags:
         raise ValueError("it is made of tiles")
     rows = min(tags.get(_ROWS, (height,))[0], height)
-    if not len(tags[_OFFSETS]) == len(tags[_SIZES]) == math.ceil(height / rows):
+    if not rows or not len(tags[_OFFSETS]) == len(tags[_SIZES]) == math.ceil(height / rows):
         raise ValueError("its header is damaged")
     for strip, (begin, size) in enumerate(zip(tags[_OFFSETS], tags[_SIZES], strict=True)):
         if begin + size > len(data):
             raise ValueError("the file is cut off")
+        if begin < _HEADER_BYTES:  # of a strip that was never written
+            raise ValueError("the file is damaged")
         needed = row_bytes * min(rows, height - strip * rows)
         if compression in _DEFLATED:
             inflater = zlib.decompressobj()
@@ -113,15 +135,15 @@ def checked_exif(exif: bytes) -> int:
     inner: dict[int, tuple[int, ...]] = {}
     with suppress(struct.error, KeyError):
         tags, _ = _directory(exif)
-        inner, _ = _directory(exif, tags[_EXIF][0])
+        inner, _ = _directory(exif, (tags[_EXIF] or (0,))[0])
     # Exif has no number for it but DCF a text; some cameras write 2
     if inner.get(_EXIF_COLOURS) == (2,) or (inner.get(_EXIF_COLOURS) == (65535,) and b"R03\0" in exif[:65536]):
         raise ValueError("its colours are Adobe RGB, as its EXIF says, not sRGB")
-    return tags.get(_ORIENTATION, (1,))[0]
+    return (tags.get(_ORIENTATION) or (1,))[0]
 
 
 def _directory(data: bytes, first: int | None = None) -> tuple[dict[int, tuple[int, ...]], int]:
-    """The values of a directory's tags by number, a text or block as one; and where the next directory begins."""
+    """The values of a directory's tags by number, a text or block as one, none if unreadable; where the next begins."""
     order = "<" if data[:2] == b"II" else ">"
     begin = struct.unpack_from(order + "I", data, 4)[0] if first is None else first
     (count,) = struct.unpack_from(order + "H", data, begin)
@@ -130,8 +152,10 @@ def _directory(data: bytes, first: int | None = None) -> tuple[dict[int, tuple[i
     for entry in range(begin + 2, end, 12):
         tag, kind, values, offset = struct.unpack_from(order + "HHII", data, entry)
         if kind in _FORMS and 0 < values <= _MOST_VALUES:
-            form = f"{order}{values}{_FORMS[kind]}"
+            form = f"{order}{values * (2 if kind == 5 else 1)}{_FORMS[kind]}"
             at = entry + 8 if struct.calcsize(form) <= 4 else offset
             if at + struct.calcsize(form) <= len(data):
                 tags.setdefault(tag, struct.unpack_from(form, data, at))
+        # stated, but of another type, or beyond the end
+        tags.setdefault(tag, ())
     return tags, int.from_bytes(data[end : end + 4], "little" if order == "<" else "big")

@@ -181,6 +181,8 @@ BAD = {
         as_json(left={"K": K.tolist()}, right={"K": (2 * K - K * [[0], [0], [1]]).tolist()}),
         "expected one camera, found 2 that differ: 'left', 'right'",
     ),
+    "two that contradict": (as_json(K=K.tolist(), fx=1.0, fy=1.0, cx=1.0, cy=1.0), "2 that differ: 'k', 'fx'"),
+    "no number": (as_json(fx=np.nan, fy=1.0, cx=1.0, cy=1.0), "expected finite numbers"),
     "no camera": (as_json(R=np.eye(3).tolist(), note="Doe"), "found R, note; write K in pixels"),
     "ORB-SLAM's": (
         'Camera.type: "PinHole"\nCamera1.fx: 458.6\nCamera1.cx: 367.2\n',

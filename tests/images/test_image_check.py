@@ -18,6 +18,7 @@ ORIENTATION, MAKER, COLOURS = 0x0112, 0x010F, 0xA001
 TURNED = range(2, 9)
 PIXELS = np.random.default_rng(2).integers(0, 256, (48, 64, 3), np.uint8)
 DISPLAY_P3 = struct.pack(">8I", 31270, 32900, 68000, 32000, 26500, 69000, 15000, 6000)
+P3_FRACTIONS = (68, 100, 32, 100, 265, 1000, 69, 100, 15, 100, 6, 100)
 DEFLATED, ZSTD = (struct.pack("<HHII", 259, 3, 1, number) for number in (8, 50000))
 SRGB = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 
@@ -38,6 +39,13 @@ def tiff(image: np.ndarray = PIXELS, **how: object) -> bytes:
         for page in how.pop("pages", [{}]):
             file.write(**{"data": image, "photometric": "rgb", **how, **page})
     return buffer.getvalue()
+
+
+def changed_tag(number: int, at: int, value: bytes) -> bytes:
+    """A TIFF, with other bytes in the entry of a tag."""
+    whole = tiff(byteorder="<")
+    begin = whole.index(struct.pack("<HH", number, 3 if number == 258 else 4)) + at
+    return whole[:begin] + value + whole[begin + len(value) :]
 
 
 def png(*chunks: tuple[bytes, bytes]) -> bytes:
@@ -118,6 +126,11 @@ REFUSED: dict[str, tuple[Callable[[], bytes], str]] = {
     "a page a channel": (lambda: tiff(PIXELS[..., 0], photometric="minisblack", pages=[{}] * 3), "several pictures"),
     "BigTIFF": (lambda: tiff(bigtiff=True), "found BigTIFF"),
     "channel by channel": (lambda: tiff(np.moveaxis(PIXELS, 2, 0), planarconfig="separate"), "one after the other"),
+    "a strip never written": (lambda: changed_tag(273, 8, bytes(4)), "damaged"),
+    "no rows in a strip": (lambda: changed_tag(278, 8, bytes(4)), "damaged"),
+    "bits of another type": (lambda: changed_tag(258, 2, b"\x08"), "header"),
+    "primaries": (lambda: tiff(extratags=[(319, "2I", 6, P3_FRACTIONS, True)]), "white"),
+    "linear": (lambda: tiff(extratags=[(301, "H", 256, tuple(range(0, 65536, 257)), True)]), "white"),
     "tiles": (lambda: tiff(tile=(16, 16)), "tiles"),
     "floats": (lambda: tiff(PIXELS.astype(np.float32)), "no whole numbers"),
     "12 bits in 16": (lambda: tiff(wide // 16, extratags=[(281, "H", 3, (4095,) * 3, True)]), "8 or 16"),

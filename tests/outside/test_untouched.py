@@ -1,7 +1,6 @@
 """A dataset that nobody changed has no findings, whatever it is made of. Damage is for the tests of the check."""
 
 import io
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,8 +26,8 @@ UNTOUCHED = {
 }
 
 
-def render(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard | None = None) -> Path:
-    job = Job(read_case(case), out, options, shard or Shard())
+def render(case: Path, out: Path, options: DatasetOptions) -> Path:
+    job = Job(read_case(case), out, options, Shard())
     dataset_run.run(job, workers=1, worker_command=(), stream=io.StringIO())
     return out
 
@@ -44,14 +43,8 @@ def test_no_kind_of_dataset_raises_a_false_alarm(case, tmp_path, name):
     assert not report.findings, report.findings.shown()
 
 
-def test_merged_shards_and_listed_poses_raise_no_false_alarm(case, tmp_path):
-    for index in range(3):
-        part = render(case, tmp_path / f"part {index}", OPTIONS, Shard(index, 3))
-        shutil.copytree(part, tmp_path / "all", dirs_exist_ok=True)
-    report = check_dataset(render(case, tmp_path / "all"), case=read_case(case), stream=io.StringIO())
-    assert not report.findings, report.findings.shown()
-
-    # the same pose twice is no copy if the user listed it twice
+def test_listed_poses_raise_no_false_alarm(case, tmp_path):
+    """The same pose twice is no copy if the user listed it twice."""
     pose = np.array([[1.0, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]])
     np.save(tmp_path / "poses.npy", np.stack([pose, pose]))
     listed = render(case, tmp_path / "listed", replace(OPTIONS, poses=str(tmp_path / "poses.npy")))

@@ -47,12 +47,6 @@ def test_both_sides_of_an_edge_and_no_other_pixel(first, kind, along_rows):
     assert np.count_nonzero(found & ~wanted) == (30 if kind != "observed" and first == 2 else 0)
 
 
-@given(count=st.integers(1, 256))
-def test_the_pattern_has_one_point_in_each_row_and_column(count):
-    cells = (pixel_pattern(count) + 0.5) * count - 0.5
-    assert np.allclose(np.sort(cells, axis=0), np.arange(count)[:, None])
-
-
 @pytest.mark.parametrize(("count", "bound"), [(4, 0.11), (8, 0.06), (16, 0.036), (64, 0.013)])
 def test_the_pattern_measures_the_area_next_to_an_edge(rng, count, bound):
     angle = rng.uniform(0, 2 * np.pi, 2000)

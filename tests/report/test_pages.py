@@ -121,6 +121,7 @@ def test_the_command_refuses_what_it_cannot_show(run_oneframe, dataset, tmp_path
         (tmp_path, "--out", out): "expected the folder of a dataset, found no",
         (dataset, "--out", dataset / "report.html"): "expected a file outside the folder of the dataset",
         (dataset, "--out", out, "--views", "-1"): "expected 0 or more",
+        (dataset, "--out", tmp_path / "case.toml"): "expected the name of a page",
     }
     for arguments, message in refused.items():
         ended = run_oneframe("report", *arguments)

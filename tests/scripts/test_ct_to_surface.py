@@ -154,15 +154,9 @@ def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
     ],
     ids=str,
 )
-def test_what_cannot_be_is_one_line_and_leaves_nothing(arguments, message, ct, labels, tmp_path, surface):
-    (tmp_path / "drill.toml").write_text(PLAN)
+def test_what_cannot_be_is_one_line_and_leaves_nothing(arguments, message, ct, tmp_path, surface):
     lost = np.where(np.arange(40)[:, None, None] == 3, np.nan, distances(CENTRE)).astype(np.float32)
-    places = {"nan": save(tmp_path / "nan.nii", lost)} | {
-        "ct": ct,
-        "labels": labels,
-        "out": tmp_path / "out",
-        "plan": tmp_path / "drill.toml",
-    }
+    places = {"nan": save(tmp_path / "nan.nii", lost), "ct": ct, "out": tmp_path / "out"}
     ended = surface(*(places.get(argument, argument) for argument in arguments))
     assert ended.returncode == 2
     assert ended.stderr.count("\n") == 1
@@ -178,8 +172,3 @@ def test_a_folder_with_something_else_is_refused(ct, tmp_path, surface):
     assert ended.returncode == 2
     assert "found notes.txt in it" in ended.stderr
     assert (tmp_path / "mine" / "surface.ply").read_text() == "ply\nmine"
-    (tmp_path / "mine" / "notes.txt").unlink()
-    scan = (tmp_path / "mine" / "surface.json").write_bytes(ct.read_bytes())
-    refused = surface(ct, "--remove", tmp_path / "mine" / "surface.json", "--out", tmp_path / "mine")
-    assert refused.returncode == 2
-    assert (tmp_path / "mine" / "surface.json").stat().st_size == scan

@@ -57,6 +57,9 @@ RESCALE_TYPES = ("OD", "HU", "US", "MGML", "Z_EFF", "ED", "EDW", "HU_MOD", "PCT"
 """The standard's words; US is "unspecified"."""
 
 CT, DIRECTORY = "1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.1.3.10"
+_SYNTAX = re.compile(rb"\x02\x00\x10\x00UI..([0-9.]*)", re.DOTALL)
+_UNCOMPRESSED = (b"1.2.840.10008.1.2", b"1.2.840.10008.1.2.1")
+_PIXEL_DATA = re.compile(rb"\xe0\x7f\x10\x00(?:O[BW]\x00\x00)?(.{4})", re.DOTALL)
 _CLASS_UID = re.compile(rb"(?:\x02\x00\x02\x00|\x08\x00\x16\x00|\x00\x08\x00\x16)(?:UI..|.{4})([0-9.]+)", re.DOTALL)
 
 
@@ -139,6 +142,16 @@ def tags_of(path: Path) -> tuple[dict[str, str], int] | None:
         return None
     tags = {name: reader.GetMetaData(tag).strip() if reader.HasMetaDataKey(tag) else "" for name, tag in TAGS.items()}
     return tags, int(np.prod(reader.GetSize()[2:]))
+
+
+def has_pixels(path: Path, count: int) -> bool:
+    """Whether a file without compression states at least so many bytes of pixels: GDCM fills up others at will."""
+    data = path.read_bytes()
+    syntax = _SYNTAX.search(data, 0, 4096)
+    if syntax and syntax[1] not in _UNCOMPRESSED:
+        return True
+    lengths = [int.from_bytes(length, "little") for length in _PIXEL_DATA.findall(data)]
+    return not lengths or lengths[-1] >= count
 
 
 def slice_of(path: Path, tags: dict[str, str], frames: int) -> Slice:

@@ -21,6 +21,7 @@ from .dicom_header import (
     IN_TURN,
     Slice,
     dicom_reader,
+    has_pixels,
     image_class,
     slice_of,
     tags_of,
@@ -191,7 +192,10 @@ def series_voxels(
 def _pixels(part: Slice, where: str) -> np.ndarray:
     """``(H, W)`` values of a slice after its own rescale slope and intercept."""
     try:
-        pixels = simple_itk().GetArrayFromImage(dicom_reader(part.path).Execute())
+        reader = dicom_reader(part.path)
+        pixels = simple_itk().GetArrayFromImage(reader.Execute())
+        if not has_pixels(part.path, pixels.size * int(reader.GetMetaData("0028|0100")) // 8):
+            pixels = None
     except (RuntimeError, MemoryError):
         pixels = None
     if pixels is None or pixels.shape != (1, *part.size[::-1]):

@@ -276,6 +276,8 @@ def test_multi_frame_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "ct")
     single = next((tmp_path / "ct").iterdir())
     write_series(tmp_path / "many")
+    write_series(tmp_path / "short")
+    changed(tmp_path / "short", lambda dataset: setattr(dataset, "PixelData", dataset.PixelData[:-20]))
 
     def framed(dataset) -> None:
         dataset.NumberOfFrames, dataset.PixelData = 3, dataset.PixelData * 3
@@ -285,6 +287,7 @@ def test_multi_frame_and_single_files_are_refused(write_series, tmp_path):
     for path, message in {
         single: "expected a folder of DICOM files, found one of them",
         tmp_path / "many": r"found 3 images in one file \(multi-frame\); convert it to NIfTI",
+        tmp_path / "short": "damaged or cut off",
         tmp_path / "empty": "found no image",
         tmp_path / "nowhere.nii": "does not exist",
     }.items():

@@ -26,7 +26,7 @@ from ..projection.edge_pixels import edge_pixels
 from ..projection.rendered_view import RenderedView
 from ..transforms import transform_points
 from .footprint_filter import averaged, mean_over_pixels
-from .source_view import SourceView
+from .seen_frame import SeenFrame
 
 MISSED, UNSEEN, OBSERVED = 0, 1, 2
 """What a ray meets: no surface, surface that the frame did not see, surface that it saw."""
@@ -41,7 +41,7 @@ interpolant inside the surface: of the nearest texel there is a share of the squ
 
 
 def footprint_scale(
-    source: SourceView, pivot_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray
+    source: SeenFrame, pivot_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray
 ) -> float:
     """Side of a view's pixel in frame pixels, at the point ``(3,)`` mm."""
     view_mm, frame_mm = (
@@ -51,7 +51,7 @@ def footprint_scale(
     return float(at_frame * max(view_mm / frame_mm, 1e-6))
 
 
-def filtered_image(source: SourceView, side: int) -> tuple[np.ndarray, float]:
+def filtered_image(source: SeenFrame, side: int) -> tuple[np.ndarray, float]:
     """The frame, averaged over squares of ``side`` pixels; alpha marks the border of the observed region.
 
     Returns

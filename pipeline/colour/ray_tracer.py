@@ -1,7 +1,7 @@
 """Exact views at the pixels' centres: what Cycles renders for colours without light, in less time.
 
 First comes what is seen: the nearest face at each pixel, and its depth (:mod:`oneframe.projection.z_buffer`). Then each
-pixel of the surface is coloured once: by the rule of :mod:`oneframe.colour.source_view`, from the first frame that saw
+pixel of the surface is coloured once: by the rule of :mod:`oneframe.colour.seen_frame`, from the first frame that saw
 its point; it is what the material of :mod:`oneframe.blender.render.material` computes. Rays beside the pixels' centres,
 for anti-aliased views, are treated alike.
 """

@@ -28,8 +28,8 @@ from ..transforms import transform_points
 from .fill import filled_colours
 from .lens_shading import LensShading, lens_doubts, without_light
 from .ray_tracer import RayTracer
+from .seen_frame import SeenFrame
 from .shading import ColouredSurface, SurfaceColour
-from .source_view import SourceView
 from .texture_atlas import TextureAtlas, bake_atlas
 from .vertex_colours import VertexColours, colour_vertices
 
@@ -59,14 +59,14 @@ class ReferenceView:
     """
 
     mesh: TriangleMesh
-    views: tuple[SourceView, ...]
+    views: tuple[SeenFrame, ...]
     pivot_model: np.ndarray
     messages: tuple[str, ...]
     view_part: float
     light: LensShading | None = None
 
     @property
-    def view(self) -> SourceView:
+    def view(self) -> SeenFrame:
         """The view of the case's own frame."""
         return self.views[0]
 
@@ -121,7 +121,7 @@ def reference_view(loaded: LoadedCase, look: Look = traced_surface, light: LensS
         loaded = without_light(loaded, seen, light.curve)
     views = []
     for frame, view in zip(loaded.frames, seen, strict=True):
-        views.append(SourceView(**vars(frame), inverse_depth=inverse_depth_map(view.depth_mm, frame.valid)))
+        views.append(SeenFrame(**vars(frame), inverse_depth=inverse_depth_map(view.depth_mm, frame.valid)))
         if not views[-1].inverse_depth.any():
             which = "" if frame is loaded.frame else f" {frame.path.name}"
             raise InputError(

@@ -6,10 +6,10 @@ import numpy as np
 
 from ..surface.mesh import TriangleMesh
 from .lens_shading import LensShading
-from .source_view import SourceView
+from .seen_frame import SeenFrame
 from .vertex_colours import VertexColours
 
-SurfaceColour = VertexColours | SourceView
+SurfaceColour = VertexColours | SeenFrame
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,6 @@ class ColouredSurface:
     light: LensShading | None = None
 
 
-def source_of(colour: SurfaceColour) -> SourceView | None:
+def source_of(colour: SurfaceColour) -> SeenFrame | None:
     """The view that a colour is taken from, if it tells which points were seen."""
-    return colour if isinstance(colour, SourceView) else colour.source
+    return colour if isinstance(colour, SeenFrame) else colour.source

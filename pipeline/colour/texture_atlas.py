@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK
-from .source_view import SourceView
+from .seen_frame import SeenFrame
 from .vertex_colours import NEUTRAL
 
 MAX_SIZE = 16384
@@ -69,7 +69,7 @@ class TextureAtlas:
 
 
 def seen_faces(
-    mesh: TriangleMesh, faces: np.ndarray, view: SourceView, step: Callable[[], None] = lambda: None
+    mesh: TriangleMesh, faces: np.ndarray, view: SeenFrame, step: Callable[[], None] = lambda: None
 ) -> np.ndarray:
     """``(N,)`` bool: whether a frame saw all of faces ``(N,)``, by points as dense as its pixels.
 
@@ -96,7 +96,7 @@ def seen_faces(
 
 def bake_atlas(
     mesh: TriangleMesh,
-    views: Sequence[SourceView],
+    views: Sequence[SeenFrame],
     *,
     unseen: np.ndarray | None = None,
     max_size: int = MAX_SIZE,

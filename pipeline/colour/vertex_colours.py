@@ -2,7 +2,7 @@
 
 Triangles that the frame saw in part have vertices without a colour from it. These get the mean of their neighbours', so
 that the part is not mixed with grey. Whether the frame saw a point of a triangle does not follow from its vertices: a
-:class:`.SourceView` tells, as in the other modes.
+:class:`.SeenFrame` tells, as in the other modes.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..surface.mesh import TriangleMesh
-from .source_view import SourceView
+from .seen_frame import SeenFrame
 
 NEUTRAL = 0.5
 """Code value, 0..1, of surface that the frame did not see, in all three channels."""
@@ -40,7 +40,7 @@ class VertexColours:
     rgb: np.ndarray
     observed: np.ndarray
     covered: np.ndarray
-    source: SourceView | None = None
+    source: SeenFrame | None = None
 
     @property
     def least(self) -> np.ndarray:
@@ -48,7 +48,7 @@ class VertexColours:
         return self.observed if self.source is None else self.covered
 
 
-def colour_vertices(mesh: TriangleMesh, views: Sequence[SourceView]) -> VertexColours:
+def colour_vertices(mesh: TriangleMesh, views: Sequence[SeenFrame]) -> VertexColours:
     """Sample the frames at every vertex that they saw, each from the first one that did.
 
     A vertex counts as facing the frame if any of its faces does, so that the rim of the visible surface is kept. Those
@@ -67,7 +67,7 @@ def colour_vertices(mesh: TriangleMesh, views: Sequence[SourceView]) -> VertexCo
     return VertexColours(rgb, observed, covered)
 
 
-def _sampled(mesh: TriangleMesh, source: SourceView) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _sampled(mesh: TriangleMesh, source: SeenFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """``(V, 3)`` colours of the vertices from one frame, ``(V,)`` whether it saw them, and whether they have one."""
     facing = source.facing_faces(mesh)
     vertex_facing = np.zeros(len(mesh.vertices), dtype=bool)

@@ -27,7 +27,7 @@ ROUNDS, LEAST_DIFFERENCE = 12, 0.02
 
 
 class View(Protocol):
-    """A frame at its pose, as :class:`oneframe.colour.source_view.SourceView` is."""
+    """A frame at its pose, as :class:`oneframe.colour.seen_frame.SeenFrame` is."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..colour.fill import filled_colours
 from ..colour.lens_shading import LensShading, albedo_codes, shown_codes
-from ..colour.source_view import SourceView
+from ..colour.seen_frame import SeenFrame
 from ..images.pixel_values import grown, sample_bilinear
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import pixel_points
@@ -64,7 +64,7 @@ class Surroundings:
         The light at the lens of the views.
     """
 
-    view: SourceView
+    view: SeenFrame
     mesh: TriangleMesh
     places_px: tuple[np.ndarray, np.ndarray]
     image: np.ndarray
@@ -73,7 +73,7 @@ class Surroundings:
     light: LensShading | None
 
     @classmethod
-    def of(cls, view: SourceView, taken: LensShading | None = None, given: LensShading | None = None) -> "Surroundings":
+    def of(cls, view: SeenFrame, taken: LensShading | None = None, given: LensShading | None = None) -> "Surroundings":
         """From the case's frame, without a light ``taken`` where it shows the surface, for views in another."""
         columns, rows = (_places(size, max(view.camera.size_wh)) for size in view.camera.size_wh)
         flat = np.stack([*np.meshgrid(columns, rows), np.zeros((len(rows), len(columns)))], axis=-1).reshape(-1, 3)

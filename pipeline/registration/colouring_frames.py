@@ -10,7 +10,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ..colour.source_view import SourceView
+from ..colour.seen_frame import SeenFrame
 from ..images.pixel_values import sample_bilinear
 from ..light.exposure import matched_exposures
 from ..projection.z_buffer import rasterise_depth
@@ -37,7 +37,7 @@ BLURRED, COVERED = "blurred", "covered"
 
 
 def colouring_frames(
-    mesh: TriangleMesh, own: SourceView, candidates: Sequence[tuple[FurtherFrame, np.ndarray]], count: int
+    mesh: TriangleMesh, own: SeenFrame, candidates: Sequence[tuple[FurtherFrame, np.ndarray]], count: int
 ) -> tuple[list[int], list[str]]:
     """The numbers of frames, the one first that adds most, and sentences on what each adds and why others do not.
 
@@ -52,7 +52,7 @@ def colouring_frames(
     count
         How many at most.
     """
-    views, flaws = dict[int, SourceView](), list[str]()
+    views, flaws = dict[int, SeenFrame](), list[str]()
     points, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for frame, pose in candidates:
         raster = rasterise_depth(mesh, own.camera, pose)
@@ -86,7 +86,7 @@ def colouring_frames(
     return chosen, lines
 
 
-def _flaw(own: SourceView, view: SourceView) -> str:
+def _flaw(own: SeenFrame, view: SeenFrame) -> str:
     """:data:`BLURRED` or :data:`COVERED`, or empty: by the points that a frame, in the same exposure, shares."""
     points = own.shown_points(STEP_PX)
     points = points[view.unoccluded(points)]

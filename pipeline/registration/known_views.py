@@ -16,8 +16,8 @@ from ..alignment.levenberg_marquardt import Loss, fit_poses
 from ..alignment.reprojection import Correspondences, Poses
 from ..camera.pinhole import PinholeCamera
 from ..colour.ray_tracer import RayTracer
+from ..colour.seen_frame import SeenFrame
 from ..colour.shading import ColouredSurface
-from ..colour.source_view import SourceView
 from ..light.local_mean import without_light
 from ..poses.distributions import ReferencePose
 from ..surface.mesh import TriangleMesh
@@ -123,7 +123,7 @@ class KnownView:
 class KnownViews:
     """Renders known views of one surface with one camera."""
 
-    def __init__(self, mesh: TriangleMesh, case_view: SourceView) -> None:
+    def __init__(self, mesh: TriangleMesh, case_view: SeenFrame) -> None:
         """Prepare a surface (model frame) that is coloured by its aligned frame."""
         self.case_view = case_view
         self._tracer = RayTracer(ColouredSurface(mesh, (case_view,)), case_view.camera)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.source_view import SourceView
+from oneframe.colour.seen_frame import SeenFrame
 from oneframe.colour.texture_atlas import bake_atlas
 from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.errors import InputError
@@ -12,7 +12,7 @@ from oneframe.images.pixel_values import sample_bilinear
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_from_vector
-from tests.colour.test_source_view import Points, ball
+from tests.colour.test_seen_frame import Points, ball
 from tests.conftest import grid_mesh, joined
 
 CAMERA = PinholeCamera(160, 120, 500.0, 510.0, 78.3, 60.9)
@@ -27,11 +27,11 @@ def height_field(columns, rows, half_width, half_height, z_of_xy):
     return grid_mesh(x, y, z_of_xy(x, y)).flipped()
 
 
-def view_of(mesh, pose, rng) -> SourceView:
+def view_of(mesh, pose, rng) -> SeenFrame:
     """A frame of noise that sees a mesh."""
     inverse = rasterise_depth(mesh, CAMERA, pose).inverse_depth.astype(np.float32)
     image = rng.uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
-    return SourceView(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse)
+    return SeenFrame(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse)
 
 
 def looked_up(atlas, points: Points) -> np.ndarray:
@@ -109,5 +109,5 @@ def test_a_floor_that_passes_under_the_camera_has_no_texture():
     mesh = TriangleMesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
     everywhere = np.ones(CAMERA.shape_hw, np.float32)
     image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
-    view = SourceView(image, everywhere > 0, CAMERA, POSE, inverse_depth=everywhere)
+    view = SeenFrame(image, everywhere > 0, CAMERA, POSE, inverse_depth=everywhere)
     assert not bake_atlas(mesh, [view]).seen.any()

@@ -25,7 +25,7 @@ from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from oneframe.colour.source_view import SourceView
+from oneframe.colour.seen_frame import SeenFrame
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
@@ -130,11 +130,11 @@ def collinear(ratio: float) -> str:
     return "refused" if "on one line, about which" in str(found.value) else "works"
 
 
-def before_a_wall() -> SourceView:
+def before_a_wall() -> SeenFrame:
     """At 100 mm, by a lens of 300 px."""
     camera = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
     everywhere, inverse = np.ones((48, 64), bool), np.full((48, 64), 0.01, np.float32)
-    return SourceView(np.zeros((48, 64, 3), np.float32), everywhere, camera, rigid(), inverse_depth=inverse)
+    return SeenFrame(np.zeros((48, 64, 3), np.float32), everywhere, camera, rigid(), inverse_depth=inverse)
 
 
 def facing(angle_deg: float) -> str:
@@ -247,8 +247,8 @@ ANSWERS: dict[str, tuple[Callable[[float], str], float]] = {
     "solver.UNCERTAIN_RELATIVE_DEPTH": (depth, 1.05),
     "degeneracy.MAX_RELATIVE_DEPTH": (refused_depth, 1.05),
     "degeneracy.COLLINEAR_RATIO": (collinear, 0.99),
-    "source_view.MAX_INCIDENCE_DEG": (facing, 1.001),
-    "source_view.TOLERANCE_PX": (below, 1.02),
+    "seen_frame.MAX_INCIDENCE_DEG": (facing, 1.001),
+    "seen_frame.TOLERANCE_PX": (below, 1.02),
     "colour_doubts.MAX_STATED_ERROR_PX": (lambda value: said(pose_doubt(PoseRecord(error_px=value))), 1.001),
     "colour_doubts.MAX_MAGNIFICATION": (lambda value: said(magnification_doubt(value, 2.0, 0.5)), 1.001),
     "colour_doubts.MAX_REDUCTION": (lambda value: said(reduction_doubt(2.0, value, 2.0, 1)), 1.001),

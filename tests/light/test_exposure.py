@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.source_view import SourceView
+from oneframe.colour.seen_frame import SeenFrame
 from oneframe.light.exposure import matched_exposures
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
@@ -16,7 +16,7 @@ CAMERA = PinholeCamera(160, 120, 750.0, 750.0, 79.5, 59.5)
 GAINS = np.array([[1, 1, 1], [0.7, 0.8, 0.9], [1.2, 1.1, 0.8]])
 
 
-def view(mesh, tilt_deg: float, rng: np.random.Generator) -> SourceView:
+def view(mesh, tilt_deg: float, rng: np.random.Generator) -> SeenFrame:
     """A painted surface from a side, with noise and a highlight."""
     pose = rigid(rotation_from_vector(np.radians([180 + tilt_deg, 0, 0])), np.array([0, 0, 300.0]))
     inverse = rasterise_depth(mesh, CAMERA, pose).inverse_depth
@@ -25,7 +25,7 @@ def view(mesh, tilt_deg: float, rng: np.random.Generator) -> SourceView:
     image = 0.45 + 0.2 * np.sin(places[..., [0, 1, 0]] / [3.0, 4.0, 5.0]) + rng.normal(0, 0.02, (*CAMERA.shape_hw, 3))
     image = np.where(inverse[..., None] > 0, image, 0.0).astype(np.float32)
     image[20:40, 30:60] = 1.0
-    return SourceView(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse.astype(np.float32))
+    return SeenFrame(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse.astype(np.float32))
 
 
 def test_exposures_are_matched_to_the_first_frame():

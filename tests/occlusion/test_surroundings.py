@@ -8,7 +8,7 @@ import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.lens_shading import LensShading, shifted_codes, shown_codes
-from oneframe.colour.source_view import SourceView
+from oneframe.colour.seen_frame import SeenFrame
 from oneframe.light.lens_light import LensLight
 from oneframe.occlusion.compositing import LitSurface
 from oneframe.occlusion.instruments import hook
@@ -42,9 +42,9 @@ def factors(mesh, face, depth_mm, pixels, pose, lit=None) -> np.ndarray:
     return LIGHT.factors(points, normals, pose, lit)
 
 
-def frame(image: np.ndarray, seen: RenderedView, pose: np.ndarray) -> SourceView:
+def frame(image: np.ndarray, seen: RenderedView, pose: np.ndarray) -> SeenFrame:
     inverse = np.divide(1, seen.depth_mm, out=np.zeros_like(seen.depth_mm), where=seen.mask)
-    return SourceView(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse)
+    return SeenFrame(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse)
 
 
 @pytest.mark.parametrize("light", [None, LIGHT], ids=["as it is", "lens"])

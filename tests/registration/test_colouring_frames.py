@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.colour.source_view import SourceView
+from oneframe.colour.seen_frame import SeenFrame
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.colouring_frames import colouring_frames
 from oneframe.registration.further_frames import FurtherFrame
@@ -18,11 +18,11 @@ MESH = hills(1)
 
 
 @pytest.fixture(scope="module")
-def own() -> SourceView:
+def own() -> SeenFrame:
     valid = EVERYWHERE.copy()
     valid[:, SEEN_PX:] = False
     inverse = np.where(valid, rasterise_depth(MESH, CAMERA, SOURCE).inverse_depth, 0).astype(np.float32)
-    return SourceView(tinted(photograph(MESH, SOURCE)), valid, CAMERA, SOURCE, inverse_depth=inverse)
+    return SeenFrame(tinted(photograph(MESH, SOURCE)), valid, CAMERA, SOURCE, inverse_depth=inverse)
 
 
 def tinted(image: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ from ...camera.pinhole import PinholeCamera
 from ...colour.anti_aliasing import filtered_image, footprint_scale
 from ...colour.footprint_filter import squares_for
 from ...colour.ray_tracer import RayTracer
+from ...colour.seen_frame import SeenFrame
 from ...colour.shading import ColouredSurface
-from ...colour.source_view import SourceView
 from ...process.own_process import delayed_interrupts
 from ...projection.rendered_view import Render, RenderedView
 from ..bridge.image import new_float_image
@@ -115,12 +115,12 @@ class EdgeSampler:
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render a pose (4x4, mm): anti-aliased colour; depth and observed surface at the pixel centres."""
         for number, colour in enumerate(self._surface.colours):
-            if isinstance(colour, SourceView):
+            if isinstance(colour, SeenFrame):
                 scale = footprint_scale(colour, self._surface.pivot_model, self._scene.camera, cam_from_model)
                 self._fit_filter(number, colour, scale)
         return self._tracer.smoothed(self._scene.render(cam_from_model), cam_from_model)
 
-    def _fit_filter(self, number: int, source: SourceView, scale: float) -> None:
+    def _fit_filter(self, number: int, source: SeenFrame, scale: float) -> None:
         """Set the filtered frame for a view's scale in the surface's material."""
         side, offset = squares_for(scale)
         if (number, side) not in self._images:

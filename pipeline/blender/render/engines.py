@@ -1,6 +1,6 @@
 """The engines that render a coloured surface: one file of this folder each, whose name is the engine's.
 
-All give the same arrays by the same rule of colour, :mod:`oneframe.colour.source_view`.
+All give the same arrays by the same rule of colour, :mod:`oneframe.colour.seen_frame`.
 """
 
 import ctypes

@@ -6,7 +6,7 @@ Both compute two values, a colour and a flag that is 1 where the frame saw the s
 colour, or that of unseen surface where the flag is 0; the flag goes to the pass :data:`OBSERVED_PASS`. There is no
 light, so renders show the code values unchanged. Back sides are never observed.
 
-The flag is the rule of :mod:`oneframe.colour.source_view` at the shaded point, in both. Of vertices, all three must
+The flag is the rule of :mod:`oneframe.colour.seen_frame` at the shaded point, in both. Of vertices, all three must
 also have a colour from the frame.
 """
 
@@ -16,8 +16,8 @@ import bpy
 import numpy as np
 
 from ...colour.lens_shading import LensShading, corner_normals
+from ...colour.seen_frame import SeenFrame
 from ...colour.shading import ColouredSurface, SurfaceColour
-from ...colour.source_view import SourceView
 from ...colour.vertex_colours import NEUTRAL, OBSERVED_LEAST, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
@@ -170,7 +170,7 @@ class _Frame:
 
     def colour(self, colour: SurfaceColour) -> tuple:
         """Colour, flag, and addition to the flag or ``None``."""
-        if isinstance(colour, SourceView):
+        if isinstance(colour, SeenFrame):
             return self._projection(colour, filtered=self.filtered)
         return self._vertex_colour(colour)
 
@@ -189,8 +189,8 @@ class _Frame:
             flag = self.nodes.math("MULTIPLY", flag, seen)
         return attribute.outputs["Color"], flag, None
 
-    def _projection(self, source: SourceView, *, filtered: bool) -> tuple:
-        """The pinhole projection per shaded point, and the rule of :mod:`oneframe.colour.source_view`.
+    def _projection(self, source: SeenFrame, *, filtered: bool) -> tuple:
+        """The pinhole projection per shaded point, and the rule of :mod:`oneframe.colour.seen_frame`.
 
         The homogeneous pixel (s z, t z, z), with (s, t) in Blender's texture coordinates, is an affine function of the
         surface point: interpolated over a triangle of any size and divided by z it is the exact projection.

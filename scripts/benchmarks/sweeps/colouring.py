@@ -20,8 +20,8 @@ from oneframe.case.pose_record import UNKNOWN, PoseRecord
 from oneframe.case.surface_doubts import FARTHEST_MM
 from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
 from oneframe.colour.reference_view import ReferenceView, colours_of
+from oneframe.colour.seen_frame import MAX_INCIDENCE_DEG, TOLERANCE_PX
 from oneframe.colour.shading import ColouredSurface
-from oneframe.colour.source_view import MAX_INCIDENCE_DEG, TOLERANCE_PX
 from oneframe.errors import InputError
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh

@@ -12,8 +12,8 @@ import numpy as np
 
 from oneframe.colour.colour_doubts import MAX_STATED_ERROR_PX
 from oneframe.colour.ray_tracer import RayTracer
+from oneframe.colour.seen_frame import MAX_INCIDENCE_DEG
 from oneframe.colour.shading import ColouredSurface
-from oneframe.colour.source_view import MAX_INCIDENCE_DEG
 from oneframe.evaluation.view_scores import FEWEST_PIXELS, colour_gain, corrected
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.transforms import inverse_rigid, rigid, transform_points

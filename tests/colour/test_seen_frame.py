@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.source_view import SourceView
+from oneframe.colour.seen_frame import SeenFrame
 from oneframe.colour.vertex_colours import colour_vertices
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
@@ -26,7 +26,7 @@ def ball(rows: int, radius: float, centre=(0.0, 0.0, 0.0)) -> TriangleMesh:
     return (mesh if outwards else mesh.flipped()).moved(np.asarray(centre))
 
 
-def seen_from_frame(meshes, colours, valid=None) -> tuple[TriangleMesh, SourceView]:
+def seen_from_frame(meshes, colours, valid=None) -> tuple[TriangleMesh, SeenFrame]:
     """The meshes as one, and a frame that shows each in one colour before a blue background."""
     whole = joined(*meshes)
     raster = rasterise_depth(whole, CAMERA, CAM_FROM_MODEL)
@@ -37,7 +37,7 @@ def seen_from_frame(meshes, colours, valid=None) -> tuple[TriangleMesh, SourceVi
         inverse[~valid] = 0
     else:
         valid = np.ones(CAMERA.shape_hw, bool)
-    return whole, SourceView(image, valid, CAMERA, CAM_FROM_MODEL, inverse_depth=inverse)
+    return whole, SeenFrame(image, valid, CAMERA, CAM_FROM_MODEL, inverse_depth=inverse)
 
 
 class Points:

@@ -17,7 +17,7 @@ the tolerance. (The steps of a nearer and a farther surface in one lookup may ca
 three balls behind each other.)
 
 Where the surface ends before the background, pixels and surface end at different places, by up to a pixel. So both
-maps are continued by one pixel into the background (:attr:`SourceView.continued`), from the nearest surface beside it:
+maps are continued by one pixel into the background (:attr:`SeenFrame.continued`), from the nearest surface beside it:
 the colour by its value there, the inverse depth along its slope, which is exact on a plane. A lookup there weights the
 pixels with surface alone, and passes only if these show the surface of X. Pixels of the surface are never changed, so
 nothing is continued across a depth step; nor is anything into pixels that are masked out: there w = 0, and every
@@ -51,8 +51,8 @@ LEAST_WEIGHT = 0.01
 
 
 @dataclass(frozen=True)
-class SourceView(PosedFrame):
-    """The reference view: the aligned frame as the source of colour, with the inverse depth of the surface.
+class SeenFrame(PosedFrame):
+    """A frame that colours the surface, with the inverse depth of what it saw of it.
 
     Attributes
     ----------

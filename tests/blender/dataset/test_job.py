@@ -39,7 +39,7 @@ pytestmark = pytest.mark.render
 def test_all_files_of_the_layout_are_there(reference):
     kinds = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
     views = {ViewPaths(reference, index).relative(kind) for index in range(VIEWS) for kind in kinds}
-    scene = {f"train_synt/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
+    scene = {f"train_synt/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco_modal")}
     models = {f"{name}/{file}" for name in ("models", "models_eval") for file in ("models_info.json", "obj_000001.ply")}
     tables = {
         "camera.json",

@@ -2,7 +2,7 @@
 
 A process is the render command with ``--worker``. It reads one number a line, and answers "written: number" when that
 view's files are, and it takes another one, and "finished: number" when the view is on disk, to stay; other lines of its
-output come from Blender. When its input ends, which also happens if its parent dies in any way, it ends at once.
+output come from Blender. When its input ends, which also happens if its parent dies in any way, it ends soon.
 """
 
 import queue
@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -18,7 +19,7 @@ from typing import TextIO
 
 from ...errors import InputError, RunError
 from ...process.command_line import EXIT_INPUT, EXIT_RUN
-from ...process.own_process import end_process
+from ...process.own_process import STOPPING_SECONDS, end_process
 
 WRITTEN, FINISHED = "written", "finished"
 
@@ -131,27 +132,31 @@ class RenderProcess:
 
 
 def report(stream: TextIO, answer: str, index: int) -> None:
-    """Tell the parent of a view."""
-    stream.write(f"{answer}: {index}\n")
-    stream.flush()
+    """Tell the parent of a view; one that has gone needs no answer."""
+    with suppress(BrokenPipeError):
+        stream.write(f"{answer}: {index}\n")
+        stream.flush()
 
 
 def assigned_views(stream: TextIO = sys.stdin) -> Iterator[int | None]:
-    """A process's views from its input, with ``None`` now and then while it waits; the iterator never ends.
+    """A process's views from its input, with ``None`` now and then while it waits, until the input ends.
 
-    When the input ends, the process exits at once: the parent has nothing left to do, or has died.
+    Then the parent has nothing left to do, or has died: what is written is finished, and the process exits soon.
     """
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+    ended = threading.Event()
 
     def read() -> None:
         for line in stream:
             lines.put(line)
+        ended.set()
+        time.sleep(STOPPING_SECONDS)
         end_process(0)
 
     threading.Thread(target=read, daemon=True).start()
 
     def views() -> Iterator[int | None]:
-        while True:
+        while not ended.is_set():
             try:
                 yield int(lines.get(timeout=0.1))
             except queue.Empty:
@@ -199,11 +204,13 @@ class WorkerPool:
                 return
 
     def stop(self) -> None:
-        """End all workers at once."""
+        """End all workers, which finish what they have written; those that take long at once."""
         self._views.clear()
         for process in self._processes:
+            process.close_input()
+        for thread, process in zip(self._threads, self._processes, strict=True):
+            thread.join(STOPPING_SECONDS / 2)
             process.kill()
-        for thread in self._threads:
             thread.join()
 
     def _check(self) -> None:

@@ -143,7 +143,7 @@ def test_workers_refuse_inputs_that_changed_after_the_run_began(case, reference,
 
 
 def test_a_run_ends_with_its_input(case, tmp_path, render_command):
-    out, views = tmp_path / "out", 10 * VIEWS
+    out, views = tmp_path / "out", 200 * VIEWS
     running = subprocess.Popen(
         render_command(
             case, "--out", out, "--count", views, "--workers", 2, "--end-with-input", "--progress-seconds", "0.1"

@@ -32,28 +32,27 @@ _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 
 class CommandFiles:
-    """What a command has read, and what it has been granted to write: a file is an input or an output, never both.
-
-    Attributes
-    ----------
-    inputs
-        What was opened, in order of the first time -> what it was to be.
-    """
+    """What a command has read, and what it has been granted to write: a file is an input or an output, never both."""
 
     def __init__(self) -> None:
-        self.inputs: dict[Path, str] = {}
+        self._opened: dict[Path, str] = {}
         self._outputs: set[str] = set()
 
     def opens(self, path: Path, what: str) -> None:
-        """Note a file that is read, but for what stands where an output goes."""
-        whole = Path(os.path.realpath(path))
-        if not any(str(place) in self._outputs for place in (whole, *whole.parents)):
-            self.inputs.setdefault(path, what)
+        """Note a file that is read, and what it is to be."""
+        self._opened.setdefault(path, what)
 
     def grants(self, path: Path) -> None:
-        """Take a file, or a folder with all in it, for an output from now on."""
+        """Take a file, or a folder with all in it, for an output, also if it was opened."""
         self._outputs.add(os.path.realpath(path))
-        self.inputs = {each: what for each, what in self.inputs.items() if os.path.realpath(each) not in self._outputs}
+
+    def inputs(self) -> dict[Path, str]:
+        """What was opened and is no output, in order of the first time -> what it was to be."""
+        return {path: what for path, what in self._opened.items() if not self._is_output(path)}
+
+    def _is_output(self, path: Path) -> bool:
+        whole = Path(os.path.realpath(path))
+        return any(str(place) in self._outputs for place in (whole, *whole.parents))
 
 
 _FILES: ContextVar[CommandFiles | None] = ContextVar("files", default=None)
@@ -75,7 +74,7 @@ def files_of_command() -> Iterator[None]:
 
 
 @contextmanager
-def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
+def reading(path: Path, what: str, where: str | None = None, *, noted: bool = True) -> Iterator[None]:
     """Turn the errors of opening and reading ``path`` inside the block into an :class:`~oneframe.errors.InputError`.
 
     Parameters
@@ -86,6 +85,8 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
         What it should be, with an article, such as ``"a case file"``.
     where
         Begins the message, such as ``"case.toml: [frame] image"``; the path if left out.
+    noted
+        Whether the file is an input of the command that runs; not those of a dataset's views, which are too many.
     """
     place, it = (str(path), "it") if where is None else (where, str(path))
     try:
@@ -95,7 +96,8 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
             raise InputError(f"{place}: expected {what}, cannot read {it} (a folder); give the path of a file in it")
         if not stat.S_ISREG(mode):
             raise InputError(f"{place}: expected {what}, cannot read {it} (no regular file); copy it to a file first")
-        command_files().opens(path, what)
+        if noted:
+            command_files().opens(path, what)
         yield
     except FileNotFoundError:
         # as TOML reads ".\frame.png"
@@ -143,13 +145,15 @@ def read_file(path: Path, most: int = LARGEST_INPUT) -> bytes:
         return file.read(size)
 
 
-def read_content(path: Path, what: str, where: str | None = None, most: int = LARGEST_INPUT) -> bytes:
+def read_content(
+    path: Path, what: str, where: str | None = None, most: int = LARGEST_INPUT, *, noted: bool = True
+) -> bytes:
     """Read the bytes of a file that the user named.
 
     ``most`` is the largest number of bytes that is accepted; the rest is as for :func:`reading`.
     """
     place = path.name if where is None else where
-    with reading(path, what, where), open(path, "rb") as file:
+    with reading(path, what, where, noted=noted), open(path, "rb") as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
             raise InputError(f"{place}: expected {what}, found one of {size >> 20} MB; choose another")

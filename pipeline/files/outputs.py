@@ -92,7 +92,7 @@ def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:
 
 def _with_opened(inputs: Mapping[str, Path]) -> list[tuple[str, Path]]:
     """Name and path of what the command has opened, and of these inputs."""
-    opened = [(what.split(" ", 1)[-1], path) for path, what in command_files().inputs.items()]
+    opened = [(what.split(" ", 1)[-1], path) for path, what in command_files().inputs().items()]
     return [*opened, *inputs.items()]
 
 

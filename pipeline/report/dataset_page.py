@@ -140,7 +140,8 @@ def _truths_picture(depth: np.ndarray, observed: np.ndarray | None) -> np.ndarra
 def _image(path: Path, name: str) -> np.ndarray | None:
     """An image as OpenCV decodes it: BGR, or one channel; ``None`` if it is missing or damaged."""
     try:
-        data = read_content(path, "an image of the view", name, most=largest_view_file(LARGEST_IMAGE, 1))
+        most = largest_view_file(LARGEST_IMAGE, 1)
+        data = read_content(path, "an image of the view", name, most, noted=False)
         check_image(data, name)
     except InputError:
         return None

@@ -64,7 +64,8 @@ def check_pose(paths: ViewPaths, record: ViewRecord, stored: Stored, surface: Si
 
 def _decoded(paths: ViewPaths, kind: str, description: Description) -> np.ndarray:
     where, shape = paths.relative(kind), description.camera.shape_hw
-    data = read_content(paths.file(kind), "a file of the view", where, largest_view_file(*description.camera.size_wh))
+    most = largest_view_file(*description.camera.size_wh)
+    data = read_content(paths.file(kind), "a file of the view", where, most, noted=False)
     form = TRUTHS[kind].form
     if form.ending != ".npy":
         # decoders fill what is cut off with black

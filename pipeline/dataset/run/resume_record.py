@@ -168,7 +168,7 @@ def read_record(paths: ViewPaths) -> ViewRecord:
     path = paths.file("frame")
     where = str(path)
     try:
-        data = read_content(path, "the record of a view", where, most=LARGEST_FILE)
+        data = read_content(path, "the record of a view", where, most=LARGEST_FILE, noted=False)
         record = ViewRecord.from_json(parsed_json(data, where), where)
     except InputError as error:
         raise RunError(f"{error}; or remove the file and {_AGAIN}") from None

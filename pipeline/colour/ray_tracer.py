@@ -107,10 +107,9 @@ class RayTracer:
         met = self._met(
             np.stack([u, v], axis=1).astype(np.float64), raster.face[shown], raster.inverse_depth[shown], cam_from_model
         )
-        colours = np.zeros((*shown.shape, 3), np.float32), np.zeros(shown.shape, np.uint8), np.zeros(shown.shape, bool)
-        for image, values in zip(colours, self._coloured(met, cam_from_model, filtered=True), strict=True):
-            image[shown] = values
-        rgb, source, near = colours
+        rgb = np.zeros((*shown.shape, 3), np.float32)
+        source, near = np.zeros(shown.shape, np.uint8), np.zeros(shown.shape, bool)
+        rgb[shown], source[shown], near[shown] = self._coloured(met, cam_from_model, filtered=True)
         exact = RenderedView(rgb, raster.depth_mm.astype(np.float32), source, near)
         return self.smoothed(exact, cam_from_model) if self._is_smooth else exact
 

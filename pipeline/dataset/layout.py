@@ -1,7 +1,7 @@
 """A dataset's views on disk, in the BOP layout: the path of each file.
 
 A view is finished when its record ``frame/NNNNNN.json`` exists. The record is written last and holds the hashes of the
-view's other files. All tables of the dataset (:mod:`oneframe.dataset.tables.bop`, :mod:`oneframe.dataset.tables.bop`,
+view's other files. All tables of the dataset (:mod:`oneframe.dataset.tables.bop` and
 :mod:`oneframe.dataset.tables.pose_tables`) are made from the records alone.
 """
 

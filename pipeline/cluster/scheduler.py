@@ -1,6 +1,5 @@
 """The connection with a running scheduler of Dask."""
 
-import gc
 import logging
 import re
 import threading
@@ -8,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from ipaddress import ip_address
+from typing import Any
 
 from distributed import Client
 
@@ -50,17 +50,30 @@ def _check_address(address: str, *, insecure: bool) -> None:
         )
 
 
+class _WholeClient(Client):
+    """A client that closes itself where it finds no scheduler.
+
+    Dask leaves it half-made: it would close wherever garbage is collected, also in a thread that holds Dask's locks.
+    """
+
+    def start(self, **kwargs: Any) -> None:
+        try:
+            super().start(**kwargs)
+        except BaseException:
+            with losing_scheduler(self):
+                self.close(timeout=2)
+            raise
+
+
 @contextmanager
 def _connected(address: str) -> Iterator[Client]:
     found: list[Client | str] = []
 
     def connect() -> None:
         try:
-            found.append(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
+            found.append(_WholeClient(address, timeout=CONNECT_SECONDS, set_as_default=False))
         except Exception as error:  # whatever Dask makes of the answer; reported below
             found.append(" ".join(str(error.__cause__ or error).split()))
-        # a half-made client ends here; later, garbage is collected in any thread, also in one that holds Dask's locks
-        gc.collect()
 
     # Dask waits for an answer without end where something else listens, such as a web server
     thread = threading.Thread(target=connect, daemon=True)

@@ -165,19 +165,9 @@ def nearest_at_points(
 
 
 @compiled
-def corner_weights(points: np.ndarray, corners: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """``(N, 3)`` weights, of sum 1, of the corners ``(N, 3)`` of the faces that image points ``(N, 2)`` meet."""
-    weights = np.empty((len(uv), 3))
-    for number in range(len(uv)):
-        p0, p1, p2 = (
-            _point(points, corners[number, 0]),
-            _point(points, corners[number, 1]),
-            _point(points, corners[number, 2]),
-        )
-        edges = _edges(p0, p1, p2)
-        e0, e1, e2 = _weights(edges, uv[number, 0], uv[number, 1])
-        total = e0 + e1 + e2
-        if total == 0:
-            e0, e1, e2, total = 1.0, 1.0, 1.0, 3.0
-        weights[number, 0], weights[number, 1], weights[number, 2] = e0 / total, e1 / total, e2 / total
-    return weights
+def corner_weights(points: np.ndarray, corners: tuple[int, int, int], u: float, v: float) -> tuple[float, float, float]:
+    """The weights, of sum 1, of the corners of a face of :func:`projected` points at an image point that meets it."""
+    edges = _edges(_point(points, corners[0]), _point(points, corners[1]), _point(points, corners[2]))
+    e0, e1, e2 = _weights(edges, u, v)
+    total = e0 + e1 + e2
+    return (e0 / total, e1 / total, e2 / total) if total != 0 else (1 / 3, 1 / 3, 1 / 3)

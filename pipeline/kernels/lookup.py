@@ -84,7 +84,7 @@ def _interpolated(image: np.ndarray, around: tuple[int, int, int, int, float, fl
 def _place(
     uvw: tuple[float, float, float], affine: tuple[float, ...], texels: np.ndarray, tolerance: float, margin: float
 ) -> tuple[float, float, float]:
-    """Column, row and depth in a frame, of a point's pixel and inverse depth; depth 0 where the frame does not show it."""
+    """Column, row and depth in a frame of a point, given by pixel and inverse depth; depth 0 if it does not show it."""
     u, v, w = uvw
     x0, x1, x2, x3, y0, y1, y2, y3, z0, z1, z2, z3 = affine
     height, width = texels.shape[0], texels.shape[1]

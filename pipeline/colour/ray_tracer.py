@@ -67,7 +67,7 @@ class _Painter:
     def _lookup(self, frame: SeenFrame, seen: "_Seen", filtered: bool, scale: float | None) -> FrameLookup:
         frame_from_view = frame.camera.k @ (frame.cam_from_model @ inverse_rigid(seen.pose))[:3]
         affine = np.column_stack([frame_from_view[:, :3] @ np.linalg.inv(seen.camera.k), frame_from_view[:, 3]])
-        image, offsets, share = self._texels, np.zeros((1, 2)), 0.0
+        image, offsets, share = self._texels, np.zeros((0, 2)), 0.0
         if scale is not None and not filtered:
             share = min(scale * scale, 1.0)
         elif scale is not None:

@@ -66,7 +66,7 @@ def fronts(cross: np.ndarray, offsets: np.ndarray, centre: np.ndarray) -> np.nda
 
 
 @compiled
-def _pixels_around(height: int, width: int, x: float, y: float) -> tuple[int, int, int, int, float, float]:
+def _pixels_around(height: int, width: int, x: float, y: float) -> tuple[int, int, int, int, np.float32, np.float32]:
     """Rows above and below a place, columns left and right, and how far it is from the first; moved in if outside."""
     x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
     left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
@@ -74,7 +74,7 @@ def _pixels_around(height: int, width: int, x: float, y: float) -> tuple[int, in
 
 
 @compiled
-def _interpolated(image: np.ndarray, around: tuple[int, int, int, int, float, float], channel: int) -> float:
+def _interpolated(image: np.ndarray, around: tuple[int, int, int, int, np.float32, np.float32], channel: int) -> float:
     # images are in single precision, and so is a mean of their pixels: it takes half of the time
     (top, below, left, right, across, down), one = around, np.float32(1)
     upper = image[top, left, channel] * (one - across) + image[top, right, channel] * across

@@ -127,8 +127,9 @@ class PinholeCamera:
 
     def pixel_grid(self) -> np.ndarray:
         """``(height, width, 2)`` coordinates of all pixel centres."""
-        v, u = np.mgrid[: self.height, : self.width]
-        return np.stack([u, v], axis=-1).astype(np.float64)
+        grid = np.empty((*self.shape_hw, 2))
+        grid[..., 0], grid[..., 1] = np.arange(self.width), np.arange(self.height)[:, None]
+        return grid
 
     def coarse_grid(self, along: int) -> np.ndarray:
         """``(N, 2)`` centres, px, of nearly square tiles of the image, row by row; ``along`` on the longer side."""

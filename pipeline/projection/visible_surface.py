@@ -39,7 +39,7 @@ class VisibleSurface:
     @property
     def pivot_model(self) -> np.ndarray | None:
         """``(3,)`` mm, model frame: the visible point nearest to the mean of the pixels; ``None`` if there is none."""
-        return None if len(self.pixels) == 0 else self.points_model[most_central(self.pixels)]
+        return None if len(self.pixels) == 0 else self.points_model[most_central(*self.pixels.T)]
 
     def radius_mm(self, pivot_model: np.ndarray) -> float:
         """Root mean square distance of the visible points from a pivot (3,), mm."""
@@ -81,13 +81,13 @@ def central_point(depth_mm: np.ndarray, camera: PinholeCamera, cam_from_model: n
     v, u = np.nonzero(depth_mm)
     if not len(v):
         return np.zeros(3)
-    central = most_central(np.stack([u, v], axis=1))
+    central = most_central(u, v)
     pixel = np.array([[u[central], v[central]]], float)
     point_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
     point: np.ndarray = transform_points(inverse_rigid(cam_from_model), point_cam)[0]
     return point
 
 
-def most_central(pixels: np.ndarray) -> int:
-    """Index of the pixel nearest to the mean of ``(N, 2)`` pixels; N is at least 1."""
-    return int(np.argmin(((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1)))
+def most_central(u: np.ndarray, v: np.ndarray) -> int:
+    """Index of the pixel nearest to the mean of N pixels, of columns and rows ``(N,)``; N is at least 1."""
+    return int(np.argmin((u - u.mean()) ** 2 + (v - v.mean()) ** 2))

@@ -36,7 +36,7 @@ class DepthRaster(NamedTuple):
 
 def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> DepthRaster:
     """The nearest face, of both sides of all, at each pixel centre of a pose (4x4, mm)."""
-    raster = DepthRaster(np.zeros(camera.shape_hw), np.full(camera.shape_hw, -1))
+    raster = DepthRaster(np.zeros(camera.shape_hw), np.full(camera.shape_hw, -1, np.int32))
     nearest_face.nearest_at_centres(projected(mesh, camera, cam_from_model), mesh.faces, *raster)
     return raster
 

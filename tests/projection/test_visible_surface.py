@@ -50,4 +50,4 @@ def test_rays_see_the_sphere_where_it_projects(pose, along):
 def test_a_ring_has_its_pivot_on_it_not_in_its_hole():
     angle = np.linspace(0, 6, 50)
     ring = np.stack([40 + 10 * np.cos(angle), 30 + 9 * np.sin(angle)], axis=1)
-    assert np.linalg.norm(ring[most_central(ring)] - ring.mean(axis=0)) == pytest.approx(9, abs=0.5)
+    assert np.linalg.norm(ring[most_central(*ring.T)] - ring.mean(axis=0)) == pytest.approx(9, abs=0.5)

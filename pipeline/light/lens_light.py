@@ -142,7 +142,7 @@ def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
         origin[key] = _checked_origin(key, value, f"{where} {key}")
     values = {"ambient": 1.0, **{key: float(table[key]) for key in numbers if key in table}}  # type: ignore[arg-type]
     try:
-        place = None if lamp is None else tuple(map(float, lamp))
+        place = (float(lamp[0]), float(lamp[1]), float(lamp[2])) if isinstance(lamp, list) else None
         return LensLight(place, **values, origin=origin, transfer=table.get("transfer", "srgb"))  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{where} {error}") from None

@@ -27,7 +27,7 @@ from ..ui.pane import Pane, PointerPane
 from ..ui.panel import OpenPart
 from ..ui.strokes import Colour, Strokes
 
-FILES = "*.png;*.tif;*.tiff"
+FILES = "*.png"
 _SUFFIX = "_masked"
 
 

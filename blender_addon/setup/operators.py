@@ -23,7 +23,7 @@ from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OpensFile, Reporting
 
-IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff"
+IMAGES = "*.png;*.jpg;*.jpeg"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.txt"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"

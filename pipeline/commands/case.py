@@ -39,7 +39,7 @@ class Arguments:
         (), each=True, flag="--structure",
     )  # fmt: skip
     units: str = choice("unit of the meshes and of --pose (default mm)", "mm", choices=("mm", "m"))
-    frame: tuple[Path, ...] = option("FILE", "PNG, JPEG or TIFF, one or more; or a video", MISSING)
+    frame: tuple[Path, ...] = option("FILE", "PNG or JPEG, one or more; or a video", MISSING)
     frame_number: int | None = option("N", "frame N of the video, counted from 0", least=0)
     mask: Path | None = option(
         "FILE", "an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha"

@@ -1,18 +1,17 @@
 """Check before decoding that an image file is complete, of a sensible size, and the same image in every program.
 
-That is a PNG, JPEG or TIFF of 8 or 16 bits a channel, grey or RGB in sRGB, without or with straight alpha, upright, one
-picture a file. Everything else is refused by its name: decoders read it in different ways, or fill with black what they
-cannot read. Sources: PNG (W3C 2025), 11.2 and 11.3; JPEG (ITU T.81), B.2.2; Exif 2.32.
+That is a PNG of 8 or 16 bits or a JPEG: grey or RGB in sRGB, without or with straight alpha, upright, one picture a
+file. Everything else is refused by its name: decoders read it in different ways, or fill with black what they cannot
+read. Sources: PNG (W3C 2025), 11.2 and 11.3; JPEG (ITU T.81), B.2.2; Exif 2.32, 4.6; ICC.1:2022, 7 and 10.
 """
 
 import struct
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 from ..errors import InputError
 from ..files.content import read_content
-from .colour_profile import check_profile
-from .tiff import TIFF_SIGNATURES, checked_exif, checked_tiff
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
@@ -22,14 +21,12 @@ LARGEST_IMAGE, LARGEST_FRAME = 1 << 26, 25_000_000
 million."""
 
 _BEGINNINGS = {
-    PNG_SIGNATURE: "PNG", JPEG_SIGNATURE: "JPEG", **dict.fromkeys(TIFF_SIGNATURES, "TIFF"), b"II+\0": "BigTIFF",
-    b"MM\0+": "BigTIFF", b"BM": "BMP", b"GIF8": "GIF", b"\x76\x2f\x31\x01": "OpenEXR", b"\0\0\0\x0cJXL ": "JPEG XL",
+    PNG_SIGNATURE: "PNG", JPEG_SIGNATURE: "JPEG", **dict.fromkeys((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"), "TIFF"),
+    b"BM": "BMP", b"GIF8": "GIF", b"\x76\x2f\x31\x01": "OpenEXR", b"\0\0\0\x0cJXL ": "JPEG XL",
     b"\xff\x0a": "JPEG XL", b"\0\0\0\x0cjP  ": "JPEG 2000", b"\xff\x4f\xff\x51": "JPEG 2000", b"8BPS": "PSD",
     **{b"P%d" % kind: "PNM" for kind in range(1, 8)},
 }  # fmt: skip
-_BRANDS = {b"avif": "AVIF", b"avis": "AVIF"} | dict.fromkeys(
-    (b"heic", b"heix", b"heim", b"heis", b"mif1", b"msf1"), "HEIC"
-)
+_BRANDS = {b"avif": "AVIF", b"avis": "AVIF", **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"mif1"), "HEIC")}
 
 _FRAMES = {0xC0, 0xC1, 0xC2}
 """Markers of JPEG's frames that every decoder reads: baseline, extended, progressive."""
@@ -37,6 +34,24 @@ _OTHER_FRAMES = set(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 _SRGB_GAMMA, _SRGB_CHROMATICITIES = 45455, (31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)
 """Of PNG's gAMA and cHRM, in 1/100 000."""
+
+_EXIF_NUMBERS, _ORIENTATION, _EXIF_PART, _EXIF_COLOURS = {3: "H", 4: "I"}, 274, 34665, 40961
+"""Types of EXIF's whole numbers, and its tags: the place of the second directory, and a colour space."""
+
+_OTHER_PROFILES = ("Display P3", "Adobe RGB", "ProPhoto", "2020", "DCI", "Dot Gain", "Gray Gamma")
+"""Names of profiles that messages show: others may hold anything."""
+
+_PROFILE_PRIMARIES = {
+    b"rXYZ": (0.4360, 0.2225, 0.0139),
+    b"gXYZ": (0.3851, 0.7169, 0.0971),
+    b"bXYZ": (0.1431, 0.0606, 0.7141),
+}
+"""Of sRGB, adapted to D50."""
+
+_MIDDLE_LIGHT = 0.2140
+"""Linear light of the middle code value."""
+
+_PROFILE_TOLERANCE = 0.0025
 
 
 def image_kind(start: bytes) -> str | None:
@@ -65,16 +80,13 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
 def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) -> tuple[int, int]:
     """Check the bytes of an image file, as :func:`check_image_file` does, and give its width and height."""
     kind = image_kind(data)
-    if kind not in ("PNG", "JPEG", "TIFF"):
+    if kind not in ("PNG", "JPEG"):
         raise InputError(
-            f"{where}: expected an image as PNG, JPEG or TIFF, found "
-            f"{kind or 'another kind of file'}; save it as PNG with 8 or 16 bits"
+            f"{where}: expected an image as PNG or JPEG, found {kind or 'another kind of file'}; "
+            "save it as PNG of 8 or 16 bits, in sRGB"
         )
     try:
-        if kind == "TIFF":
-            width, height, orientation = checked_tiff(data, most_pixels)
-        else:
-            width, height, orientation = (_checked_png if kind == "PNG" else _checked_jpeg)(data)
+        width, height, orientation = (_checked_png if kind == "PNG" else _checked_jpeg)(data)
     except (ValueError, struct.error, IndexError, KeyError, zlib.error) as error:
         reason = error if type(error) is ValueError else "its header is cut off or damaged"
         is_damaged = "damaged" in str(reason) or "cut off" in str(reason)
@@ -138,7 +150,7 @@ def _checked_png(data: bytes) -> tuple[int, int, int]:
     if b"cICP" in chunks:
         is_srgb = chunks[b"cICP"] == b"\x01\x0d\x00\x01"
     elif b"iCCP" in chunks:
-        check_profile(zlib.decompressobj().decompress(chunks[b"iCCP"].partition(b"\0")[2][1:], 1 << 24))
+        _check_profile(zlib.decompressobj().decompress(chunks[b"iCCP"].partition(b"\0")[2][1:], 1 << 24))
         is_srgb = True
     else:
         gamma = int.from_bytes(chunks.get(b"gAMA", b""), "big") or _SRGB_GAMMA
@@ -147,7 +159,7 @@ def _checked_png(data: bytes) -> tuple[int, int, int]:
         is_srgb = b"sRGB" in chunks or (abs(gamma - _SRGB_GAMMA) < 500 and max(differences) < 500)
     if not is_srgb:
         raise ValueError("its colours are not sRGB, as its chunk gAMA, cHRM or cICP says")
-    return *struct.unpack_from(">II", data, 16), checked_exif(chunks.get(b"eXIf", b""))
+    return *struct.unpack_from(">II", data, 16), _checked_exif(chunks.get(b"eXIf", b""))
 
 
 def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
@@ -180,5 +192,60 @@ def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
     if data.find(b"\xff\xd9", position) < 0:
         raise ValueError("the file is cut off")
     if profile:
-        check_profile(profile)
-    return *size, checked_exif(exif)
+        _check_profile(profile)
+    return *size, _checked_exif(exif)
+
+
+def _checked_exif(exif: bytes) -> int:
+    """The orientation in an EXIF block; 1, upright, where it says nothing or is damaged."""
+    order = "<" if exif[:2] == b"II" else ">"
+    numbers: dict[int, int] = {}
+    with suppress(struct.error):
+        numbers[_EXIF_PART] = struct.unpack_from(order + "I", exif, 4)[0]
+        # its directory, and the one that this points to
+        for _ in range(2):
+            begin = numbers.pop(_EXIF_PART, len(exif))
+            for entry in range(struct.unpack_from(order + "H", exif, begin)[0]):
+                tag, kind, count = struct.unpack_from(order + "HHI", exif, begin + 2 + 12 * entry)
+                if kind in _EXIF_NUMBERS and count == 1:
+                    (number,) = struct.unpack_from(order + _EXIF_NUMBERS[kind], exif, begin + 10 + 12 * entry)
+                    numbers.setdefault(tag, number)
+    # Exif has no number for it but DCF a text; some cameras write 2
+    colours = numbers.get(_EXIF_COLOURS)
+    if colours == 2 or (colours == 65535 and b"R03\0" in exif[:65536]):
+        raise ValueError("its colours are Adobe RGB, as its EXIF says, not sRGB")
+    return numbers.get(_ORIENTATION, 1)
+
+
+def _check_profile(profile: bytes) -> None:
+    """Check that an ICC profile has the primaries and the curve of sRGB; of grey, its curve."""
+    try:
+        (count,) = struct.unpack_from(">I", profile, 128)
+        entries = (struct.unpack_from(">4sII", profile, 132 + 12 * number) for number in range(min(count, 100)))
+        tags = {name: profile[begin : begin + size] for name, begin, size in entries}
+        primaries = {} if profile[16:20] == b"GRAY" else _PROFILE_PRIMARIES
+        stated = [struct.unpack_from(">3i", tags[name], 8) for name in primaries]
+        differences = [
+            abs(number / 65536 - wanted)
+            for numbers, own in zip(stated, primaries.values(), strict=True)
+            for number, wanted in zip(numbers, own, strict=True)
+        ]
+        curves = [tags[name] for name in ((b"rTRC", b"gTRC", b"bTRC") if primaries else (b"kTRC",))]
+        differences += [abs(_middle_of(curve) - _MIDDLE_LIGHT) for curve in curves]
+        is_srgb = max(differences) < _PROFILE_TOLERANCE
+    except (struct.error, KeyError, IndexError):
+        is_srgb = False
+    if not is_srgb:
+        texts = profile.replace(b"\0", b"")
+        name = next((name for name in _OTHER_PROFILES if name.encode() in texts), "another one than sRGB")
+        raise ValueError(f"its colour profile is {name}, and colours are read as sRGB")
+
+
+def _middle_of(curve: bytes) -> float:
+    """Linear light of the middle code value, by a tag ``curv`` with a table, or ``para`` with a straight part."""
+    (count,) = struct.unpack_from(">I", curve, 8)
+    if curve[:4] == b"curv" and count > 2:
+        below, above = struct.unpack_from(">2H", curve, 12 + 2 * ((count - 1) // 2))
+        return (below if count % 2 else (below + above) / 2) / 65535
+    gamma, scale, shift = (number / 65536 for number in struct.unpack_from(">3i", curve, 12))
+    return float((scale / 2 + shift) ** gamma) if curve[:4] == b"para" and count >> 16 == 3 else 0.0

@@ -1,7 +1,7 @@
 """Image files as code values: a PNG by OpenCV; all else, or all without OpenCV, by a registered decoder.
 
-A PNG says the same to every program. JPEG, which programs read differently by a code value, and TIFF are always read by
-the same one, so that a view does not depend on who made it: by Blender, whose room registers its decoder.
+A PNG says the same to every program. A JPEG, which programs read differently by a code value, is always read by the
+same one, so that a view does not depend on who made it: by Blender, whose room registers its decoder.
 """
 
 from collections.abc import Callable

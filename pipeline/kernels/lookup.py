@@ -1,132 +1,189 @@
 """What a frame knows of points of a surface, and values of the surface's vertices at them.
 
-N points are given by the image points ``uv`` ``(N, 2)`` of a view that show them, the faces that they lie on, and their
-inverse depths. A point's homogeneous pixel in a frame is A (u, v, 1) + b w, with w the inverse depth, so that at the
-frame's own pose each pixel is looked up at its own place.
+A point's homogeneous pixel in a frame is A (u, v, 1) + b w, with (u, v) its image point in a view and w its inverse
+depth there, so that at the frame's own pose each pixel is looked up at its own place.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
 from .compiled import compiled
+from .nearest_face import corner_weights
+
+
+class Met(NamedTuple):
+    """What N rays meet: image points ``(N, 2)``, faces ``(N,)``, -1 for none, and inverse depths ``(N,)``."""
+
+    uv: np.ndarray
+    face: np.ndarray
+    inverse_depth: np.ndarray
+
+
+class FrameLookup(NamedTuple):
+    """A frame as it colours a view.
+
+    Attributes
+    ----------
+    affine
+        The twelve numbers of the ``(3, 4)`` matrix of A and b, row by row.
+    texels
+        ``(H, W, 4)`` float32: the frame, and the inverse depth of what it shows.
+    tolerance, margin
+        Relative difference of a point's own inverse depth from that, and pixels outside the frame.
+    image, offsets
+        Colours are means over lookups in the image ``(H, W, 4)`` at offsets ``(K, 2)`` px, whose last channel marks
+        what is near that which the frame did not see; of the texels themselves without offsets.
+    share
+        Of this mean so much is replaced by the nearest texel's colour, where that shows the point's surface.
+    """
+
+    affine: tuple[float, ...]
+    texels: np.ndarray
+    tolerance: float
+    margin: float
+    image: np.ndarray
+    offsets: np.ndarray
+    share: float
+
+
+class Painted(NamedTuple):
+    """Of N points the colours ``(N, 3)``, the number of the frame that gave them, 0 for none, and what is beside."""
+
+    rgb: np.ndarray
+    source: np.ndarray
+    near_unseen: np.ndarray
 
 
 @compiled
-def _pixels_around(height: int, width: int, x: float, y: float) -> tuple[int, int, int, int, float, float]:
-    """Rows above and below a place, columns left and right, and how far it is from the first; moved in if outside."""
-    x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
-    left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
-    return top, min(top + 1, height - 1), left, min(left + 1, width - 1), x - left, y - top
-
-
-@compiled
-def fronts(cross: np.ndarray, offsets: np.ndarray, face: np.ndarray, centre: np.ndarray) -> np.ndarray:
-    """``(N,)`` bool: a face, of planes ``cross . x = offset``, shows a viewpoint its front."""
-    front = np.empty(len(face), np.bool_)
-    for number in range(len(face)):
-        normal = cross[face[number]]
-        front[number] = normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2] > offsets[face[number]]
+def fronts(cross: np.ndarray, offsets: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """``(F,)`` bool: the faces, of planes ``cross . x = offset``, that show a viewpoint their front."""
+    front = np.empty(len(cross), np.bool_)
+    for face in range(len(cross)):
+        along = cross[face, 0] * centre[0] + cross[face, 1] * centre[1] + cross[face, 2] * centre[2]
+        front[face] = along > offsets[face]
     return front
 
 
 @compiled
-def placed_in_frame(
-    uv: np.ndarray, inverse_depth: np.ndarray, affine: np.ndarray, surface: np.ndarray, tolerance: float, margin: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Column, row and depth ``(N, 3)`` in a frame, and ``(N,)`` bool: the frame shows the point.
-
-    ``affine`` is ``(3, 4)``, A and b; ``surface`` ``(H, W)`` the inverse depth of what the frame shows, which the
-    point's own may differ from by a relative ``tolerance``; pixels may be outside by a ``margin``.
-    """
-    places, shown = np.zeros((len(uv), 3)), np.zeros(len(uv), np.bool_)
-    height, width = surface.shape
-    for number in range(len(uv)):
-        u, v, w = uv[number, 0], uv[number, 1], inverse_depth[number]
-        z = affine[2, 0] * u + affine[2, 1] * v + affine[2, 2] + affine[2, 3] * w
-        if z <= 0:
-            continue
-        x = (affine[0, 0] * u + affine[0, 1] * v + affine[0, 2] + affine[0, 3] * w) / z
-        y = (affine[1, 0] * u + affine[1, 1] * v + affine[1, 2] + affine[1, 3] * w) / z
-        if not (-margin <= x <= width - 1 + margin and -margin <= y <= height - 1 + margin):
-            continue
-        depth = z / w
-        places[number, 0], places[number, 1], places[number, 2] = x, y, depth
-        top, below, left, right, across, down = _pixels_around(height, width, x, y)
-        upper = surface[top, left] * (1 - across) + surface[top, right] * across
-        lower = surface[below, left] * (1 - across) + surface[below, right] * across
-        shown[number] = abs((upper * (1 - down) + lower * down) * depth - 1) <= tolerance
-    return places, shown
+def _pixels_around(height: int, width: int, x: float, y: float) -> tuple[int, int, int, int, np.float32, np.float32]:
+    """Rows above and below a place, columns left and right, and how far it is from the first; moved in if outside."""
+    x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
+    left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
+    return top, min(top + 1, height - 1), left, min(left + 1, width - 1), np.float32(x - left), np.float32(y - top)
 
 
 @compiled
-def looked_up(
-    image: np.ndarray, places: np.ndarray, chosen: np.ndarray, offsets: np.ndarray, share: float, tolerance: float
-) -> np.ndarray:
-    """``(N, 4)`` float32 values of an image ``(H, W, 4)`` at the ``(N, 3)`` places that are ``(N,)`` bool chosen.
+def _interpolated(image: np.ndarray, around: tuple[int, int, int, int, np.float32, np.float32], channel: int) -> float:
+    # images are in single precision, and so is a mean of their pixels: it takes half of the time
+    (top, below, left, right, across, down), one = around, np.float32(1)
+    upper = image[top, left, channel] * (one - across) + image[top, right, channel] * across
+    lower = image[below, left, channel] * (one - across) + image[below, right, channel] * across
+    return upper * (one - down) + lower * down
 
-    The first three channels are means over lookups at ``offsets`` ``(K, 2)``, of which a ``share`` is replaced by the
-    nearest texel's, if that shows the point's surface: then the fourth channel, its inverse depth, fits within the
-    relative ``tolerance``. The fourth one is the first lookup's.
-    """
-    values, count, sums = np.zeros((len(places), 4), np.float32), len(offsets), np.empty(4)
-    height, width = image.shape[:2]
-    for number in range(len(places)):
+
+@compiled
+def _place(
+    uvw: tuple[float, float, float], affine: tuple[float, ...], height: int, width: int, margin: float
+) -> tuple[float, float, float]:
+    """Column, row and depth in a frame of a point, given by pixel and inverse depth; depth 0 outside the frame."""
+    u, v, w = uvw
+    x0, x1, x2, x3, y0, y1, y2, y3, z0, z1, z2, z3 = affine
+    z = z0 * u + z1 * v + z2 + z3 * w
+    if z <= 0:
+        return 0.0, 0.0, 0.0
+    x, y = (x0 * u + x1 * v + x2 + x3 * w) / z, (y0 * u + y1 * v + y2 + y3 * w) / z
+    inside = -margin <= x <= width - 1 + margin and -margin <= y <= height - 1 + margin
+    return x, y, z / w if inside else 0.0
+
+
+@compiled
+def shown_by(met: Met, faces: np.ndarray, frame: FrameLookup) -> np.ndarray:
+    """``(N,)`` bool: points on some of the faces ``(F,)`` bool that a frame shows."""
+    # arrays out of their tuples at once: in the loop each is a reference to count
+    (uv, face, inverse_depth), (affine, texels, tolerance, margin) = met, frame[:4]
+    shown, height, width = np.zeros(len(face), np.bool_), texels.shape[0], texels.shape[1]
+    for number in range(len(shown)):
+        if face[number] >= 0 and faces[face[number]]:
+            uvw = (uv[number, 0], uv[number, 1], inverse_depth[number])
+            x, y, depth = _place(uvw, affine, height, width, margin)
+            around = _pixels_around(height, width, x, y)
+            shown[number] = depth > 0 and abs(_interpolated(texels, around, 3) * depth - 1) <= tolerance
+    return shown
+
+
+@compiled
+def paint(met: Met, faces: np.ndarray, frame: FrameLookup, source: int, painted: Painted) -> None:
+    """Enter colours of a frame, whose number is ``source``, at points on some of the faces that have none yet."""
+    (uv, face, inverse_depth), (rgb, sources, near_unseen) = met, painted
+    affine, texels, tolerance, margin, image, offsets, share = frame
+    height, width, count = texels.shape[0], texels.shape[1], len(offsets)
+    for number in range(len(face)):
+        if face[number] < 0 or sources[number] > 0 or not faces[face[number]]:
+            continue
+        uvw = (uv[number, 0], uv[number, 1], inverse_depth[number])
+        x, y, depth = _place(uvw, affine, height, width, margin)
+        around = _pixels_around(height, width, x, y)
+        if not (depth > 0 and abs(_interpolated(texels, around, 3) * depth - 1) <= tolerance):
+            continue
+        sources[number] = source
+        if count == 0:
+            for channel in range(3):
+                rgb[number, channel] = _interpolated(texels, around, channel)
+        for lookup in range(count):
+            around = _pixels_around(height, width, x + offsets[lookup, 0], y + offsets[lookup, 1])
+            for channel in range(3):
+                value = _interpolated(image, around, channel)
+                rgb[number, channel] = value if lookup == 0 else rgb[number, channel] + value
+            if lookup == 0 and _interpolated(image, around, 3) > 0.5:
+                near_unseen[number] = True
+        if count > 1:
+            for channel in range(3):
+                rgb[number, channel] /= count
+        if share > 0:
+            row, column = min(max(int(np.rint(y)), 0), height - 1), min(max(int(np.rint(x)), 0), width - 1)
+            if abs(texels[row, column, 3] * depth - 1) <= tolerance:
+                for channel in range(3):
+                    rgb[number, channel] += share * (texels[row, column, channel] - rgb[number, channel])
+
+
+@compiled
+def interpolate(
+    values: np.ndarray, faces: np.ndarray, points: np.ndarray, met: Met, chosen: np.ndarray, means: np.ndarray
+) -> None:
+    """Enter means of values ``(V, C)`` of the corners of faces, of :func:`.projected` points, at chosen points."""
+    for number in range(len(chosen)):
         if not chosen[number]:
             continue
-        x, y, depth = places[number, 0], places[number, 1], places[number, 2]
-        row, column = min(max(int(np.rint(y)), 0), height - 1), min(max(int(np.rint(x)), 0), width - 1)
-        part = share if share > 0 and abs(image[row, column, 3] * depth - 1) <= tolerance else 0.0
-        for lookup in range(count):
-            top, below, left, right, across, down = _pixels_around(
-                height, width, x + offsets[lookup, 0], y + offsets[lookup, 1]
-            )
-            for channel in range(3 if lookup else 4):
-                upper = image[top, left, channel] * (1 - across) + image[top, right, channel] * across
-                lower = image[below, left, channel] * (1 - across) + image[below, right, channel] * across
-                sums[channel] = (sums[channel] if lookup else 0.0) + (upper * (1 - down) + lower * down)
-        for channel in range(3):
-            value = sums[channel] / count
-            values[number, channel] = value + part * (image[row, column, channel] - value)
-        values[number, 3] = sums[3]
-    return values
-
-
-@compiled
-def interpolated(values: np.ndarray, faces: np.ndarray, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """``(N, C)`` float32 means of values ``(V, C)`` of vertices with the weights ``(N, 3)`` of the faces' corners."""
-    means = np.empty((len(face), values.shape[1]), np.float32)
-    for number in range(len(face)):
-        a, b, c = faces[face[number], 0], faces[face[number], 1], faces[face[number], 2]
+        face = met.face[number]
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        at_a, at_b, at_c = corner_weights(points, (a, b, c), met.uv[number, 0], met.uv[number, 1])
         for channel in range(values.shape[1]):
-            means[number, channel] = (
-                weights[number, 0] * values[a, channel]
-                + weights[number, 1] * values[b, channel]
-                + weights[number, 2] * values[c, channel]
-            )
-    return means
+            means[number, channel] = at_a * values[a, channel] + at_b * values[b, channel] + at_c * values[c, channel]
 
 
 @compiled
 def shading_normals(
-    normals: np.ndarray, cross: np.ndarray, faces: np.ndarray, face: np.ndarray, weights: np.ndarray, front: np.ndarray
+    normals: np.ndarray, faces: np.ndarray, cross: np.ndarray, front: np.ndarray, points: np.ndarray, met: Met
 ) -> np.ndarray:
-    """``(N, 3)`` float32 unit normals between those ``(V, 3)`` of the vertices, on the side that is seen: front or not.
+    """``(N, 3)`` float32 unit normals between those ``(V, 3)`` of the vertices, on the side that is seen.
 
-    Where a face of normal ``cross`` is flipped among others, its vertices' normals are turned to its front.
+    ``front`` are :func:`fronts`. Where a face of normal ``cross`` is flipped among others, its vertices' normals are
+    turned to its front.
     """
-    means = np.empty((len(face), 3), np.float32)
-    mean = np.empty(3)
-    for number in range(len(face)):
+    means, mean = np.empty((len(met.face), 3), np.float32), np.empty(3)
+    for number in range(len(means)):
+        face = met.face[number]
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        at_a, at_b, at_c = corner_weights(points, (a, b, c), met.uv[number, 0], met.uv[number, 1])
         towards, squared = 0.0, 0.0
         for axis in range(3):
-            mean[axis], total = 0.0, 0.0
-            for corner in range(3):
-                value = normals[faces[face[number], corner], axis]
-                mean[axis] += weights[number, corner] * value
-                total += value
-            towards += total * cross[face[number], axis]
+            of_a, of_b, of_c = normals[a, axis], normals[b, axis], normals[c, axis]
+            mean[axis] = at_a * of_a + at_b * of_b + at_c * of_c
+            towards += (of_a + of_b + of_c) * cross[face, axis]
             squared += mean[axis] * mean[axis]
         scale = 1 / np.sqrt(max(squared, 1e-24))
-        if (towards < 0) == front[number]:
+        if (towards < 0) == front[face]:
             scale = -scale
         for axis in range(3):
             means[number, axis] = mean[axis] * scale

@@ -37,7 +37,7 @@ class DepthRaster(NamedTuple):
 def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> DepthRaster:
     """The nearest face, of both sides of all, at each pixel centre of a pose (4x4, mm)."""
     raster = DepthRaster(np.zeros(camera.shape_hw), np.full(camera.shape_hw, -1))
-    nearest_face.nearest_at_centres(_projected(mesh, camera, cam_from_model), mesh.faces, *raster)
+    nearest_face.nearest_at_centres(projected(mesh, camera, cam_from_model), mesh.faces, *raster)
     return raster
 
 
@@ -45,15 +45,18 @@ def nearest_at(
     mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, uv: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same at ``(N, 2)`` points of the image: ``(N,)`` inverse depths, 1/mm, 0 for none, and faces, -1 for none."""
-    points = _projected(mesh, camera, cam_from_model)
+    points = projected(mesh, camera, cam_from_model)
     return nearest_face.nearest_at_points(points, mesh.faces, uv, camera.width, camera.height)
 
 
-def corner_weights(
-    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, face: np.ndarray, uv: np.ndarray
-) -> np.ndarray:
-    """``(N, 3)`` barycentrics of what image points ``(N, 2)`` show of the faces ``(N,)`` that they meet."""
-    return nearest_face.corner_weights(_projected(mesh, camera, cam_from_model), mesh.faces[face], uv)
+def projected(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(V, 5)`` homogeneous pixels, columns and rows of the vertices: see :func:`.nearest_face.projected`."""
+    return nearest_face.projected(mesh.vertices, camera.k @ cam_from_model[:3])
+
+
+def fronts(mesh: TriangleMesh, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(F,)`` bool: the faces that show a pose their front."""
+    return lookup.fronts(mesh.face_cross, mesh.plane_offsets, camera_centre(cam_from_model))
 
 
 def seen_normals(
@@ -63,9 +66,9 @@ def seen_normals(
 
     Those of the vertices, interpolated, on the side that is seen.
     """
-    weights = corner_weights(mesh, camera, cam_from_model, face, uv)
-    front = lookup.fronts(mesh.face_cross, mesh.plane_offsets, face, camera_centre(cam_from_model))
-    return lookup.shading_normals(mesh.smooth_normals, mesh.face_cross, mesh.faces, face, weights, front)
+    points, front = projected(mesh, camera, cam_from_model), fronts(mesh, cam_from_model)
+    met = lookup.Met(uv, face, np.zeros(len(face)))
+    return lookup.shading_normals(mesh.smooth_normals, mesh.faces, mesh.face_cross, front, points, met)
 
 
 def first_met(mesh: TriangleMesh, place: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,10 +107,6 @@ def _looking_along(axis: np.ndarray) -> np.ndarray:
         return np.eye(3)
     x, z = across / np.linalg.norm(across), axis / np.linalg.norm(axis)
     return np.stack([x, np.cross(z, x), z])
-
-
-def _projected(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
-    return nearest_face.projected(mesh.vertices, camera.k @ cam_from_model[:3])
 
 
 def inverse_depth_map(depth_mm: np.ndarray, valid: np.ndarray | None = None) -> np.ndarray:

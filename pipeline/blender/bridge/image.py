@@ -6,12 +6,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
+from threading import Lock
 
 import bpy
 import numpy as np
 
 from ...errors import InputError
+from ...images.image_check import JPEG_SIGNATURE
 from ...process.own_process import delayed_interrupts
+
+_STANDARD_ERROR = Lock()
+"""Belongs to one reader at a time."""
 
 
 def decode(data: bytes, where: str) -> np.ndarray:
@@ -25,9 +30,12 @@ def decode(data: bytes, where: str) -> np.ndarray:
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
-        # an interruption between the two would lose the standard error
-        with delayed_interrupts(), _decoder_messages() as messages:
-            width, height = image.size
+        if data.startswith(JPEG_SIGNATURE):
+            # an interruption between the two would lose the standard error
+            with delayed_interrupts(), _STANDARD_ERROR, _jpeg_messages() as messages:
+                width, height = image.size
+        else:
+            (width, height), messages = image.size, []
         channels = image.channels
         if width == 0 or height == 0 or channels == 0 or messages:
             raise InputError(f"{where}: expected a whole image, its decoder says that it is damaged; copy it again")
@@ -52,9 +60,12 @@ def _check_own_colours(where: str) -> None:
 
 
 @contextmanager
-def _decoder_messages() -> Iterator[bytearray]:
-    """Filled in the end with what libraries print about an image: of a damaged one they fill in what they lack."""
-    messages = bytearray()
+def _jpeg_messages() -> Iterator[list[bytes]]:
+    """Filled in the end with what libjpeg prints about an image: of a damaged one it fills in what it lacks.
+
+    It has no other way to say so here. What other threads print meanwhile follows.
+    """
+    messages: list[bytes] = []
     sys.stderr.flush()
     with TemporaryFile() as said:
         kept = os.dup(2)
@@ -65,7 +76,11 @@ def _decoder_messages() -> Iterator[bytearray]:
             os.dup2(kept, 2)
             os.close(kept)
             said.seek(0)
-            messages += said.read()
+            for line in said:
+                if b"JPEG" in line:
+                    messages.append(line)
+                else:
+                    os.write(2, line)
 
 
 def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:

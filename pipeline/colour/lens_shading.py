@@ -87,13 +87,15 @@ class LensShading:
         """
         distance_mm = working_distance_mm(cam_from_model, self.middle_model)
         part = distance_mm / max(NEAR * self.frame_mm, distance_mm)
-        if part == 1:
+        if part == 1 or self.light.lamp_cam_mm is None:
             return self.light, distance_mm
         x, y, z = (part * each for each in self.light.lamp_cam_mm)
         return replace(self.light, lamp_cam_mm=(x, y, z)), distance_mm
 
     def moved(self, b_from_a: np.ndarray) -> "LensShading":
         """The same lamp for lenses at ``b``, of which those at ``a`` have it."""
+        if self.light.lamp_cam_mm is None:
+            return self
         x, y, z = transform_points(b_from_a, np.array([self.light.lamp_cam_mm]))[0].tolist()
         return replace(self, light=replace(self.light, lamp_cam_mm=(x, y, z)))
 
@@ -159,10 +161,12 @@ def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading
     depths = [_small_depth_mm(loaded.surface.mesh, frame) for frame in loaded.frames]
     nearest = min(float(depth[depth > 0].min(initial=np.inf)) for depth in depths)
     # views come nearer to the surface than the frames: the lamp must not get into it
-    if light.lamp_cam_mm[2] > nearest * FARTHEST_BEFORE:
+    if shadows and light.lamp_cam_mm is None:
+        raise InputError(f"{name}: [light]: expected lamp_cam_mm for shadows, found vignetting alone; use --light lens")
+    if light.place_cam_mm[2] > nearest * FARTHEST_BEFORE:
         raise InputError(
             f"{name}: [light] lamp_cam_mm: expected a lamp at the lens, at most a quarter of the way to the surface "
-            f"before it, found one {light.lamp_cam_mm[2]:.4g} mm before the lens, the surface begins at {nearest:.4g} "
+            f"before it, found one {light.place_cam_mm[2]:.4g} mm before the lens, the surface begins at {nearest:.4g} "
             "mm; give its place in the camera's axes, mm"
         )
     noise = max(map(_noise, (each.image for each in loaded.frames)))

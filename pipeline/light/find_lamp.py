@@ -6,8 +6,9 @@ is left is the change of the shading as the lens moves: a light that stands stil
 all albedos for one, and may take the light of a room for a lamp's.
 
 Two things move with the lens as the shading does, and would be taken for a lamp elsewhere; several frames tell them:
-the gloss of wet surfaces, of which one share is found, and the lamp's profile across the field, a smooth term about the
-axis. Both are nuisances: the law is without them.
+the gloss of wet surfaces, of which one share is found, and a profile across the field, a smooth term about the axis.
+Both are nuisances. What the law then keeps, the lamp, vignetting or both, is what tells most of frames that were left
+out: half of them are fitted, the others foretold, and the other way round.
 
 Least squares with Cauchy's weights, reweighted iteratively: instruments and light between
 the walls are in no frame's model. How far the lamp is before or behind the lens and how its light falls off with the
@@ -24,7 +25,7 @@ from ..errors import InputError
 from ..images.transfer import TRANSFERS
 from ..least_squares import damped_least_squares
 from ..surface.mesh import TriangleMesh
-from .lens_light import PHYSICAL, LensLight, working_distance_mm
+from .lens_light import MOST_VIGNETTING, PHYSICAL, LensLight, working_distance_mm
 from .shaded_points import Image, ShadedPoints, shaded_points
 
 X, Y, AMBIENT, GLOSS, Z, FALLOFF = range(6)
@@ -40,19 +41,26 @@ GRANTED = {Z: 1 / 15, FALLOFF: 0.3}
 """Standard deviations of what is not looked for; of the depth in working distances: 20 mm at 300 mm."""
 PROFILE = 2
 """Terms of the profile: powers of the squared distance from the axis."""
-ROUNDS, ITERATIONS = 2, 30
-"""Rounds before which the lamp's shadows are cast anew, and the most steps of each."""
+ROUNDS, ITERATIONS, REWEIGHTED = 2, 30, 5
+"""Rounds before which the lamp's shadows are cast anew, and the most steps of each; rounds of what is linear."""
 CAUCHY, LEAST_SCATTER = 2.5, 1e-9
 """Residuals of so many standard deviations count half; and the least of these."""
 CELLS = 4
 """Cells along the surface's length: the errors of near points depend on one another, those of cells less."""
 FEWEST_POINTS = 200
+FEWEST_FRAMES = 4
+"""Frames of which two are left out, to choose the law."""
+GAIN = 0.97
+"""More of the law is kept where what frames that were left out differ by falls below this part of it."""
+LAMP, VIGNETTING, BOTH = "lamp", "vignetting", "both"
 MISFIT = 2.5
 """What the scatter between cells is multiplied by: light between walls, highlights and the lamp's profile push all to
 one side. Of places found from path-traced photographs, nine of ten were then within two standard deviations."""
 LEAST_EXPLAINED, LARGEST_DEVIATION = 0.25, 0.1
 """A lamp explains so much of the shading at least, and its place is as sure, in working distances. Over several frames
 lamps explain 78 % and more, lights of rooms and suns nothing; of one frame, these end on a bound or are less sure."""
+LEAST_VIGNETTED = 0.5
+"""What vignetting without a lamp explains at least: 82 % and more of an endoscope's shading, up to 31 % in rooms."""
 MOST_STRENGTH = 0.1
 """Where less of a lamp's light than this moves with the lens, by two deviations, several frames show that none does."""
 
@@ -89,10 +97,13 @@ class FoundLamp:
     strength_deviation: float
     explained: float
     correlation: float
+    vignetting_deviation: float = 0.0
 
     @property
     def objection(self) -> str:
-        """Why this is no lamp at the lens, or why nobody knows, in words; empty if it is one."""
+        """Why this is no light at the lens, or why nobody knows, in words; empty if it is one."""
+        if self.light.lamp_cam_mm is None:
+            return ""
         away = np.abs(self.light.lamp_cam_mm[:2]).max()
         beside = away < FARTHEST * self.working_mm and self.light.ambient < 1
         sure = max(self.deviation_mm[:2]) <= LARGEST_DEVIATION * self.working_mm
@@ -106,31 +117,39 @@ class FoundLamp:
 
     @property
     def figures(self) -> str:
-        """Place, ambient part and what they explain, in words."""
+        """Place, ambient part, vignetting and what they explain, in words."""
+        explains = f"{max(self.explained, 0):.0%} of the shading of"
+        frames = "the frame" if self.frames == 1 else f"{self.frames} frames"
+        power = f"{self.light.vignetting:.1f} ± {self.vignetting_deviation:.1f}"
+        field = f"vignetting, the cosine off the lens' axis to the {power}"
+        if self.light.lamp_cam_mm is None:
+            return f"{field}, explains {explains} {frames}, and no lamp beside it those that were left out"
         x, y, _ = self.light.lamp_cam_mm
         across, down = (f"{at:.1f} ± {sure:.1f}" for at, sure in zip((x, y), self.deviation_mm[:2], strict=True))
-        frames = "the frame" if self.frames == 1 else f"{self.frames} frames"
         return (
             f"at x {across}, y {down} mm beside the lens, with an ambient part of {self.light.ambient:.2f} ± "
-            f"{self.ambient_deviation:.2f}, a lamp explains {max(self.explained, 0):.0%} of the shading of {frames} "
-            f"(correlation {self.correlation:.2f})"
+            f"{self.ambient_deviation:.2f}, a lamp explains {explains} {frames} (correlation {self.correlation:.2f})"
+            f"{f', with {field}' if self.light.vignetting else ''}"
         )
 
     def recorded(self, tool: str, date: str) -> LensLight:
         """The lamp with how it was found, for the case, rounded to what that means."""
-        x, y, z = (round(each, 2) for each in self.light.lamp_cam_mm)
-        origin = {
+        origin: dict[str, object] = {
             "method": "found",
             "tool": tool,
             "date": date,
             "frames": self.frames,
             "explained": round(self.explained, 3),
             "correlation": round(self.correlation, 3),
-            "standard_deviation_mm": [round(each, 2) for each in self.deviation_mm],
-            "ambient_standard_deviation": round(self.ambient_deviation, 4),
         }
+        vignetting = round(self.light.vignetting, 2)
+        if self.light.lamp_cam_mm is None:
+            return replace(self.light, vignetting=vignetting, origin=origin)
+        x, y, z = (round(each, 2) for each in self.light.lamp_cam_mm)
+        origin["standard_deviation_mm"] = [round(each, 2) for each in self.deviation_mm]
+        origin["ambient_standard_deviation"] = round(self.ambient_deviation, 4)
         rounded = (x, y, z), round(self.light.ambient, 4), round(self.light.falloff, 3)
-        return LensLight(*rounded, origin, self.light.transfer)
+        return LensLight(*rounded, origin, self.light.transfer, vignetting)
 
 
 def find_lamp(mesh: TriangleMesh, frames: Sequence[Image], transfer: str = "srgb") -> FoundLamp:
@@ -146,10 +165,35 @@ def lamp_of(sightings: ShadedPoints, mesh: TriangleMesh) -> FoundLamp:
     """As :func:`find_lamp`, from what frames show of points; ``mesh`` casts the shadows."""
     values, problem = START, _Problem(_compared(sightings))
     for _ in range(ROUNDS):
-        lit = sightings.lit(_light(values), mesh)
-        problem = _Problem(_compared(sightings.where(lit)))
+        lit = sightings.where(sightings.lit(_light(values), mesh))
+        problem = _Problem(_compared(lit))
         values = problem.solved(values)
-    return problem.found(values)
+    found, law = problem.found(values), _chosen_law(lit, values)
+    if law == LAMP:
+        return found
+    vignetted = problem.with_vignetting(found, values, law)
+    return found if law == VIGNETTING and vignetted.explained < LEAST_VIGNETTED else vignetted
+
+
+def _chosen_law(lit: ShadedPoints, start: np.ndarray) -> str:
+    """The part of the law that tells most of frames that were left out."""
+    if len(lit.poses) < FEWEST_FRAMES:
+        return LAMP
+    halves = [lit.where(lit.frame % 2 == half).shared() for half in (0, 1)]
+    if min(len(np.unique(half.point)) for half in halves) < FEWEST_POINTS:
+        return LAMP
+    one, other = map(_Problem, halves)
+    left_over = dict.fromkeys((LAMP, VIGNETTING, BOTH), 0.0)
+    for fitted, left_out in ((one, other), (other, one)):
+        values = fitted.solved(start)
+        lamp = fitted.found(values)
+        for law in left_over:
+            light = (lamp if law == LAMP else fitted.with_vignetting(lamp, values, law)).light
+            left_over[law] += left_out.left_over(light)
+    chosen = LAMP
+    for law in (VIGNETTING, BOTH):
+        chosen = law if left_over[law] < GAIN * left_over[chosen] else chosen
+    return chosen
 
 
 def _compared(sightings: ShadedPoints) -> ShadedPoints:
@@ -192,7 +236,7 @@ class _Problem:
         """The best parameters, from those given."""
 
         def linear(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            self._reweight(values)
+            self._reweight(self._residuals(values))
             slopes = self._slopes(values, self._free)
             weighted = slopes * self._weights[:, None]
             return weighted.T @ slopes, weighted.T @ self._residuals(values)
@@ -232,6 +276,37 @@ class _Problem:
             correlation=together / max(np.sqrt(variance * self._cost(told)), 1e-300),
         )
 
+    def with_vignetting(self, found: FoundLamp, values: np.ndarray, law: str) -> FoundLamp:
+        """What is found, with the vignetting that fits best beside the lamp of the parameters, or in its place."""
+        told = self._seen.log_light - (self._log_shading(values) if law == BOTH else 0)
+        exponent = 0.0
+        for _ in range(REWEIGHTED):
+            shown, slope = (self._without_exposures(each) for each in (told, self._seen.log_cosine))
+            weight = max(self._cost(slope), 1e-300)
+            exponent = float(np.clip((self._weights * slope * shown).sum() / weight, 0.01, MOST_VIGNETTING))
+            residuals = shown - exponent * slope
+            self._reweight(residuals)
+        scores = self._by_cells((self._weights * slope * residuals)[:, None])
+        deviation = MISFIT * float(np.sqrt((scores**2).sum())) / weight
+        if law == BOTH:
+            return replace(found, light=replace(found.light, vignetting=exponent), vignetting_deviation=deviation)
+        variance = max(self._cost(shown), 1e-300)
+        return replace(
+            found,
+            light=LensLight(None, 1.0, vignetting=exponent),
+            vignetting_deviation=deviation,
+            explained=1 - self._cost(residuals) / variance,
+            correlation=float((self._weights * shown * slope).sum()) / np.sqrt(variance * weight),
+        )
+
+    def left_over(self, light: LensLight) -> float:
+        """What the logarithm of the frames' light differs by from that of a light: the mean."""
+        told = self._seen.log_light - np.log(np.maximum(self._seen.shading(light), 1e-3))
+        for _ in range(REWEIGHTED):
+            residuals = self._without_exposures(told)
+            self._reweight(residuals)
+        return float(np.abs(residuals).mean())
+
     def _deviation(self, values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
         """Standard deviations, robust to errors that depend on one another within cells (White 1980)."""
         slopes = self._slopes(values, self._free)
@@ -253,8 +328,7 @@ class _Problem:
         cell = np.unique(places, axis=0, return_inverse=True)[1].ravel()
         return np.stack([np.bincount(cell, column) for column in values.T], axis=1)
 
-    def _reweight(self, values: np.ndarray) -> None:
-        residuals = self._residuals(values)
+    def _reweight(self, residuals: np.ndarray) -> None:
         scatter = max(1.4826 * float(np.median(np.abs(residuals))), LEAST_SCATTER)
         self._weights = 1 / (1 + (residuals / (CAUCHY * scatter)) ** 2)
 
@@ -283,7 +357,14 @@ class _Problem:
 
     def _without_rest(self, values: np.ndarray) -> np.ndarray:
         """``(N,)`` or ``(N, P)`` less what albedos, exposures and profile explain of them."""
-        values, linear = self._without_albedo(values), self._without_albedo(self._linear)
+        return self._without(self._linear, values)
+
+    def _without_exposures(self, values: np.ndarray) -> np.ndarray:
+        """As :meth:`_without_rest`, but for the profile."""
+        return self._without(self._linear[:, : len(self._seen.poses) - 1], values)
+
+    def _without(self, linear: np.ndarray, values: np.ndarray) -> np.ndarray:
+        values, linear = self._without_albedo(values), self._without_albedo(linear)
         weighted = linear * self._weights[:, None]
         return values - linear @ (np.linalg.pinv(weighted.T @ linear) @ (weighted.T @ values))
 

@@ -1,12 +1,14 @@
-"""The light of a lamp at the lens, which moves with it, and what it does to a surface: a lamp and an ambient part.
+"""The light of a lamp at the lens, which moves with it, and what it does to a surface: lamp, ambient part, vignetting.
 
 A matt surface sends back, in linear light, its albedo times
 
-    ambient + V max(cos θ, 0) (D / r)^falloff,
+    (ambient + V max(cos θ, 0) (D / r)^falloff) cos(φ)^vignetting,
 
 where θ is the angle between the surface's normal and the direction of the lamp, r the distance of the lamp, V 1 where
-nothing stands between, and D the :func:`working_distance_mm` of the pose, at which the lamp counts 1: exposures follow
-the distance, as a microscope's do. What lamp and exposure are worth together is part of the albedo.
+nothing stands between, φ the angle between the line of sight and the lens' axis, and D the :func:`working_distance_mm`
+of the pose, at which the lamp counts 1: exposures follow the distance, as a microscope's do. What lamp and exposure are
+worth together is part of the albedo. Vignetting of the lens and the spot of its lamp are one profile across the field;
+in a cavity, whose walls light one another, it may be all that is left of the law.
 """
 
 import math
@@ -24,9 +26,11 @@ from ..images.transfer import SRGB, TRANSFERS, Transfer
 PHYSICAL = 2.0
 """The falloff of a small lamp."""
 STEEPEST = 4.0
+MOST_VIGNETTING = 1000.0
 FARTHEST_MM, FARTHEST_BEHIND_MM = 500.0, 100.0
 """How far a lamp may be from the lens, and how far behind it: the length of a microscope's head."""
 
+LAMP_KEYS = ("lamp_cam_mm", "ambient")
 ORIGIN_KEYS = (
     "method",
     "tool",
@@ -50,7 +54,7 @@ class LensLight:
     Attributes
     ----------
     lamp_cam_mm
-        Where the lamp is, camera axes, mm.
+        Where the lamp is, camera axes, mm; ``None`` without one: the ambient part is all there is.
     ambient
         The ambient part, 0..1 of what the lamp gives a surface that faces it at the working distance.
     falloff
@@ -59,20 +63,26 @@ class LensLight:
         Where these come from, by :data:`ORIGIN_KEYS`; nothing is computed from it.
     transfer
         What the code values of the frames are: one of :data:`.TRANSFERS`.
+    vignetting
+        Exponent of the cosine between the line of sight and the lens' axis.
     """
 
-    lamp_cam_mm: tuple[float, float, float]
+    lamp_cam_mm: tuple[float, float, float] | None
     ambient: float
     falloff: float = PHYSICAL
     origin: Mapping[str, object] = field(default_factory=dict)
     transfer: str = "srgb"
+    vignetting: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the values."""
-        lamp = np.asarray(self.lamp_cam_mm, np.float64)
+        lamp = np.asarray(self.place_cam_mm, np.float64)
         if lamp.shape != (3,) or not np.isfinite(lamp).all():
             raise InputError(f"lamp_cam_mm: expected three finite numbers, found {self.lamp_cam_mm!r}")
-        object.__setattr__(self, "lamp_cam_mm", tuple(lamp.tolist()))
+        if self.lamp_cam_mm is None and not self.vignetting:
+            raise InputError("expected lamp_cam_mm, or vignetting above 0, found neither")
+        if self.lamp_cam_mm is not None:
+            object.__setattr__(self, "lamp_cam_mm", tuple(lamp.tolist()))
         away = float(np.linalg.norm(lamp))
         if away > FARTHEST_MM or lamp[2] < -FARTHEST_BEHIND_MM:
             raise InputError(
@@ -80,7 +90,12 @@ class LensLight:
                 f"{FARTHEST_BEHIND_MM:g} mm behind it, found one {away:.3g} mm away with z {lamp[2]:.3g} mm; give its "
                 "place in the camera's axes (x right, y down, z forward), mm"
             )
-        for name, value, most in (("ambient", self.ambient, 1.0), ("falloff", self.falloff, STEEPEST)):
+        limits = (
+            ("ambient", self.ambient, 1.0),
+            ("falloff", self.falloff, STEEPEST),
+            ("vignetting", self.vignetting, MOST_VIGNETTING),
+        )
+        for name, value, most in limits:
             if not (math.isfinite(value) and 0 <= value <= most):
                 raise InputError(f"{name}: expected a number from 0 to {most:g}, found {described(value)}")
         if self.transfer not in tuple(TRANSFERS):
@@ -89,7 +104,10 @@ class LensLight:
     @property
     def law(self) -> dict[str, object]:
         """What the light is computed from, by the keys of a case file; of usual frames without their transfer."""
-        law = {"lamp_cam_mm": self.lamp_cam_mm, "ambient": self.ambient, "falloff": self.falloff}
+        law: dict[str, object] = {}
+        if self.lamp_cam_mm is not None:
+            law = {"lamp_cam_mm": self.lamp_cam_mm, "ambient": self.ambient, "falloff": self.falloff}
+        law |= {"vignetting": self.vignetting} if self.vignetting else {}
         return law if self.curve is SRGB else {**law, "transfer": self.transfer}
 
     @property
@@ -97,27 +115,35 @@ class LensLight:
         """How the code values stand for linear light."""
         return TRANSFERS[self.transfer]
 
+    @property
+    def place_cam_mm(self) -> tuple[float, float, float]:
+        """Where the lamp is, camera axes, mm; the lens' centre without one."""
+        return (0.0, 0.0, 0.0) if self.lamp_cam_mm is None else self.lamp_cam_mm
+
     def place_model(self, cam_from_model: np.ndarray) -> np.ndarray:
         """``(3,)`` mm: where the lamp is at a pose (4x4, mm) of the lens, model frame."""
-        place: np.ndarray = cam_from_model[:3, :3].T @ (np.array(self.lamp_cam_mm) - cam_from_model[:3, 3])
+        place: np.ndarray = cam_from_model[:3, :3].T @ (np.array(self.place_cam_mm) - cam_from_model[:3, 3])
         return place
 
 
 def checked_lens_light(table: Mapping[str, object], where: str) -> LensLight:
     """The light of a case file's table ``[light]``; ``where`` begins messages."""
-    check_keys(table, ("lamp_cam_mm", "ambient"), ("falloff", "transfer", *ORIGIN_KEYS), f"{where} ")
-    lamp, origin = table["lamp_cam_mm"], {key: table[key] for key in ORIGIN_KEYS if key in table}
-    if not isinstance(lamp, list) or len(lamp) != 3 or not all(map(is_number, lamp)):
+    has_lamp = "vignetting" not in table or bool(table.keys() & {*LAMP_KEYS, "falloff"})
+    optional = ("falloff", "transfer", "vignetting", *ORIGIN_KEYS)
+    check_keys(table, LAMP_KEYS if has_lamp else (), optional, f"{where} ")
+    lamp, origin = table.get("lamp_cam_mm"), {key: table[key] for key in ORIGIN_KEYS if key in table}
+    if has_lamp and (not isinstance(lamp, list) or len(lamp) != 3 or not all(map(is_number, lamp))):
         raise InputError(f"{where} lamp_cam_mm: expected three numbers, found {described(lamp)}")
-    for key in ("ambient", "falloff"):
+    numbers = ("ambient", "falloff", "vignetting")
+    for key in numbers:
         if not is_number(table.get(key, 0)):
             raise InputError(f"{where} {key}: expected a number, found {described(table[key])}")
     for key, value in origin.items():
         origin[key] = _checked_origin(key, value, f"{where} {key}")
-    values = {key: float(table[key]) for key in ("ambient", "falloff") if key in table}  # type: ignore[arg-type]
+    values = {"ambient": 1.0, **{key: float(table[key]) for key in numbers if key in table}}  # type: ignore[arg-type]
     try:
-        x, y, z = map(float, lamp)
-        return LensLight((x, y, z), **values, origin=origin, transfer=table.get("transfer", "srgb"))  # type: ignore[arg-type]
+        place = (float(lamp[0]), float(lamp[1]), float(lamp[2])) if isinstance(lamp, list) else None
+        return LensLight(place, **values, origin=origin, transfer=table.get("transfer", "srgb"))  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{where} {error}") from None
 
@@ -171,8 +197,10 @@ def shading(
 
     Returns
     -------
-    ``(N,)``, linear, at least the ambient part, in the precision of ``points``.
+    ``(N,)``, linear, in the precision of ``points``; without vignetting at least the ambient part.
     """
+    if light.lamp_cam_mm is None:
+        return np.full(len(points), light.ambient, points.dtype) * vignetted(light, points, cam_from_model)
     lamp, kind = light.place_model(cam_from_model), points.dtype.type
     # column by column: numpy is slow at reductions along an axis of three
     x, y, z = (kind(at) - column for at, column in zip(lamp, points.T, strict=True))
@@ -185,7 +213,17 @@ def shading(
     if lit is not None:
         direct *= lit
     direct += kind(light.ambient)
+    if light.vignetting:
+        direct *= vignetted(light, points, cam_from_model)
     return direct
+
+
+def vignetted(light: LensLight, points: np.ndarray, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(N,)`` what vignetting leaves of the light of points (model frame, mm): the last factor of the law."""
+    x, y, z = (points @ row[:3].astype(points.dtype) + points.dtype.type(row[3]) for row in cam_from_model[:3])
+    squared = z * z
+    # of points beside the lens nothing is left
+    return power_of(np.maximum(squared / np.maximum(x * x + y * y + squared, 1e-12), 1e-12), light.vignetting / 2)
 
 
 def power_of(values: np.ndarray, exponent: float) -> np.ndarray:

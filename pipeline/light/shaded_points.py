@@ -104,7 +104,7 @@ class ShadedPoints:
         The lobe of Trowbridge & Reitz (1975), of :data:`ROUGHNESS`: broader than highlights are seen to be.
         """
         points, normals, distances = self._cam
-        towards_lamp = np.array(light.lamp_cam_mm) - points
+        towards_lamp = np.array(light.place_cam_mm) - points
         r, away = (np.linalg.norm(each, axis=1) for each in (towards_lamp, points))
         half = towards_lamp / r[:, None] - points / away[:, None]
         cosine = np.einsum("nk,nk->n", half, normals) / np.linalg.norm(half, axis=1)
@@ -121,6 +121,12 @@ class ShadedPoints:
         squared = (points[:, :2] ** 2).sum(axis=1) / points[:, 2] ** 2
         relative: np.ndarray = squared / max(float(squared.max(initial=0.0)), 1e-12)
         return relative
+
+    @cached_property
+    def log_cosine(self) -> np.ndarray:
+        """``(N,)`` logarithm of the cosine between the line of sight and the lens' axis: what vignetting multiplies."""
+        points = self._cam[0]
+        return np.log(points[:, 2] / np.linalg.norm(points, axis=1))
 
     def lit(self, light: LensLight, mesh: TriangleMesh) -> np.ndarray:
         """``(N,)`` bool: nothing stands between the point and the lamp."""

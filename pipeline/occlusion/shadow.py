@@ -18,7 +18,7 @@ class Shadow:
     ) -> None:
         self.camera, self.cam_from_model = camera, cam_from_model
         lamp, distance_mm = light.at(cam_from_model)
-        self._lamp_cam_mm = x, y, _ = lamp.lamp_cam_mm
+        self._lamp_cam_mm = x, y, _ = lamp.place_cam_mm
         lamp_from_model = cam_from_model.copy()
         lamp_from_model[:3, 3] -= self._lamp_cam_mm
         # the lens' own image where it works, and half an image around it

@@ -41,7 +41,7 @@ def tissue_mask(image: np.ndarray, inside: np.ndarray | None) -> np.ndarray:
     hidden = cv2.dilate(((covered > 0.4) | white).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0
     if inside is not None:
         lit = cv2.resize(inside.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
-        hidden |= lit < 0.99
+        hidden |= lit < 0.75
     return ~hidden
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..images.highlights import highlights
+
 GRID_WH = (16, 12)
 """Cells in which details are measured, across and down, so that those at the border of the view can be left out."""
 
@@ -59,8 +61,8 @@ class FrameMeasures:
         ``(12, 16)`` float16, contrast of edges in cells, relative to the brightness there; 0 where metal or gloves are.
     luma, bright
         Median code value of what is lit, and code value of :data:`BRIGHT_PERCENTILE`.
-    covered, glare
-        Shares of the picture, 0..1.
+    covered, glare, highlights
+        Shares of the picture, 0..1: metal and gloves; what is pale and light; what is lighter than all around it.
     motion
         Movement since the frame before, px of the view.
     """
@@ -70,6 +72,7 @@ class FrameMeasures:
     bright: float
     covered: float
     glare: float
+    highlights: float
     motion: float
 
 
@@ -88,7 +91,8 @@ def measured(image: np.ndarray, previous: np.ndarray | None = None) -> FrameMeas
     details = np.sqrt(energy / (brightness**2 + (0.2 * luma) ** 2))
     details[covered > _COVERED_CELL] = 0
     motion = 0.0 if previous is None else motion_px(view, previous)
-    return FrameMeasures(details.astype(np.float16), luma, bright, float(cold.mean()), float(glare.mean()), motion)
+    shares = (float(each.mean()) for each in (cold, glare, highlights(view / np.float32(255))))
+    return FrameMeasures(details.astype(np.float16), luma, bright, *shares, motion)
 
 
 def foreign(view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -158,8 +162,12 @@ def lit_part(brightness: np.ndarray) -> np.ndarray | None:
     count, labels, stats, _ = cv2.connectedComponentsWithStats(inside, connectivity=4)
     if count < 2:
         return None
-    part = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    return part if part.mean() > 0.1 else None
+    part = (labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))).astype(np.uint8)
+    # the optics' view is convex: what is dark at its edge is tissue; the line around a filled hull is a pixel too wide
+    outline = cv2.findContours(part, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0][0]
+    hull = cv2.fillConvexPoly(np.zeros_like(part), cv2.convexHull(outline), 1)
+    part |= cv2.erode(hull, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+    return part > 0 if part.mean() > 0.1 else None
 
 
 def _lit_level(brightness: np.ndarray) -> float:

@@ -56,7 +56,7 @@ class FrameScore:
     exposure
         Brightness in stops relative to the film's well exposed frames.
     glare, obstructed
-        Shares of the view, 0..1, beyond what most frames show: highlights; metal and gloves, by their colour.
+        Shares of the view, 0..1, beyond what most frames show: what is pale, and highlights; metal and gloves.
     motion_px
         Movement since the frame before, px of the full frame.
     comb
@@ -198,9 +198,9 @@ def _combined(
         Pixels of the full frame in a pixel of the view.
     """
     details = np.array([each.details[cells].mean(dtype=np.float64) for each in measures])
-    luma, bright, covered, glare, motion = (
+    luma, bright, covered, pale, white, motion = (
         np.array([getattr(each, name) for each in measures])
-        for name in ("luma", "bright", "covered", "glare", "motion")
+        for name in ("luma", "bright", "covered", "glare", "highlights", "motion")
     )
     # nothing comes before the first
     motion[:1] = motion[1:2] if len(motion) > 1 else 0
@@ -211,7 +211,10 @@ def _combined(
     is_exposed = np.abs(exposure) < 1
     sharpest = np.percentile(details[is_exposed] if is_exposed.any() else details, SHARPEST)
     sharpness = np.minimum(details / max(float(sharpest), 1e-9), 1)
-    obstructed, glare = (np.maximum(each - np.percentile(each, USUAL), 0) / shown for each in (covered, glare))
+    obstructed, pale, white = (
+        np.maximum(each - np.percentile(each, USUAL), 0) / shown for each in (covered, pale, white)
+    )
+    glare = pale + white
     moved = np.maximum(motion - min(float(np.percentile(motion, USUAL)), LARGEST_NOISE_PX), 0)
     comb = np.array([each[2] for each in frames])
     total = (

@@ -67,11 +67,18 @@ alignments = st.builds(
     rms_px=maybe(st.floats(0, 1e3)),
     standard_deviation_deg=maybe(st.tuples(*[st.floats(0, 1e3)] * 3)),
 )
+lamps = st.fixed_dictionaries(
+    {
+        "lamp_cam_mm": st.tuples(st.floats(-200, 200), st.floats(-200, 200), st.floats(-100, 200)),
+        "ambient": st.floats(0, 1),
+        "falloff": st.floats(0, 4),
+        "vignetting": st.floats(0, 9),
+    }
+)
+no_lamps = st.fixed_dictionaries({"lamp_cam_mm": st.none(), "ambient": st.just(1.0), "vignetting": st.floats(1, 9)})
 lights = st.builds(
-    LensLight,
-    lamp_cam_mm=st.tuples(st.floats(-200, 200), st.floats(-200, 200), st.floats(-100, 200)),
-    ambient=st.floats(0, 1),
-    falloff=st.floats(0, 4),
+    lambda values, origin: LensLight(**values, origin=origin),
+    values=lamps | no_lamps,
     origin=st.fixed_dictionaries(
         {}, optional={"method": any_text, "frames": st.integers(1, 9), "explained": st.floats(0, 1)}
     ),

@@ -107,6 +107,28 @@ def test_highlights_and_the_lamps_profile_move_it_little():
     assert_lamp(lamp_of(sightings(mesh, wet), mesh), 3.0)
 
 
+def test_where_no_lamp_shows_vignetting_is_found():
+    """It is asked for two frames of four by the others; walls that light one another leave nothing of a lamp."""
+    mesh, alone = hills(), LensLight(None, 1.0, vignetting=80.0)
+    found = lamp_of(sightings(mesh, lit_by(alone), (0.2, 3.0, 1.0, 0.7)), mesh)
+    assert not found.objection
+    assert found.light.lamp_cam_mm is None
+    assert found.light.vignetting == pytest.approx(80, rel=1e-6)
+    both = lamp_of(sightings(mesh, lit_by(replace(LAMP, vignetting=40.0))), mesh)
+    assert_lamp(both, 0.1)
+    assert both.light.vignetting == pytest.approx(40, rel=0.05)
+
+
+def test_a_microscope_and_an_endoscope_are_the_same_picture():
+    """All lengths a fifteenth: so is the lamp."""
+    mesh = hills()
+    seen = sightings(mesh, lit_by(LAMP))
+    poses = tuple(rigid(pose[:3, :3], pose[:3, 3] / 15) for pose in seen.poses)
+    small = lamp_of(replace(seen, points=seen.points / 15, poses=poses), replace(mesh, vertices=mesh.vertices / 15))
+    assert not small.objection
+    np.testing.assert_allclose(np.multiply(small.light.lamp_cam_mm, 15), LAMP.lamp_cam_mm, atol=0.05)
+
+
 def test_exposures_cancel_and_the_order_of_frames_means_nothing():
     mesh = hills()
     noise = np.random.default_rng(0).normal(0, 0.02, 4 * len(mesh.vertices))

@@ -1,5 +1,7 @@
 """The light at the lens: its law, and tables that are read or refused with a sentence."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -22,6 +24,9 @@ def test_the_law_is_lamberts_in_the_cameras_axes():
     r = np.linalg.norm(towards, axis=1)
     cosine = np.einsum("nk,nk->n", towards / r[:, None], NORMALS @ POSE[:3, :3].T)
     expected = 0.05 + np.maximum(cosine, 0) * (290 / r) ** 2
+    off_axis = points[:, 2] / np.linalg.norm(points, axis=1)
+    for law, lamp in ((replace(LIGHT, vignetting=30.0), expected), (LensLight(None, 1.0, vignetting=30.0), 1.0)):
+        np.testing.assert_allclose(shading(law, POINTS, NORMALS, POSE, 290.0), lamp * off_axis**30, rtol=1e-9)
     np.testing.assert_allclose(shading(LIGHT, POINTS, NORMALS, POSE, 290.0), expected, rtol=1e-12)
     single = shading(LIGHT, POINTS.astype(np.float32), NORMALS.astype(np.float32), POSE, 290.0)
     assert single.dtype == np.float32
@@ -54,6 +59,7 @@ def test_a_surface_that_faces_the_lamp_gets_one_more_than_in_shadow(falloff, amb
         ({"lamp_cam_mm": [0, 900, 0]}, "lamp_cam_mm: expected a lamp at the lens"),
         ({"ambient": -0.01}, "ambient: expected a number from 0 to 1"),
         ({"falloff": 7}, "falloff: expected a number from 0 to 4"),
+        ({"vignetting": -1}, "vignetting: expected a number from 0 to 1000"),
         ({"lamp": 1}, "unknown key 'lamp'; did you mean 'lamp_cam_mm'"),
         ({"method": 3}, "method: expected text"),
         ({"transfer": 2.2}, "transfer: expected one of srgb, bt709, linear, found 2.2"),
@@ -64,6 +70,7 @@ def test_a_surface_that_faces_the_lamp_gets_one_more_than_in_shadow(falloff, amb
 def test_a_table_that_no_lamp_can_have_is_refused(change, words):
     table = {"lamp_cam_mm": [-13, -16, 0], "ambient": 0.05, "falloff": 2}
     assert checked_lens_light(table, "case.toml: [light]") == LensLight((-13.0, -16.0, 0.0), 0.05)
+    assert checked_lens_light({"vignetting": 4}, "case.toml: [light]") == LensLight(None, 1.0, vignetting=4.0)
     with pytest.raises(InputError, match=r"^case.toml: \[light\] ") as refused:
         checked_lens_light({**table, **change}, "case.toml: [light]")
     assert words in str(refused.value)

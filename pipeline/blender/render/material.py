@@ -130,12 +130,20 @@ def _in_light(
     along = nodes.math("MULTIPLY", vector("DOT_PRODUCT", vector("NORMALIZE", normal), lamp, result="Value"), side)
     squared = nodes.math("MAXIMUM", vector("DOT_PRODUCT", lamp, lamp, result="Value"), 1e-6)
     nearness = nodes.math("POWER", squared, -(lens.light.falloff + 1) / 2)
-    linear = nodes.math("MULTIPLY_ADD", nodes.math("MAXIMUM", along, 0.0), nearness, lens.light.ambient)
-    factor = nodes.math("POWER", nodes.math("MAXIMUM", linear, lens.least), 1 / lens.curve.gamma)
+    direct = nodes.math("MAXIMUM", along, 0.0) if lens.light.lamp_cam_mm else 0.0
+    linear = nodes.math("MULTIPLY_ADD", direct, nearness, lens.light.ambient)
+    ambient: bpy.types.NodeSocket | float = lens.light.ambient
+    if lens.light.vignetting:
+        view = nodes.add("ShaderNodeCameraData").outputs
+        cosine = nodes.math("DIVIDE", view["View Z Depth"], view["View Distance"])
+        vignetted = nodes.math("POWER", cosine, lens.light.vignetting)
+        linear, ambient = nodes.math("MULTIPLY", linear, vignetted), nodes.math("MULTIPLY", vignetted, ambient)
+    factor, shaded = (
+        nodes.math("POWER", nodes.math("MAXIMUM", each, lens.least), 1 / lens.curve.gamma) for each in (linear, ambient)
+    )
     shifted = vector("ADD", rgb, (lens.curve.shift,) * 3)
     if not lens.shadows:
         return nodes.scaled(shifted, factor), None
-    shaded = max(lens.light.ambient, lens.least) ** (1 / lens.curve.gamma)
     mesh_object.data.shade_flat()
     face = nodes.add("ShaderNodeNewGeometry").outputs["True Normal"]
     cosine = nodes.math("MAXIMUM", vector("DOT_PRODUCT", face, vector("NORMALIZE", lamp), result="Value"), 1e-4)

@@ -58,12 +58,14 @@ def ball(subdivisions: int) -> TriangleMesh:
     [("raster", "srgb"), ("raster", "bt709"), ("raster", "linear"), ("cycles", "srgb"), ("cycles", "linear")],
 )
 def test_a_grey_ball_is_lit_as_the_law_says(engine, transfer):
-    check_light_on_a_ball(engine, transfer)
+    check_light_on_a_ball(engine, LIGHT)
+    check_light_on_a_ball(engine, replace(LIGHT, transfer=transfer, vignetting=90.0))
+    check_light_on_a_ball(engine, LensLight(None, 1.0, transfer=transfer, vignetting=90.0))
 
 
-def check_light_on_a_ball(engine: str, transfer: str) -> None:
+def check_light_on_a_ball(engine: str, light: LensLight) -> None:
     """From the pixels' rays and the ball's equation alone; Eevee shows a point up to a hundredth of a pixel away."""
-    lens, curve = replace(LENS, light=replace(LIGHT, transfer=transfer)), TRANSFERS[transfer]
+    lens, curve = replace(LENS, light=light), light.curve
     pose = rigid(rotation_from_vector(np.array([0.4, -1.0, 0.3])), np.array([2.0, -1.0, 250.0]))
     with opened_engine(engine, ColouredSurface(ball(5), light=lens), CAMERA) as render:
         view = render(pose)
@@ -73,7 +75,8 @@ def check_light_on_a_ball(engine: str, transfer: str) -> None:
     towards = np.array(LIGHT.lamp_cam_mm) - points
     r = np.linalg.norm(towards, axis=1)
     cosine = np.maximum((normals * towards).sum(axis=1) / r, 0)
-    expected = linear_from_codes(0.5, curve) * (0.08 + cosine * (np.linalg.norm(pose[:3, 3]) / r) ** 2)
+    lamp = light.ambient + (light.lamp_cam_mm is not None) * cosine * (np.linalg.norm(pose[:3, 3]) / r) ** 2
+    expected = linear_from_codes(0.5, curve) * lamp * np.linalg.norm(rays, axis=1) ** -light.vignetting
     inside = view.mask.ravel() & ((normals * rays).sum(axis=1) / np.linalg.norm(rays, axis=1) < -0.3)
     assert inside.sum() > 500
     off = np.abs(view.rgb.reshape(-1, 3) - codes_from_linear(expected, curve)[:, None])[inside]
@@ -127,7 +130,7 @@ def test_shadows_are_where_rays_say_and_the_frame_comes_back(
     stepped_mesh, frontal_pose, oblique_pose, sharp_image, lit_case
 ):
     """The step hides a strip from a lamp far beside the lens, to the ambient part exactly; so it does by Cycles."""
-    light = LensLight((-120.0, 60.0, 0.0), 0.3)
+    light = LensLight((-120.0, 60.0, 0.0), 0.3, vignetting=1.0)
     loaded = lit_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, light=light)
     seen = albedo_of(loaded, shadows=True)
     bare = ColouredSurface(stepped_mesh, light=replace(seen.light, shadows=False))
@@ -146,8 +149,9 @@ def test_shadows_are_where_rays_say_and_the_frame_comes_back(
             assert np.count_nonzero(np.abs(view.rgb - other.rgb).max(axis=2) > 1 / 255) <= 0.01 * view.mask.sum()
             dark = (view.rgb < full.rgb - 1e-4).any(axis=2)
             assert 10 < dark.sum() < 0.7 * view.mask.sum()
-            ambient = codes_from_linear(linear_from_codes(0.5) * 0.3)
-            np.testing.assert_allclose(view.rgb[dark], ambient, atol=1e-5)
+            off_axis = np.linalg.norm(CAMERA.rays_cam(CAMERA.pixel_grid()[dark]), axis=1)
+            ambient = codes_from_linear(linear_from_codes(0.5) * 0.3 / off_axis)
+            np.testing.assert_allclose(view.rgb[dark], ambient[:, None] + np.zeros(3), atol=1e-5)
             np.testing.assert_array_equal(view.rgb[~dark], full.rgb[~dark])
         back = frame(frontal_pose)
     assert np.abs(back.rgb - loaded.frame.image)[back.observed].max() < 1e-5
@@ -190,6 +194,8 @@ def test_a_case_without_a_lamp_before_its_surface_is_refused(bumpy_mesh, frontal
     depth = float(transform_points(frontal_pose, bumpy_mesh.vertices)[:, 2].min())
     with pytest.raises(InputError, match="expected a lamp at the lens, at most a quarter of the way to the surface"):
         lens_shading_of(lit_case(*given, light=LensLight((0.0, 0.0, 0.3 * depth), 0.0)))
+    with pytest.raises(InputError, match=r"expected lamp_cam_mm for shadows, found vignetting alone; use --light lens"):
+        lens_shading_of(lit_case(*given, light=LensLight(None, 1.0, vignetting=4.0)), shadows=True)
     before = lit_case(*given, light=LensLight((0.0, 0.0, 0.2 * depth), 0.0))
     assert lens_shading_of(before).light == before.case.light
     nearer = replace(before.frame, cam_from_model=rigid(translation=np.array([0, 0, -depth / 2])) @ frontal_pose)

@@ -114,8 +114,7 @@ def corner_normals(mesh: TriangleMesh) -> np.ndarray:
     So faces that are flipped among others are shaded as these.
     """
     normals = mesh.smooth_normals[mesh.faces]
-    back = (normals.sum(axis=1) * mesh.face_cross).sum(axis=1) < 0
-    normals[back] *= -1
+    normals[mesh.is_flipped] *= -1
     return normals
 
 
@@ -136,14 +135,13 @@ def albedo_codes(codes: np.ndarray, factors: np.ndarray, curve: Transfer) -> np.
 def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None, curve: Transfer = SRGB) -> np.ndarray:
     """Shifted codes ``(N, 3)``, times ``(N,)`` factors of light -> code values, from 0, in place."""
     shift = np.float32(curve.shift)
-    for column in rgb.T:
-        if factors is not None:
-            column += shift
-            column *= factors
-            column -= shift
-        dark = np.flatnonzero(column < curve.straight)
-        linear = (np.maximum(column[dark] + shift, 0) / np.float32(1 + curve.shift)) ** np.float32(curve.gamma)
-        column[dark] = np.float32(curve.slope) * linear
+    if factors is not None:
+        rgb += shift
+        rgb *= factors[:, None]
+        rgb -= shift
+    dark = rgb < curve.straight
+    linear = (np.maximum(rgb[dark] + shift, 0) / np.float32(1 + curve.shift)) ** np.float32(curve.gamma)
+    rgb[dark] = np.float32(curve.slope) * linear
     return rgb
 
 

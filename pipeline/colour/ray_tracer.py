@@ -12,7 +12,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import ROUNDING_PX
-from ..kernels.lookup import FrameLookup, Met, Painted, interpolate, paint, shown_by
+from ..kernels.lookup import FrameLookup, Met, Painted, interpolate, met_points, paint, shown_by
 from ..projection.edge_pixels import pixel_pattern
 from ..projection.rendered_view import RenderedView
 from ..projection.z_buffer import fronts, inverse_depth_map, nearest_at, projected, rasterise_depth, seen_normals
@@ -156,18 +156,18 @@ class RayTracer:
         if self._surface.unseen is not None:
             interpolate(self._surface.unseen, mesh.faces, points, met, hit & (painted.source == 0), rgb)
         if self._surface.light is not None:
-            chosen = np.flatnonzero(hit)
-            lit = rgb[chosen]
-            self._light(self._surface.light, lit, Met(*(values[chosen] for values in met)), cam_from_model)
-            rgb[chosen] = lit
+            lit, lit_met = (rgb, met) if hit.all() else (rgb[hit], Met(*(values[hit] for values in met)))
+            self._light(self._surface.light, lit, lit_met, cam_from_model)
+            if lit is not rgb:
+                rgb[hit] = lit
         return painted
 
     def _light(self, light: LensShading, rgb: np.ndarray, met: Met, cam_from_model: np.ndarray) -> None:
         """Put colours into the light at the lens."""
         mesh = self._mesh
-        away = self._camera.rays_cam(met.uv) / met.inverse_depth[:, None]
-        points = camera_centre(cam_from_model) + away @ cam_from_model[:3, :3]
+        model_from_px = cam_from_model[:3, :3].T @ np.linalg.inv(self._camera.k)
+        points = met_points(met, camera_centre(cam_from_model), model_from_px)
         normals = seen_normals(mesh, self._camera, cam_from_model, met.face, met.uv)
         lit = lit_by_lamp(mesh, light, met.face, points, cam_from_model) if light.shadows else None
-        factors = light.factors(points.astype(np.float32), normals, cam_from_model, lit)
+        factors = light.factors(points, normals, cam_from_model, lit)
         shown_codes(rgb, factors, light.curve)

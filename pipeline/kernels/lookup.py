@@ -164,27 +164,48 @@ def interpolate(
 
 @compiled
 def shading_normals(
-    normals: np.ndarray, faces: np.ndarray, cross: np.ndarray, front: np.ndarray, points: np.ndarray, met: Met
+    normals: np.ndarray, faces: np.ndarray, turned: np.ndarray, points: np.ndarray, met: Met
 ) -> np.ndarray:
-    """``(N, 3)`` float32 unit normals between those ``(V, 3)`` of the vertices, on the side that is seen.
-
-    ``front`` are :func:`fronts`. Where a face of normal ``cross`` is flipped among others, its vertices' normals are
-    turned to its front.
-    """
-    means, mean = np.empty((len(met.face), 3), np.float32), np.empty(3)
-    for number in range(len(means)):
-        face = met.face[number]
+    """``(N, 3)`` float32 unit normals between those ``(V, 3)`` of the vertices; some faces have them turned."""
+    (uv, met_face, _), means = met, np.empty((len(met.face), 3), np.float32)
+    for number in range(len(met_face)):
+        face = met_face[number]
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        at_a, at_b, at_c = corner_weights(points, (a, b, c), met.uv[number, 0], met.uv[number, 1])
-        towards, squared = 0.0, 0.0
-        for axis in range(3):
-            of_a, of_b, of_c = normals[a, axis], normals[b, axis], normals[c, axis]
-            mean[axis] = at_a * of_a + at_b * of_b + at_c * of_c
-            towards += (of_a + of_b + of_c) * cross[face, axis]
-            squared += mean[axis] * mean[axis]
-        scale = 1 / np.sqrt(max(squared, 1e-24))
-        if (towards < 0) == front[face]:
+        at_a, at_b, at_c = corner_weights(points, (a, b, c), uv[number, 0], uv[number, 1])
+        x = at_a * normals[a, 0] + at_b * normals[b, 0] + at_c * normals[c, 0]
+        y = at_a * normals[a, 1] + at_b * normals[b, 1] + at_c * normals[c, 1]
+        z = at_a * normals[a, 2] + at_b * normals[b, 2] + at_c * normals[c, 2]
+        scale = 1 / np.sqrt(max(x * x + y * y + z * z, 1e-24))
+        if turned[face]:
             scale = -scale
-        for axis in range(3):
-            means[number, axis] = mean[axis] * scale
+        means[number, 0], means[number, 1], means[number, 2] = x * scale, y * scale, z * scale
     return means
+
+
+@compiled
+def met_points(met: Met, centre: np.ndarray, model_from_px: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` float32 points that rays from a centre meet; they go along a matrix ``(3, 3)`` times (u, v, 1)."""
+    (uv, _, inverse_depth), points = met, np.empty((len(met.face), 3), np.float32)
+    for number in range(len(points)):
+        u, v, depth = uv[number, 0], uv[number, 1], 1 / inverse_depth[number]
+        for axis in range(3):
+            away = model_from_px[axis, 0] * u + model_from_px[axis, 1] * v + model_from_px[axis, 2]
+            points[number, axis] = centre[axis] + away * depth
+    return points
+
+
+@compiled
+def seen_from(place: np.ndarray, look: np.ndarray, points: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """``(N, 2)`` slopes x / z and y / z, and ``(N,)`` depths of points, seen from a place with a rotation ``(3, 3)``.
+
+    The depth is 0 where the cosine between the line of sight and the axis z is below the least one.
+    """
+    slopes, depths = np.zeros((len(points), 2)), np.zeros(len(points))
+    for number in range(len(points)):
+        x, y, z = points[number, 0] - place[0], points[number, 1] - place[1], points[number, 2] - place[2]
+        depth = look[2, 0] * x + look[2, 1] * y + look[2, 2] * z
+        if depth > 0 and depth >= least * np.sqrt(x * x + y * y + z * z):
+            slopes[number, 0] = (look[0, 0] * x + look[0, 1] * y + look[0, 2] * z) / depth
+            slopes[number, 1] = (look[1, 0] * x + look[1, 1] * y + look[1, 2] * z) / depth
+            depths[number] = depth
+    return slopes, depths

@@ -66,9 +66,8 @@ def seen_normals(
 
     Those of the vertices, interpolated, on the side that is seen.
     """
-    points, front = projected(mesh, camera, cam_from_model), fronts(mesh, cam_from_model)
-    met = lookup.Met(uv, face, np.zeros(len(face)))
-    return lookup.shading_normals(mesh.smooth_normals, mesh.faces, mesh.face_cross, front, points, met)
+    points, turned = projected(mesh, camera, cam_from_model), fronts(mesh, cam_from_model) == mesh.is_flipped
+    return lookup.shading_normals(mesh.smooth_normals, mesh.faces, turned, points, lookup.Met(uv, face, np.zeros(0)))
 
 
 def first_met(mesh: TriangleMesh, place: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,24 +77,29 @@ def first_met(mesh: TriangleMesh, place: np.ndarray, points: np.ndarray) -> tupl
     -------
     ``(N,)`` the part of the way there, infinite if they meet nothing; ``(N,)`` the face, -1 for none.
     """
-    part, face, away = np.full(len(points), np.inf), np.full(len(points), -1), points - place
-    length, left = np.linalg.norm(away, axis=1), np.arange(len(points))
+    part, face, left = np.full(len(points), np.inf), np.full(len(points), -1), np.arange(len(points))
     while len(left):
         # a camera at the place looks at the middle of them; those beside it get another one
-        middle = away[left].mean(axis=0)
-        for axis in (middle, away[left[0]]):
-            look = rigid(_looking_along(axis))
-            cam = away[left] @ look[:3, :3].T
-            ahead = cam[:, 2] >= LEAST_COSINE * length[left]
-            if ahead[0]:
+        others = points if len(left) == len(points) else points[left]
+        for axis in (others.mean(axis=0) - place, others[0] - place):
+            look = _looking_along(axis)
+            slopes, depth = lookup.seen_from(place, look, others, LEAST_COSINE)
+            if depth[0] > 0:
                 break
-        cam, own = cam[ahead], left[ahead]
-        slopes = cam[:, :2] / np.maximum(cam[:, 2:], 1e-300)
-        low, side = slopes.min(axis=0), int(np.sqrt(len(own))) + 1
-        focal = side / np.maximum(np.ptp(slopes, axis=0), 1e-12)
-        camera = PinholeCamera(side + 1, side + 1, *focal, *(-focal * low))
-        inverse_depth, face[own] = nearest_at(mesh, camera, look @ rigid(translation=-place), (slopes - low) * focal)
-        part[own] = 1 / np.maximum(inverse_depth * cam[:, 2], 1e-300)
+        ahead = depth > 0
+        if not ahead.any():
+            break
+        own: slice | np.ndarray = slice(None)
+        if not ahead.all() or others is not points:
+            own, slopes, depth = left[ahead], slopes[ahead], depth[ahead]
+        low, high = (np.array([across(column) for column in slopes.T]) for across in (np.min, np.max))
+        side = int(np.sqrt(len(slopes))) + 1
+        focal = side / np.maximum(high - low, 1e-12)
+        slopes -= low
+        slopes *= focal
+        camera, pose = PinholeCamera(side + 1, side + 1, *focal, *(-focal * low)), rigid(look, -look @ place)
+        inverse_depth, face[own] = nearest_at(mesh, camera, pose, slopes)
+        part[own] = 1 / np.maximum(inverse_depth * depth, 1e-300)
         left = left[~ahead]
     return np.where(face >= 0, part, np.inf), face
 

@@ -87,6 +87,15 @@ class TriangleMesh:
         return TriangleMesh(places, index[self.faces]).vertex_normals[index]
 
     @cached_property
+    def is_flipped(self) -> np.ndarray:
+        """``(F,)`` bool: faces that show their back where their vertices' :attr:`smooth_normals` point."""
+        towards = np.zeros(len(self.faces))
+        for axis in range(3):
+            of_corners = self.smooth_normals[:, axis][self.faces]
+            towards += (of_corners[:, 0] + of_corners[:, 1] + of_corners[:, 2]) * self.face_cross[:, axis]
+        return towards < 0
+
+    @cached_property
     def bounds(self) -> np.ndarray:
         """``(2, 3)`` smallest and largest vertex coordinates, mm."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

@@ -95,7 +95,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
         report(
             f"highlights of {name}: {told[bright].mean():.0%} told, and {told[shown & ~bright].mean():.1%} of the rest"
         )
-    film = cv2.VideoWriter(str(out / "film.avi"), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 25, SIZE_WH)
+    film = cv2.VideoWriter(str(out / "film.avi"), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"FFV1"), 25, SIZE_WH)
     for path, _ in frames.values():
         film.write(np.ascontiguousarray(read_codes(path)[..., ::-1]))
     film.release()

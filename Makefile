@@ -2,7 +2,7 @@
 #   PYTHON=...  a Python 3.13 (brings Blender 5.2 LTS) or 3.11 (Blender 4.5 LTS); found by itself if not given
 #   VENV=...    where the environment goes (default .venv)
 #   BLENDER=... a Blender program, for the tests that run inside one, for addon-dev and screenshots
-#   BENCH_FLAGS=... CHART_FLAGS=... options of scripts/benchmark.py
+#   BENCH_FLAGS=... CHART_FLAGS=... REAL_FLAGS=... options of scripts/benchmark.py; DATA=... a folder of real frames
 #   PLATFORM=.. for which computers `make extension` builds: all, current, or names (see its --help)
 VENV ?= .venv
 PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
@@ -15,7 +15,7 @@ PYTEST = OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest --dist loadfile --no-loadscope-
 # each of the many processes that tests start would compile the package anew
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment evaluate stability docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-all test-long test-outside lint bench chart bench-alignment evaluate real stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module and the commands; again when pyproject.toml has changed
@@ -100,6 +100,11 @@ evaluate: setup
 	$(RUN) scripts/benchmark.py evaluation --light --out demo/light $(EVALUATE_FLAGS)
 	$(RUN) scripts/benchmark.py registration --out demo/registration $(EVALUATE_FLAGS)
 	@if $(RUN) -c "import torch" 2>/dev/null; then $(RUN) scripts/benchmark.py training --out demo/training/training.csv --spoilt $(TRAINING_FLAGS); else echo "left out: training, which needs PyTorch (the extra train)"; fi
+
+# on a real endoscopy, which DATA is the folder of, in demo/real; see docs/real-frames.md
+real: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	$(RUN) scripts/benchmark.py real --data "$(DATA)" --out demo/real $(REAL_FLAGS)
 
 # where methods fail, and what the software answers there, in demo/stability; STABILITY_FLAGS=--quick: minutes
 stability: setup

@@ -3,8 +3,8 @@
     python scripts/benchmark.py TOPIC --out PATH [--quick] [--redraw]
 
 Topics: speed (against PyVista), chart (speed against accuracy), landmarks (accuracy of poses), evaluation (on published
-photographs), registration (of further frames), stability (where methods fail), training (what views are worth). TOPIC
---help describes one.
+photographs), registration (of further frames), stability (where methods fail), training (what views are worth),
+real (on a real endoscopy). TOPIC --help describes one.
 --quick only shows that it runs; --redraw draws the charts again from --out.
 """
 
@@ -26,7 +26,7 @@ from oneframe.process.command_line import run_script
 from oneframe.process.own_process import own_output
 from scripts.benchmarks.charts.page import require_matplotlib
 
-TOPICS = ("speed", "chart", "landmarks", "evaluation", "registration", "stability", "training")
+TOPICS = ("speed", "chart", "landmarks", "evaluation", "registration", "stability", "training", "real")
 
 
 def main(argv: Sequence[str]) -> int:

@@ -105,10 +105,17 @@ class CameraFile:
         return checked_distortion(self.distortion, camera, f"{self.path.name}: distortion")
 
 
-def read_camera(path: Path) -> CameraFile:
-    """Read intrinsics from any of the formats of :mod:`.calibration_content`."""
+def read_camera(path: Path, place: str = "") -> CameraFile:
+    """Read intrinsics from any of the formats of :mod:`.calibration_content`.
+
+    Of a file with several cameras, ``place`` is the key of one: that of an image in BOP's ``scene_camera.json``,
+    ``"camera 3"`` of COLMAP's ``cameras.txt``.
+    """
     path = Path(path)
-    return _the_camera(content_table(read_content(path, "a file with a camera", most=LARGEST_TEXT), path), path)
+    content: Any = content_table(read_content(path, "a file with a camera", most=LARGEST_TEXT), path)
+    if place and not (isinstance(content, dict) and place in content):
+        raise InputError(f"{path.name}: expected a camera {place!r} in it, found none; write the key of one after #")
+    return _the_camera(content[place] if place else content, path)
 
 
 def typed_camera(
@@ -171,10 +178,12 @@ def _cameras(table: object, keys: tuple[str, ...], around: Mapping, path: Path) 
         size = _size(of_scope)
         _check_whole(scope, size, said)
         distortion = _distortion(scope, said)
+        # NeRF's transforms.json counts from the corner
+        origin = str(own.get("pixelorigin", "corner" if "flx" in own else "center"))[:LONGEST]
         for name, matrix in matrices.items():
             yield (
                 ".".join((*keys, name)) if len(matrices) > 1 else place,
-                CameraFile.of_matrix(path, matrix, size, distortion, _pixel_origin(own), where=f"{said}: K"),
+                CameraFile.of_matrix(path, matrix, size, distortion, origin, where=f"{said}: K"),
             )
         return
     around = {**around, **{key: value for key, value in table.items() if not _holds_camera(value)}}
@@ -269,13 +278,6 @@ def _size(keys: Mapping[str, Any]) -> tuple[float, float] | None:
     stated = [*([keys.get(name) for name in names] for names in SIZES), *map(keys.get, PAIRS)]
     pairs = (numbers for numbers in map(_numbers, stated) if numbers is not None and len(numbers) == 2)
     return next(((width, height) for width, height in pairs), None)
-
-
-def _pixel_origin(keys: Mapping[str, Any]) -> str:
-    if "pixelorigin" in keys:
-        return str(keys["pixelorigin"])[:LONGEST]
-    # NeRF's transforms.json
-    return "corner" if "flx" in keys else "center"
 
 
 def _distortion(table: Mapping, where: str) -> tuple[float, ...]:

@@ -56,7 +56,8 @@ def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None,
     if camera is not None:
         message += f", and fills the frame from {_length_text(_filling_distance_mm(extents_mm, camera))}"
     if better is None:
-        return SizeDoubt(f"{message}, which is unusual; check the units of the file", None)
+        how = "multiply it by the true distance of two of its points over that in the file"
+        return SizeDoubt(f"{message}, which is unusual; if its scale is not known, {how}", None)
     return SizeDoubt(f"{message}; in {_WORDS[better]} it would be {size_text(others[better])}: check the units", better)
 
 

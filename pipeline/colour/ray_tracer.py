@@ -12,10 +12,10 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import ROUNDING_PX
-from ..kernels.lookup import FrameLookup, Met, Painted, interpolate, met_points, paint, shown_by
+from ..kernels.lookup import FrameLookup, Met, Painted, interpolate, met_points, paint, shading_normals, shown_by
 from ..projection.edge_pixels import pixel_pattern
 from ..projection.rendered_view import RenderedView
-from ..projection.z_buffer import fronts, inverse_depth_map, nearest_at, projected, rasterise_depth, seen_normals
+from ..projection.z_buffer import fronts, inverse_depth_map, nearest_at, projected, rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, filtered_image, footprint_scale, smoothed
@@ -156,18 +156,17 @@ class RayTracer:
         if self._surface.unseen is not None:
             interpolate(self._surface.unseen, mesh.faces, points, met, hit & (painted.source == 0), rgb)
         if self._surface.light is not None:
-            lit, lit_met = (rgb, met) if hit.all() else (rgb[hit], Met(*(values[hit] for values in met)))
-            self._light(self._surface.light, lit, lit_met, cam_from_model)
-            if lit is not rgb:
-                rgb[hit] = lit
+            self._light(self._surface.light, seen, rgb, hit)
         return painted
 
-    def _light(self, light: LensShading, rgb: np.ndarray, met: Met, cam_from_model: np.ndarray) -> None:
-        """Put colours into the light at the lens."""
-        mesh = self._mesh
-        model_from_px = cam_from_model[:3, :3].T @ np.linalg.inv(self._camera.k)
-        points = met_points(met, camera_centre(cam_from_model), model_from_px)
-        normals = seen_normals(mesh, self._camera, cam_from_model, met.face, met.uv)
-        lit = lit_by_lamp(mesh, light, met.face, points, cam_from_model) if light.shadows else None
-        factors = light.factors(points, normals, cam_from_model, lit)
-        shown_codes(rgb, factors, light.curve)
+    def _light(self, light: LensShading, seen: "_Seen", rgb: np.ndarray, hit: np.ndarray) -> None:
+        """Put the colours of what was hit into the light at the lens."""
+        mesh, pose, met = self._mesh, seen.pose, seen.met
+        points = met_points(met, camera_centre(pose), pose[:3, :3].T @ np.linalg.inv(seen.camera.k))
+        turned = seen.front == mesh.is_flipped
+        normals = shading_normals(mesh.smooth_normals, mesh.faces, turned, seen.points, met)
+        lit = np.ones(len(hit), np.float32) if light.shadows else None
+        if lit is not None:
+            lit[hit] = lit_by_lamp(mesh, light, met.face[hit], points[hit], pose)
+        shown_codes(rgb, light.factors(points, normals, pose, lit), light.curve)
+        rgb[~hit] = 0

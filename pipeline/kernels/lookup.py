@@ -167,9 +167,11 @@ def shading_normals(
     normals: np.ndarray, faces: np.ndarray, turned: np.ndarray, points: np.ndarray, met: Met
 ) -> np.ndarray:
     """``(N, 3)`` float32 unit normals between those ``(V, 3)`` of the vertices; some faces have them turned."""
-    (uv, met_face, _), means = met, np.empty((len(met.face), 3), np.float32)
+    (uv, met_face, _), means = met, np.zeros((len(met.face), 3), np.float32)
     for number in range(len(met_face)):
         face = met_face[number]
+        if face < 0:
+            continue
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
         at_a, at_b, at_c = corner_weights(points, (a, b, c), uv[number, 0], uv[number, 1])
         x = at_a * normals[a, 0] + at_b * normals[b, 0] + at_c * normals[c, 0]
@@ -185,8 +187,10 @@ def shading_normals(
 @compiled
 def met_points(met: Met, centre: np.ndarray, model_from_px: np.ndarray) -> np.ndarray:
     """``(N, 3)`` float32 points that rays from a centre meet; they go along a matrix ``(3, 3)`` times (u, v, 1)."""
-    (uv, _, inverse_depth), points = met, np.empty((len(met.face), 3), np.float32)
+    (uv, face, inverse_depth), points = met, np.zeros((len(met.face), 3), np.float32)
     for number in range(len(points)):
+        if face[number] < 0:
+            continue
         u, v, depth = uv[number, 0], uv[number, 1], 1 / inverse_depth[number]
         for axis in range(3):
             away = model_from_px[axis, 0] * u + model_from_px[axis, 1] * v + model_from_px[axis, 2]

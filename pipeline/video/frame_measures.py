@@ -91,8 +91,10 @@ def measured(image: np.ndarray, previous: np.ndarray | None = None) -> FrameMeas
     details = np.sqrt(energy / (brightness**2 + (0.2 * luma) ** 2))
     details[covered > _COVERED_CELL] = 0
     motion = 0.0 if previous is None else motion_px(view, previous)
-    shares = (float(each.mean()) for each in (cold, glare, highlights(view / np.float32(255))))
-    return FrameMeasures(details.astype(np.float16), luma, bright, *shares, motion)
+    covered_part, glare_part, lightest_part = (
+        float(each.mean()) for each in (cold, glare, highlights(view / np.float32(255)))
+    )
+    return FrameMeasures(details.astype(np.float16), luma, bright, covered_part, glare_part, lightest_part, motion)
 
 
 def foreign(view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -165,7 +167,7 @@ def lit_part(brightness: np.ndarray) -> np.ndarray | None:
     part = (labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))).astype(np.uint8)
     # the optics' view is convex: what is dark at its edge is tissue; the line around a filled hull is a pixel too wide
     outline = cv2.findContours(part, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0][0]
-    hull = cv2.fillConvexPoly(np.zeros_like(part), cv2.convexHull(outline), 1)
+    hull = cv2.fillConvexPoly(np.zeros_like(part), cv2.convexHull(outline), (1,))
     part |= cv2.erode(hull, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
     return part > 0 if part.mean() > 0.1 else None
 

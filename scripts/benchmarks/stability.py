@@ -1,7 +1,7 @@
 """Where methods fail, past the breaking point, and what the software answers there.
 
-Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (of the built-in sample case), colouring (also
-with --bloster), camera (rendered pixels against K).
+Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (of the built-in sample case), colouring,
+camera (rendered pixels against K).
 Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong results, wrong results without a word, answers
 (works, warns, falls back, refuses), errors and the software's limit; and its chart.
 """
@@ -9,7 +9,6 @@ Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong results, 
 import argparse
 import sys
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 import bpy
@@ -22,10 +21,10 @@ from oneframe.files.temporary import temporary_folder
 from oneframe.progress import Progress
 from oneframe.sample.temporal_bone import sample_surface
 
-from .alignment.refinement_scenes import bloster_scenes, case_scene
+from .alignment.refinement_scenes import case_scene
 from .charts.stability_charts import CHARTS
 from .figures import read_rows, write_rows
-from .sweeps import camera, colouring, landmarks, photographs, refinement
+from .sweeps import camera, colouring, landmarks, refinement
 from .sweeps.cells import Cell, Task
 
 QUICK: dict[str, object] = {}
@@ -34,7 +33,6 @@ QUICK: dict[str, object] = {}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this topic."""
     parser.add_argument("--only", nargs="+", choices=CHARTS, default=CHARTS, metavar="TOPIC", help=" ".join(CHARTS))
-    parser.add_argument("--bloster", metavar="FOLDER", type=Path, help="photographs of a cushion")
     parser.add_argument("--seed", type=int, default=0, help="of all random trials; rows depend on nothing else")
 
 
@@ -77,8 +75,5 @@ def tasks_of(topic: str, folder: Path, arguments: argparse.Namespace) -> Iterato
         yield from landmarks.tasks(seed, quick=quick)
     elif topic == colouring.TOPIC:
         yield from colouring.tasks(quick=quick)
-        if arguments.bloster:
-            scenes = bloster_scenes(arguments.bloster)
-            yield partial(photographs.measure, scenes[: 2 if quick else None], seed)
     else:
         yield from camera.tasks(folder, quick=quick)

@@ -15,7 +15,6 @@ from oneframe.light.lens_light import LensLight
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid
-from scripts.benchmark import TOPICS
 from scripts.benchmarks.rendering.render_accuracy import converged_reference, measure_scene
 from scripts.benchmarks.rendering.render_scenes import case_scene
 from scripts.benchmarks.rendering.speed_accuracy import OURS, Configuration
@@ -50,7 +49,7 @@ FORMS: dict[str, tuple[str, list[str], list[str]]] = {
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("form", [*TOPICS, "chart --light"])
+@pytest.mark.parametrize("form", FORMS)
 def test_a_quick_form_writes_its_files(form, tmp_path, write_tiny_case):
     topic = form.split()[0]
     name, more, written = FORMS[form]

@@ -7,6 +7,8 @@ import trimesh
 
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import transform_points
+from oneframe.volume.bone.isosurface import RemovedField
+from oneframe.volume.drill.virtual_drill import FAR_MM
 from oneframe.volume.volume import Volume, VoxelGrid
 
 
@@ -49,6 +51,15 @@ def check_crop(whole: Volume, part: Volume) -> None:
     x, y, z = np.rint(index).astype(int).T
     np.testing.assert_allclose(index, np.rint(index), atol=1e-4)
     np.testing.assert_array_equal(part.values.ravel(), whole.values[z, y, x])
+
+
+def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
+    """The distance field of a drill on the whole grid."""
+    distance = np.full(grid.size[::-1], FAR_MM)
+    if field is not None:
+        part = tuple(slice(a, a + n) for a, n in zip(field.first[::-1], field.distance_mm.shape, strict=True))
+        distance[part] = field.distance_mm
+    return distance
 
 
 def scanned(distance: Callable[[np.ndarray], np.ndarray], grid: VoxelGrid) -> np.ndarray:

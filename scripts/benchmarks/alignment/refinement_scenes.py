@@ -1,4 +1,4 @@
-"""Images with known poses for trials of the refinement: the frame of a case, and published photographs."""
+"""An image with a known pose for trials of the refinement: the frame of a case."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points, turned_about
 
-from ..published import read_bloster, read_codes
+from ..published import read_codes
 
 VISIBLE_POINTS = 2000
 """Approximate number of points that represent the visible surface."""
@@ -69,24 +69,6 @@ def case_scene(path: Path) -> RefinementScene:
         image, valid = undistort(image, case.camera, case.distortion)
     points = visible_points(mesh, case.camera, pose)
     return RefinementScene(path.stem, image, valid, case.camera, mesh, pose, points, 2.0, 1.0)
-
-
-def bloster_scenes(folder: Path) -> list[RefinementScene]:
-    """Scenes of "bloster", one for each of its photographs of a cushion.
-
-    The poses are good to about 2 px; the mesh lies 2.5 to 15 mm nearer than the measured depth then. So a result within
-    5 px counts as right.
-    """
-    camera, frames = read_bloster(folder)
-    mesh = read_mesh(folder / "mesh_70k.ply")[0].scaled(1000.0)
-    offset = mesh.vertices.mean(axis=0)
-    mesh = mesh.moved(-offset)
-    scenes = []
-    for number, (path, cam_from_mesh) in enumerate(frames):
-        image, pose = _read_image(path), cam_from_mesh @ rigid(translation=offset)
-        points, valid = visible_points(mesh, camera, pose), np.ones(camera.shape_hw, bool)
-        scenes.append(RefinementScene(f"view {number}", image, valid, camera, mesh, pose, points, 5.0, None))
-    return scenes
 
 
 def disturbed_pose(scene: RefinementScene, angle_deg: float, percent: float, rng: np.random.Generator) -> np.ndarray:

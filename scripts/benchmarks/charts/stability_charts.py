@@ -101,9 +101,7 @@ def colouring_charts(cells: Sequence[Cell], conditions: Conditions, data: Path) 
             panels.append(with_lines(panel, own, wrong=colouring.WRONG_PART, label_at=0.2))
     small = (
         "Views by Cycles, 480x360 px, of surfaces whose colour is known at every point: waves of 18 px. A layer nearer "
-        "to the one above than TOLERANCE_PX is painted from less than a pixel beside, which does not count as wrong. "
-        "Photographs (bloster, 1920x1080 px, raster): medians of 14; the error that is added to that of the published "
-        "pose, or of surface seen within 30° of the front.",
+        "to the one above than TOLERANCE_PX is painted from less than a pixel beside, which does not count as wrong.",
         conditions_note(conditions),
     )
     rows = [panels[:4], panels[4:]]

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.errors import InputError
 from oneframe.surface.deviation import deviation
 from oneframe.surface.mesh import Ball, TriangleMesh
 from oneframe.volume.bone.isosurface import isosurface
@@ -81,9 +80,3 @@ def test_a_border_stays():
         return np.unique(np.sort(points.reshape(len(points), 6), axis=1), axis=0)
 
     assert np.array_equal(border(reduced), border(opened))
-
-
-@pytest.mark.parametrize("tolerance", [-0.1, 0.0, np.nan])
-def test_bad_tolerances_are_refused(tolerance):
-    with pytest.raises(InputError, match="tolerance: expected"):
-        simplified(bumpy_sphere(), tolerance)

@@ -1,29 +1,25 @@
-"""The virtual drill: exact, free of any order; that its margins hold is in test_clearance.py."""
+"""The virtual drill: exact, free of any order, and with the voxels of a mesh; its margins are in test_clearance.py."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.volume.bone.isosurface import RemovedField, isosurface
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.volume.bone.isosurface import isosurface
 from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
-from oneframe.volume.drill.virtual_drill import FAR_MM, removed_by_plan
+from oneframe.volume.drill.virtual_drill import filled, removed_by_plan
 from oneframe.volume.volume import VoxelGrid
-from tests.volume.solids import ball, oblique_grid, voxel_centres
+from tests.volume.solids import ball, oblique_grid, voxel_centres, whole
 
 SIZE = 40
 
 
 def strokes_in(rng: np.random.Generator, count: int) -> list[Stroke]:
     return [Stroke(float(rng.uniform(0.5, 2)), rng.uniform(-9, 9, (int(rng.integers(1, 4)), 3))) for _ in range(count)]
-
-
-def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
-    """The field on the whole grid."""
-    found = np.full(grid.size[::-1], FAR_MM)
-    if field is not None:
-        part = tuple(slice(a, a + n) for a, n in zip(field.first[::-1], field.distance_mm.shape, strict=True))
-        found[part] = field.distance_mm
-    return found
 
 
 def test_the_field_does_not_depend_on_the_order_of_the_strokes(rng):
@@ -74,3 +70,29 @@ def test_only_margins_spare_and_each_needs_its_structure():
     with pytest.raises(InputError, match=r"expected structures of the label map \(nerve\), found sinus"):
         removed_by_plan(DrillPlan(plan.strokes, {"sinus": 1.0}), grid, {"nerve": ball(2, np.full(3, 10.0))})
     assert removed_by_plan(DrillPlan(()), grid, {}) is None
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_surface_of_noise_is_filled_with_its_material(seed):
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=rng.integers(1, 9, 3))
+    grid = replace(oblique_grid(rng, rng.uniform(0.2, 1, 3), 100), size=values.shape[::-1])
+    mesh = isosurface(values, 0, grid).mesh
+    if len(mesh.faces) == 0:
+        return
+    # seen from a smaller volume too
+    cut = rng.integers(0, values.shape)
+    for at, material in (((0, 0, 0), values > 0), (cut, (values > 0)[cut[0] :, cut[1] :, cut[2] :])):
+        part = grid.shifted(np.array(at[::-1]), material.shape[::-1])
+        first, inside = filled(mesh, part)
+        found = np.zeros(material.shape, np.bool_)
+        found[tuple(slice(a, a + n) for a, n in zip(first[::-1], inside.shape, strict=True))] = inside
+        np.testing.assert_array_equal(found, material)
+
+
+def test_mesh_with_a_hole_is_refused():
+    grid = VoxelGrid((6, 6, 6), np.eye(4))
+    mesh = isosurface(np.pad(np.ones((4, 4, 4)), 1), 0.5, grid).mesh
+    side = mesh.face_centres[:, 0] < mesh.vertices[:, 0].max() - 1e-6
+    with pytest.raises(InputError, match="expected a closed mesh"):
+        filled(TriangleMesh(mesh.vertices, mesh.faces[side]), grid)

@@ -226,12 +226,6 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("unit", ["mm", "Millimetre"])
-def test_millimetres_under_other_names_are_millimetres(tmp_path, unit):
-    path = text(tmp_path / "a.nrrd", b"kinds:", b"space units:" + f' "{unit}"'.encode() * 3 + b"\nkinds:")
-    np.testing.assert_allclose(read_volume(path).grid.spacing_mm, [0.5, 0.6, 0.7])
-
-
 @pytest.mark.parametrize("name", BAD)
 def test_bad_files_are_refused_in_a_sentence(tmp_path, name):
     file, make, expected = BAD[name]

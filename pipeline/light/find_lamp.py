@@ -75,7 +75,7 @@ class FoundLamp:
         The lamp.
     deviation_mm, ambient_deviation
         Standard deviations of its place along the camera's axes, and of the ambient part.
-    frames, points
+    frames
         How many took part.
     working_mm
         The working distance of the first frame.
@@ -93,7 +93,6 @@ class FoundLamp:
     deviation_mm: tuple[float, float, float]
     ambient_deviation: float
     frames: int
-    points: int
     working_mm: float
     strength: float
     strength_deviation: float
@@ -121,8 +120,8 @@ class FoundLamp:
         """Place, ambient part, vignetting and what they explain, in words."""
         explains = f"{max(self.explained, 0):.0%} of the shading of"
         frames = "the frame" if self.frames == 1 else f"{self.frames} frames"
-        power = f"{self.light.vignetting:.1f} ± {self.vignetting_deviation:.1f}"
-        field = f"vignetting, the cosine off the lens' axis to the {power}"
+        field = "vignetting, the cosine off the lens' axis to the "
+        field += f"{self.light.vignetting:.1f} ± {self.vignetting_deviation:.1f}"
         if self.light.lamp_cam_mm is None:
             return f"{field}, explains {explains} {frames}, and no lamp beside it those that were left out"
         x, y, _ = self.light.lamp_cam_mm
@@ -169,10 +168,8 @@ def lamp_of(sightings: ShadedPoints, mesh: TriangleMesh) -> FoundLamp:
         problem = _Problem(_compared(lit))
         values = problem.solved(values)
     found, law = problem.found(values), _chosen_law(lit, values)
-    if law == LAMP:
-        return found
-    vignetted = problem.with_vignetting(found, values, law)
-    return found if law == VIGNETTING and vignetted.explained < LEAST_VIGNETTED else vignetted
+    chosen = problem.with_vignetting(found, values, law)
+    return found if law == VIGNETTING and chosen.explained < LEAST_VIGNETTED else chosen
 
 
 def _chosen_law(lit: ShadedPoints, start: np.ndarray) -> str:
@@ -188,8 +185,7 @@ def _chosen_law(lit: ShadedPoints, start: np.ndarray) -> str:
         values = fitted.solved(start)
         lamp = fitted.found(values)
         for law in left_over:
-            light = (lamp if law == LAMP else fitted.with_vignetting(lamp, values, law)).light
-            left_over[law] += left_out.left_over(light)
+            left_over[law] += left_out.left_over(fitted.with_vignetting(lamp, values, law).light)
     chosen = LAMP
     for law in (VIGNETTING, BOTH):
         chosen = law if left_over[law] < GAIN * left_over[chosen] else chosen
@@ -265,7 +261,6 @@ class _Problem:
             deviation_mm=(float(deviation[X]), float(deviation[Y]), GRANTED[Z] * self._working_mm),
             ambient_deviation=float(deviation[AMBIENT]),
             frames=len(self._seen.poses),
-            points=len(np.unique(self._seen.point)),
             working_mm=self._working_mm,
             strength=strength,
             strength_deviation=MISFIT * float(np.sqrt((scores**2).sum())) / weight,
@@ -273,7 +268,9 @@ class _Problem:
         )
 
     def with_vignetting(self, found: FoundLamp, values: np.ndarray, law: str) -> FoundLamp:
-        """What is found, with the vignetting that fits best beside the lamp of the parameters, or in its place."""
+        """What is found, by a law: vignetting is what fits best beside the lamp of the parameters, or in its place."""
+        if law == LAMP:
+            return found
         told = self._seen.log_light - (self._log_shading(values) if law == BOTH else 0)
         exponent = 0.0
         for _ in range(REWEIGHTED):

@@ -133,9 +133,9 @@ def test_stacks_with_faults_are_refused_in_a_sentence(write_series, tmp_path, na
 )
 def test_slices_of_two_kinds_in_one_series_are_refused(write_series, tmp_path, slices, options, expected):
     own = {"SOPInstanceUID": options["SOPInstanceUID"]} if "SOPInstanceUID" in options else {}
-    write_series(tmp_path, SeriesInstanceUID="1.2.3", **own)
-    behind = {"number": 4, "origin": (-10, 20.5, 307.2), "SeriesInstanceUID": "1.2.3"}
-    write_series(tmp_path, slices, **(behind | options))
+    write_series(tmp_path / "first", SeriesInstanceUID="1.2.3", **own)
+    behind = {"origin": (-10, 20.5, 307.2), "SeriesInstanceUID": "1.2.3"}
+    write_series(tmp_path / "second", slices, **(behind | options))
     with pytest.raises(InputError, match=expected):
         read_volume(tmp_path)
 

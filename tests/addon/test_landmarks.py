@@ -13,7 +13,6 @@ from oneframe.alignment.landmarks.solver import solve_pose
 from oneframe.alignment.reprojection import apply_twist
 from oneframe.blender.alignment.surface_object import set_pose
 from oneframe.case.case_file import MM_PER_UNIT
-from oneframe.errors import InputError
 from oneframe.transforms import rotation_from_vector, transform_points
 from tests.addon.conftest import refused
 from tests.landmark_writer import write_landmarks
@@ -184,19 +183,6 @@ def test_a_landmark_is_deleted_and_a_missing_one_is_refused(scene, pairs):
     assert np.array_equal(pose_of(scene), moved)
 
 
-def test_a_saved_case_opens_with_its_landmarks_and_its_own_pose(scene, pairs, tmp_path):
-    add(*pairs)
-    scene.oneframe.landmarks[1].enabled = False
-    moved = displace(scene)
-    path = tmp_path / "saved.toml"
-    bpy.ops.oneframe.save_case(filepath=str(path))
-    bpy.ops.oneframe.open_case(filepath=str(path))
-    reopened = bpy.context.scene
-    # not the landmarks' solution: a refined pose must survive
-    assert np.allclose(pose_of(reopened), moved, rtol=0, atol=1e-9)
-    assert [entry.enabled for entry in reopened.oneframe.landmarks[:3]] == [True, False, True]
-
-
 def test_landmarks_of_a_file_are_imported_unchanged(scene, pairs, tmp_path):
     scene.oneframe.units = "m"
     add(*pairs)
@@ -212,18 +198,3 @@ def test_landmarks_of_a_file_are_imported_unchanged(scene, pairs, tmp_path):
         assert np.allclose(one.pixel, other.pixel, atol=1e-5)
         assert one.point is None or np.allclose(one.point, other.point, atol=1e-5)
     assert not np.allclose(pose_of(scene), moved, atol=1e-3)
-
-
-def test_a_surface_that_cannot_be_picked_on_is_reported(scene, pairs, tmp_path):
-    add(*pairs)
-    path = tmp_path / "pairs.csv"
-    write_landmarks(path, landmarks_mesh(scene), mm_per_unit=1.0)
-    moved = displace(scene)
-    bpy.context.view_layer.layer_collection.children[0].exclude = True
-    with pytest.raises(InputError, match="Outliner"):
-        frame_view.surface_point_at(scene, POINTS_PX[0])
-    assert np.array_equal(pose_of(scene), moved)
-    # importing needs no picking: it works, and takes effect once the surface is back
-    bpy.ops.oneframe.import_landmarks(filepath=str(path))
-    bpy.context.view_layer.layer_collection.children[0].exclude = False
-    assert np.abs(pose_of(scene) - solved_directly(scene).cam_from_model).max() <= 1e-9

@@ -68,8 +68,6 @@ def main() -> None:
     if not os.environ.get("ONEFRAME_SCREENSHOTS"):
         preferences.system.viewport_aa = "OFF"
         preferences.system.use_overlay_smooth_wire = False
-    # open file selectors in the main window
-    preferences.view.filebrowser_display_type = "SCREEN"
     watchdog = threading.Timer(settings["timeout_s"], give_up, [settings["timeout_s"]])
     watchdog.daemon = True
     watchdog.start()

@@ -19,10 +19,10 @@ from oneframe.blender.alignment.surface_object import edited_mesh, mesh_from_mod
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
 from oneframe.case.pose_record import PoseRecord
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import is_same_pose
 from tests.addon.conftest import refused
+from tests.conftest import tiny_surface
 from tests.tree import tree
 
 MORE = """
@@ -246,7 +246,7 @@ def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path
     folder, names = case_path.parent, ["facial_nerve", "ossicles", "structure_1"]
     files = ["DOE_facial_nerve.ply", "ossicles.ply", "DOE_JOHN.ply"]
     for name in files:
-        write_ply(folder / name, _tiny_surface())
+        write_ply(folder / name, tiny_surface())
     bpy.ops.oneframe.add_structure(directory=str(folder), files=[{"name": name} for name in files])
     surface = opened.oneframe.surface
     added = {child.name: child for child in surface.children if child.name in names}
@@ -261,12 +261,6 @@ def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path
     bpy.ops.oneframe.save_case(filepath=str(case_path))
     saved = [structure.name for structure in read_case(case_path).structures]
     assert saved == ["antrum", "facial_nerve", "ossicles", "structure_1", "zygoma"]
-
-
-def _tiny_surface():
-    vertices = np.array([[12.0, -7, 40], [21, -7, 40], [12, 2, 41]])
-
-    return TriangleMesh(vertices, np.array([[0, 1, 2]], np.int32))
 
 
 def test_units_can_be_changed_afterwards(opened, case_path, tmp_path):

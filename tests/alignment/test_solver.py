@@ -143,20 +143,6 @@ def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
     assert exact >= trials - 1
 
 
-def test_a_pair_behind_the_camera_is_left_out_with_that_reason():
-    rng = np.random.default_rng(8)
-    pose = rigid(np.eye(3), [0, 0, 30.0])
-    points = box_points(rng, 9)
-    points[4] = [3, 2, -50]
-    camera_points = transform_points(pose, points)
-    pixels = camera_points[:, :2] / camera_points[:, 2:] * [WIDE.fx, WIDE.fy] + [WIDE.cx, WIDE.cy]
-    estimate = solve_pose(points, pixels, WIDE)
-    assert np.flatnonzero(~estimate.inliers).tolist() == [4]
-    assert np.isnan(estimate.residuals_px[4]).all()
-    assert any("'5' lies behind the camera" in message for message in estimate.messages)
-    assert estimate.cam_from_model == pytest.approx(pose, abs=1e-6)
-
-
 # --- refusals --------------------------------------------------------------------------------------------------------
 
 

@@ -27,7 +27,6 @@ from oneframe.registration.correct_pose import PoseCorrection, Track
 from oneframe.registration.further_frames import FurtherFrame
 from oneframe.registration.pose_list import accepted_frames, read_photographs
 from oneframe.registration.register import SURFACE_SHARE, RegisteredFrame, Registrar, judged_together, with_case
-from oneframe.registration.register_case import FrameEvidence
 from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
 from oneframe.registration.zoom import Zoom, at_same_focal_length, zoom_of
 from oneframe.surface.mesh import TriangleMesh
@@ -218,18 +217,6 @@ def test_a_surface_too_deep_moves_the_frames(registrar, mesh):
     scale = np.array([1, 1, 1, 10, 10, 10])
     assert np.linalg.norm(twist[:3]) > 0.03
     assert np.abs((added - np.outer(twist, twist)) * np.outer(scale, scale)).max() < 0.1 * twist[:3] @ twist[:3]
-
-
-def test_uncertainty_is_that_of_the_covariance(registrar, mesh):
-    found = found_in(registrar, codes(photograph(mesh, seen_from(15, 10))))
-    points = np.random.default_rng(0).uniform(-15, 15, (50, 3))
-    image_px = found.uncertainty.root_mean_square_px(points, CAMERA, found.cam_from_model)
-    evidence = FrameEvidence("", 7, found, image_px)
-    stated = found.uncertainty.pixel_covariances(points, CAMERA, found.cam_from_model)
-    assert image_px == pytest.approx(np.sqrt(np.trace(stated, axis1=1, axis2=2).mean()))
-    assert evidence.opacity == pytest.approx(found.verdict.probability * (1 - 2 * evidence.image_px / 5))
-    unsure = replace(evidence, registered=replace(found, verdict=replace(found.verdict, state=DOUBTFUL)))
-    assert 0 < unsure.opacity < replace(evidence, image_px=np.float64(9)).opacity < evidence.opacity
 
 
 def test_a_film_says_where_the_surface_changes(registrar, mesh):

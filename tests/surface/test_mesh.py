@@ -50,19 +50,6 @@ def test_a_cube_shows_its_front_on_the_sides_that_a_viewpoint_is_beyond(viewpoin
     assert cube.flipped().front_facing(np.array(viewpoint)).tolist() == (~shown).tolist()
 
 
-@pytest.mark.parametrize("shape", ["sphere", "Reuleaux"])
-def test_diameter_of_many_points(shape):
-    rng = np.random.default_rng(5)
-    points = rng.normal(size=(1500, 3))
-    if shape == "sphere":  # every point is a candidate
-        points /= np.linalg.norm(points, axis=1, keepdims=True)
-    else:  # the centre of the box is not the centre of the widest pair
-        corner = np.array([[0, 0], [1, 0], [0.5, np.sqrt(3) / 2]])[rng.integers(3, size=1500)]
-        angle = rng.uniform(0, 2 * np.pi, 1500)
-        points = np.column_stack([corner + 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]), 0 * angle])
-    assert diameter(points) == pytest.approx(brute_force_diameter(points), rel=1e-13)
-
-
 @given(
     hnp.arrays(np.float64, 3, elements=st.floats(-3, 3)),
     hnp.arrays(np.float64, 3, elements=st.floats(-50, 50)),

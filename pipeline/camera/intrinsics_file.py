@@ -54,11 +54,17 @@ class CameraFile:
         return checked_distortion(self.distortion, camera, f"{self.path.name}: distortion")
 
 
-def read_camera(path: Path) -> CameraFile:
-    """Read intrinsics from any of the formats of :mod:`.calibration_content`."""
+def read_camera(path: Path, place: str = "") -> CameraFile:
+    """Read intrinsics from any of the formats of :mod:`.calibration_content`.
+
+    Of a file with several cameras, ``place`` is the key of one: that of an image in BOP's ``scene_camera.json``,
+    ``"camera 3"`` of COLMAP's ``cameras.txt``.
+    """
     path = Path(path)
-    content = content_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path)
-    found = calibration_of(content, path.name)
+    content: Any = content_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path)
+    if place and not (isinstance(content, dict) and place in content):
+        raise InputError(f"{path.name}: expected a camera {place!r} in it, found none; write the key of one after #")
+    found = calibration_of(content[place] if place else content, path.name)
     return _camera_file(path, found, f"{path.name}: {found.place}: K" if found.place else f"{path.name}: K")
 
 

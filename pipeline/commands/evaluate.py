@@ -13,7 +13,8 @@ EPILOG = """examples:
   %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
   %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
 
-PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
+PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out. Photographs
+with another zoom have "camera": file too, as for oneframe case --camera, or "scene_camera.json#7" of several in it.
 Methods are projective or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
 projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes frames.csv with the scores of every
 photograph, summary.md and figure.png. FID and KID need --inception: the documentation says how to export that file.

@@ -132,12 +132,14 @@ def scored_views(case: EvaluationCase, methods: ChosenMethods, inception: Incept
     for light in {method.light for method in methods.running} - {NONE}:
         shading = lens_shading_of(case.loaded, shadows=light == SHADOWS)
         references[light] = reference_view(case.loaded, traced_surface, shading)
-    camera, mesh_from_model = case.loaded.frame.camera, case.loaded.surface.mesh_from_model
-    trace = RayTracer(ColouredSurface(reference.mesh, reference.views), camera).render
+    surface, mesh_from_model = ColouredSurface(reference.mesh, reference.views), case.loaded.surface.mesh_from_model
     poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs]
-    for method in methods.running:
+    cameras = dict.fromkeys(photograph.camera for photograph in case.photographs)
+    for method, camera in itertools.product(methods.running, cameras):
+        trace = RayTracer(surface, camera).render
+        numbers = [number for number, photograph in enumerate(case.photographs) if photograph.camera == camera]
         with opened(method, methods.renderers, references[method.light], camera, poses) as render:
-            for shown in _shown_surfaces(case, trace, range(len(poses))):
+            for shown in _shown_surfaces(case, trace, numbers):
                 pose = poses[shown.number]
                 rendered = render(pose)
                 scores = scores_of(shown.real, rendered, shown.surface, shown.observed)

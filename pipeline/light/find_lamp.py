@@ -82,9 +82,11 @@ class FoundLamp:
     strength, strength_deviation
         How much the light changes with the lens, relative to what a lamp in its middle makes: about 1 for a lamp, 0 for
         lights that stand still.
-    explained, correlation
-        The part of the variance of the logarithm of the frames' light that the lamp explains, below 0 if it explains
-        nothing, and the correlation with that of the shading; both without exposure and albedo.
+    explained
+        The part of the variance of the logarithm of the frames' light that the lamp or vignetting explains, below 0 if
+        it explains nothing; without exposure and albedo.
+    vignetting_deviation
+        Standard deviation of the exponent.
     """
 
     light: LensLight
@@ -96,7 +98,6 @@ class FoundLamp:
     strength: float
     strength_deviation: float
     explained: float
-    correlation: float
     vignetting_deviation: float = 0.0
 
     @property
@@ -128,7 +129,7 @@ class FoundLamp:
         across, down = (f"{at:.1f} ± {sure:.1f}" for at, sure in zip((x, y), self.deviation_mm[:2], strict=True))
         return (
             f"at x {across}, y {down} mm beside the lens, with an ambient part of {self.light.ambient:.2f} ± "
-            f"{self.ambient_deviation:.2f}, a lamp explains {explains} {frames} (correlation {self.correlation:.2f})"
+            f"{self.ambient_deviation:.2f}, a lamp explains {explains} {frames}"
             f"{f', with {field}' if self.light.vignetting else ''}"
         )
 
@@ -140,7 +141,6 @@ class FoundLamp:
             "date": date,
             "frames": self.frames,
             "explained": round(self.explained, 3),
-            "correlation": round(self.correlation, 3),
         }
         vignetting = round(self.light.vignetting, 2)
         if self.light.lamp_cam_mm is None:
@@ -255,9 +255,6 @@ class _Problem:
     def found(self, values: np.ndarray) -> FoundLamp:
         """The parameters with what they explain, and how sure they are."""
         residuals, shown = self._residuals(values), self._without_rest(self._seen.log_light)
-        told = self._without_rest(self._log_shading(values))
-        variance = max(self._cost(shown), 1e-300)
-        together = float((self._weights * shown * told).sum())
         deviation = self._deviation(values, residuals)
         usual = self._without_rest(self._log_shading(START))
         weight = max(self._cost(usual), 1e-300)
@@ -272,8 +269,7 @@ class _Problem:
             working_mm=self._working_mm,
             strength=strength,
             strength_deviation=MISFIT * float(np.sqrt((scores**2).sum())) / weight,
-            explained=1 - self._cost(residuals) / variance,
-            correlation=together / max(np.sqrt(variance * self._cost(told)), 1e-300),
+            explained=1 - self._cost(residuals) / max(self._cost(shown), 1e-300),
         )
 
     def with_vignetting(self, found: FoundLamp, values: np.ndarray, law: str) -> FoundLamp:
@@ -290,14 +286,9 @@ class _Problem:
         deviation = MISFIT * float(np.sqrt((scores**2).sum())) / weight
         if law == BOTH:
             return replace(found, light=replace(found.light, vignetting=exponent), vignetting_deviation=deviation)
-        variance = max(self._cost(shown), 1e-300)
-        return replace(
-            found,
-            light=LensLight(None, 1.0, vignetting=exponent),
-            vignetting_deviation=deviation,
-            explained=1 - self._cost(residuals) / variance,
-            correlation=float((self._weights * shown * slope).sum()) / np.sqrt(variance * weight),
-        )
+        explained = 1 - self._cost(residuals) / max(self._cost(shown), 1e-300)
+        alone = LensLight(None, 1.0, vignetting=exponent)
+        return replace(found, light=alone, vignetting_deviation=deviation, explained=explained)
 
     def left_over(self, light: LensLight) -> float:
         """What the logarithm of the frames' light differs by from that of a light: the mean."""

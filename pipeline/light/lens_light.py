@@ -37,12 +37,11 @@ ORIGIN_KEYS = (
     "date",
     "frames",
     "explained",
-    "correlation",
     "standard_deviation_mm",
     "ambient_standard_deviation",
 )
 """How a lamp was found: the method in words, program and version, day; how many frames; the part of their shading that
-it explains, 0..1, and the correlation; the uncertainty of its place along the camera's axes, and of the ambient part.
+it explains, 0..1; the uncertainty of its place along the camera's axes, and of the ambient part.
 """
 _TEXTS = ("method", "tool", "date")
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.distortion import checked_distortion
+from ..camera.intrinsics_file import read_camera
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..case.frame import PosedFrame, UnreadFrame
@@ -26,7 +27,7 @@ from .register import RegisteredFrame, accepted_poses
 from .verdict import ACCEPTED, Verdict
 
 POSES = "poses.json"
-DISTORTION, CHANGED = "distortion", "changed"
+CAMERA, DISTORTION, CHANGED = "camera", "distortion", "changed"
 """Keys of an entry: in a list of photographs; of frames in which a film no longer shows what the case's frame shows."""
 MOST_ACCEPTED = 12
 """Frames that :func:`small_frames` takes: of more, evenly chosen ones."""
@@ -194,7 +195,8 @@ def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[Po
 def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
     """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file, or ``null``: left out.
 
-    Photographs as the lens took them have its ``"distortion"`` in their entry, as in the case file.
+    Photographs as the lens took them have its ``"distortion"`` in their entry, as in the case file. Those with another
+    zoom have a ``"camera"``: a file that :func:`.read_camera` reads, and after # which of its cameras.
 
     Returns
     -------
@@ -211,8 +213,13 @@ def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[st
                 f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image = '
                 f"{described(image)}"
             )
-        lens = None
+        camera, lens = case.camera, None
+        if isinstance(named := entry.get(CAMERA), str):
+            file, _, place = named.partition("#")
+            given = read_camera(path.parent / file, place)
+            camera = given.camera(given.size or case.camera.size_wh)
+            lens = given.distortion_for(camera)
         if DISTORTION in entry:
-            lens = checked_distortion(entry[DISTORTION], case.camera, f"{path.name}: entry {number}: {DISTORTION}")
-        frames.append(UnreadFrame(path.parent / image, case.camera, lens, pose))
+            lens = checked_distortion(entry[DISTORTION], camera, f"{path.name}: entry {number}: {DISTORTION}")
+        frames.append(UnreadFrame(path.parent / image, camera, lens, pose))
     return frames, messages

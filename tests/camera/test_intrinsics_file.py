@@ -328,3 +328,12 @@ def test_poses_are_read_to_the_last_bit(tmp_path, name):
 def test_a_pose_under_a_name_that_is_not_ours_is_refused(tmp_path, name):
     with pytest.raises(InputError, match=f"expected the key cam_from_mesh, found '{name}'; write cam_from_mesh"):
         read_pose(file_of(tmp_path, as_json(**{name: POSE.tolist()})))
+
+
+def test_one_of_several_cameras_is_named_by_its_key(tmp_path):
+    path = tmp_path / "scene_camera.json"
+    cameras = {str(number): {"cam_K": (K * [[number], [number], [1]]).ravel().tolist()} for number in (1, 2)}
+    path.write_text(json.dumps(cameras))
+    assert read_camera(path, "2").fx == pytest.approx(2 * K[0, 0])
+    with pytest.raises(InputError, match=r"scene_camera.json: expected a camera '9' in it, found none"):
+        read_camera(path, "9")

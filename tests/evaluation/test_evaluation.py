@@ -5,6 +5,7 @@ import json
 import tomllib
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -32,6 +33,13 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     listed[1]["cam_from_mesh"] = (np.eye(4, k=3) * 1e4 + np.array(listed[1]["cam_from_mesh"])).tolist()
     case_pose = tomllib.loads((sample / "case.toml").read_text())["pose"]["cam_from_mesh"]
     listed.append({"image": "frame.png", "cam_from_mesh": case_pose})
+    # and its middle half with twice the zoom, which is one of two cameras of a file
+    frame, k = cv2.imread(str(sample / "frame.png")), MICROSCOPE.resized(64, 48).k
+    cv2.imwrite(str(sample / "tele.png"), cv2.resize(frame[12:36, 16:48], (64, 48), interpolation=cv2.INTER_LINEAR))
+    tele = np.array([[2, 0, -31.5], [0, 2, -23.5], [0, 0, 1]]) @ k
+    cameras = {place: {"cam_K": matrix.ravel().tolist()} for place, matrix in (("0", k), ("1", tele))}
+    (sample / "scene_camera.json").write_text(json.dumps(cameras))
+    listed.append({"image": "tele.png", "cam_from_mesh": case_pose, "camera": "scene_camera.json#1"})
     (sample / "list.json").write_text(json.dumps(listed))
     arguments = [
         sample / "case.toml", sample / "list.json", "--case", sample / "case.toml", sample / "list.json",
@@ -45,7 +53,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     assert not [path for path in out.iterdir() if str(sample).encode() in path.read_bytes()]
     table = [line for line in (out / "frames.csv").read_text().splitlines() if not line.startswith("# ")]
     written = list(csv.DictReader(table))
-    assert len(written) == 2 * 3 * 3
+    assert len(written) == 2 * 4 * 3
     name = written[0]["case"]
     rows = {(row["image"], row["method"]): row for row in written if row["case"] == name}
     # the frame itself comes back, all of it that the frame saw
@@ -53,14 +61,16 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     assert own["ssim_observed"] > 0.999
     assert own["error_observed"] < 0.5
     assert own["angle_deg"] < 0.01
+    assert float(rows["photograph_4", METHODS[0]]["error_observed"]) < 4
     assert 12 <= float(rows["photograph_1", METHODS[0]]["angle_deg"]) <= 20
     assert not any(rows["photograph_2", METHODS[0]][score] for score in SCORES if score.startswith("ssim"))
     filled, grey = (rows["photograph_1", method] for method in (METHODS[1], METHODS[0]))
     assert filled["observed_px"] == grey["observed_px"]
     assert float(filled["error_surface"]) < float(grey["error_surface"])
     summary = (out / "summary.md").read_text()
-    both = [float(rows[image, METHODS[0]]["ssim_whole"]) for image in ("photograph_1", "photograph_3")]
-    assert f"{np.mean(both):.3f} [" in summary
+    shown = [f"photograph_{number}" for number in (1, 3, 4)]
+    scores = [float(rows[image, METHODS[0]]["ssim_whole"]) for image in shown]
+    assert f"{np.mean(scores):.3f} [" in summary
     assert summary.count("## ") == 3
     # six photographs side by side; real, segmented and three methods below each other
     height, width = read_image(out / "figure.png")[0].shape[:2]

@@ -57,8 +57,3 @@ def test_accepted_distortions_can_be_inverted(values):
     error = np.abs(distortion.distort(back[:, 0]) - distorted).max(axis=1)
     # where its iteration converges, it returns the initial point
     assert np.abs(back[:, 0] - ideal)[error < 1e-12].max(initial=0) < 1e-6
-
-
-def test_principal_point_on_a_corner_is_no_fold():
-    camera = PinholeCamera(64, 48, 300.0, 300.0, 0.0, 0.0)
-    assert checked_distortion([0.05, 0, 0, 0, 0], camera, "K") is not None

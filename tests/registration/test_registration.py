@@ -24,10 +24,20 @@ from oneframe.images.png import encode_png
 from oneframe.projection.z_buffer import nearest_at, rasterise_depth
 from oneframe.registration import known_views
 from oneframe.registration.correct_pose import PoseCorrection, Track
+from oneframe.registration.flow_refinement import FlowFit
 from oneframe.registration.further_frames import FurtherFrame
 from oneframe.registration.pose_list import accepted_frames, read_photographs
 from oneframe.registration.register import SURFACE_SHARE, RegisteredFrame, Registrar, judged_together, with_case
-from oneframe.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmAgreement, FilmChange, Verdict
+from oneframe.registration.verdict import (
+    ACCEPTED,
+    DOUBTFUL,
+    LEAST_ACCEPTED,
+    REFUSED,
+    FilmAgreement,
+    FilmChange,
+    Verdict,
+    blocks_of,
+)
 from oneframe.registration.zoom import Zoom, at_same_focal_length, zoom_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
@@ -188,6 +198,26 @@ def test_zooms_are_judged_as_a_set():
         assert ramp[same(ramp) > 0.97].max(initial=0) < 0.02
         soft += list(same(rng.normal(-0.02, 0.04, 20), 0.015))
     assert np.mean(np.array(soft) > 0.97) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("half_mm", "relief_mm", "tilt", "factor", "shared_px"),
+    [(20, 1, 60, 1.0, 1.2), (28, 8, 60, 0.95, 0.2), (28, 15, 20, 1.05, 0.2)],
+)
+def test_a_zoom_is_doubted_where_the_relief_tells_it(half_mm, relief_mm, tilt, factor, shared_px):
+    """Not that of a nearly flat surface at a grazing angle, whose image is not exact."""
+    large = CAMERA.resized(640, 480)
+    x, y = (each.ravel() for each in np.meshgrid(*[np.linspace(-half_mm, half_mm, 40)] * 2))
+    points = np.stack([x, y, relief_mm * np.sin(x / 5) * np.cos(y / 7)], axis=1)
+    pose, none = seen_from(tilt, 0), np.zeros((len(points), 2))
+    pixels, zoomed = (camera.project(transform_points(pose, points)) for camera in (large, large.zoomed(factor)))
+    blocks, block = blocks_of(pixels)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        moved = zoomed + rng.normal(0, shared_px, (blocks, 2))[block] + rng.normal(0, 0.1, pixels.shape)
+        fit = FlowFit(pose, large, pixels, none[:, 0], points, moved, none)
+        (same,) = at_same_focal_length([zoom_of(fit, PIVOT)])
+        assert (same < LEAST_ACCEPTED) == (factor != 1)
 
 
 def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):

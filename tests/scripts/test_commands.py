@@ -100,15 +100,6 @@ def test_a_missing_package_is_named(run_command, tmp_path):
     assert_one_line(run_command([sys.executable, "-c", code]), 3, "expected OpenCV")
 
 
-def test_values_that_look_like_options_are_values():
-    """An argument after ``--`` is no option, and neither is one with a space in it."""
-    with pytest.raises(InputError, match=r"--views: expected 0 or more, found -1"):
-        dispatch(["check", "--views", "-1", "--", "--dataset"])
-    assert parser_of("colour").parse(["--out", "--a name with spaces.ply", "case.toml"]).out == Path(
-        "--a name with spaces.ply"
-    )
-
-
 @pytest.mark.render
 def test_scripts_run_in_a_blender_program(write_tiny_case, tmp_path, run_command, run_oneframe):
     """In a real Blender, as shipped."""

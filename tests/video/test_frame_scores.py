@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ import pytest
 from oneframe.images.pixel_values import to_uint8
 from oneframe.sample.film import disturbance, disturbed, film_poses
 from oneframe.video.film_reader import FilmFrame, FilmInfo
-from oneframe.video.frame_folder import report_lines
-from oneframe.video.frame_scores import FilmScorer, FilmScores, FrameScore, best_frames
+from oneframe.video.frame_scores import FilmScorer, FrameScore, best_frames
 from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
 
 FRAMES = 60
@@ -100,13 +98,3 @@ def test_what_most_frames_show_is_not_what_is_right(sample_views, kind):
     film = surgical_film(sample_views[:1], events, np.random.default_rng(9))
     chosen = best_frames(score_images(film), 3)
     assert [16 <= each.index < 28 for each in chosen] == [True] * 3
-
-
-def test_of_a_film_that_shows_nothing_well_the_report_says_so(short_film, rng):
-    noise = [rng.integers(0, 256, (90, 120, 3), dtype=np.uint8) for _ in range(40)]
-    for film, doubtful in ((noise, True), (short_film[:1], False)):
-        frames = score_images(film)
-        info = FilmInfo(len(frames), 25.0, (160, 120), (160, 120), True, 0.0)
-        lines = report_lines(Path("film.mp4"), FilmScores(info, frames, None, False), 1, 1)
-        assert any("look at it before you use it" in line for line in lines) == doubtful
-    assert "160x120 px, 1 frame from 0.00 s to 0.00 s" in lines[0]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from oneframe.colour.footprint_filter import averaged, mean_over_pixels, squares_for
+from oneframe.colour.footprint_filter import averaged, squares_for
 from oneframe.images.pixel_values import sample_bilinear
 
 SIZE, FINE = 64, 20
@@ -76,24 +76,6 @@ def test_at_the_frame_s_own_scale_and_nearer_nothing_is_filtered(rng, scene, sca
     assert np.allclose(filtered_lookups(frame, centres, scale), sample_bilinear(frame, centres), rtol=1e-5)
 
 
-@pytest.mark.parametrize("scale", [2, 3, 5])
-def test_nothing_jumps_where_the_squares_grow(rng, scene, scale):
-    frame, centres = frame_of(scene), rng.uniform(12, SIZE - 13, (600, 2))
-    before, after = (filtered_lookups(frame, centres, scale + step) for step in (-1e-9, 1e-9))
-    # exactly continuous at 2; elsewhere both approximate the same footprint
-    assert rms(after - before) < (1e-4 if scale == 2 else 0.025) * scene.std()
-
-
-@pytest.mark.parametrize("period", [2, 4, 8])
-def test_stripes_average_to_their_mean_and_never_alias(rng, period):
-    stripes = np.where(np.arange(SIZE) % period < period / 2, 255.0, 0.0)
-    frame, centres = np.tile(stripes, (SIZE, 1)), rng.uniform(20, SIZE - 21, (400, 2))
-    assert np.abs(filtered_lookups(frame, centres, float(period)) - 127.5).max() < 0.01
-    for scale in np.linspace(period, 2.5 * period, 12):
-        # a box's own response to them is at most a quarter of their contrast, from the second lobe of its spectrum
-        assert np.abs(filtered_lookups(frame, centres, scale) - 127.5).max() < 127.5 * 0.3
-
-
 def test_colours_of_unknown_texels_are_never_used(rng):
     image = rng.uniform(size=(SIZE, SIZE, 3)).astype(np.float32)
     known = gaussian_filter(rng.normal(size=(SIZE, SIZE)), 4) > 0
@@ -102,13 +84,3 @@ def test_colours_of_unknown_texels_are_never_used(rng):
     for side in (1, 2):
         assert np.array_equal(averaged(image, known, side)[0], averaged(other, known, side)[0])
     assert np.array_equal(averaged(image, known, 1)[0][known], image[known])
-
-
-def test_pixel_means_are_exact_for_quadratics(rng):
-    a, b, c, d, e, f = rng.normal(size=6)
-    v, u = np.mgrid[:12, :17].astype(float)
-    values = a * u**2 + b * u * v + c * v**2 + d * u + e * v + f
-    # the mean of t^2 over -h/2..h/2 is h^2 / 12: of what the pixels cover, the values have a quarter already
-    means = mean_over_pixels(values[..., None], 2.0)[..., 0]
-    assert np.allclose(means[1:-1, 1:-1], (values + (a + c) / 12 * (1 - 1 / 4))[1:-1, 1:-1])
-    assert np.array_equal(mean_over_pixels(values[..., None], 0.7)[..., 0], values)

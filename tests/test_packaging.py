@@ -113,22 +113,6 @@ def test_the_source_distribution_builds_the_same_wheel(built, wheel, tmp_path):
     assert names_in(again) == names_in(wheel)
 
 
-def test_the_version_is_in_one_place():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert "version" not in project
-    assert "version" in project["dynamic"]
-    places = [
-        ROOT / "pyproject.toml",
-        *(path for part in ("pipeline", "scripts") for path in (ROOT / part).rglob("*.py")),
-    ]
-    holding = [path for path in [*places, *(ROOT / "blender_addon").rglob("*.*")] if states_version(path)]
-    assert holding == [ROOT / "pipeline" / "__init__.py"]
-
-
-def states_version(path: Path) -> bool:
-    return path.suffix in (".py", ".toml") and f'"{__version__}"' in path.read_text("utf-8")
-
-
 def test_the_installed_program_is_the_one_of_the_wheel(run_installed, tmp_path):
     where = run_installed("python", "-c", "import oneframe; print(oneframe.__file__)")
     assert not Path(where.stdout.strip()).is_relative_to(ROOT)

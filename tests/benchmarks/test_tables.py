@@ -10,16 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oneframe.errors import InputError
 from oneframe.evaluation.conditions import current_conditions
 from oneframe.registration.verdict import ACCEPTED, REFUSED
 from scripts.benchmarks.alignment.registration_trials import RegistrationTrial, share
 from scripts.benchmarks.charts.stability_charts import CHARTS
 from scripts.benchmarks.figures import conditions_note, read_rows, write_rows
-from scripts.benchmarks.rendering.speed_accuracy import pareto_front
 from scripts.benchmarks.sweeps.cells import ANSWERS, Cell, Outcome
 from scripts.benchmarks.sweeps.degradations import DEGRADATIONS
-from scripts.benchmarks.sweeps.landmarks import OURS, SWEEPS, Sweep, measure
 
 IMG = Path(__file__).resolve().parents[2] / "docs" / "img"
 CONDITIONS = current_conditions({"seed": 3, "note": "two\nlines"}, blender="5.2.0")
@@ -38,7 +35,6 @@ outcomes = st.builds(
     message=st.text(max_size=300), value=st.floats(-1e6, 1e6) | st.just(math.nan),
 )  # fmt: skip
 # few different values, so that ties are frequent
-values = st.one_of(st.sampled_from([1.0, 2.0, 3.0, np.nan]), st.floats(1e-3, 1e3))
 
 
 @settings(max_examples=30)
@@ -51,13 +47,6 @@ def test_rows_survive_their_table(tmp_path_factory, rows):
     assert conditions_note(lines).startswith("seed 3, note two lines; OneFrame ")
 
 
-@pytest.mark.parametrize("text", ["", "# only: a comment\n", "other,columns\n1,2\n", "sweep,series\nalone\n"])
-def test_another_table_is_refused(tmp_path, text):
-    (tmp_path / "table.csv").write_text(text)
-    with pytest.raises(InputError, match=r"table\.csv: expected"):
-        read_rows(tmp_path / "table.csv", Cell)
-
-
 @settings(max_examples=50)
 @given(found=st.lists(outcomes, min_size=1, max_size=20))
 def test_a_cell_counts_its_trials(found):
@@ -66,23 +55,6 @@ def test_a_cell_counts_its_trials(found):
     assert 0 <= cell.silent <= min(cell.wrong, cell.works)
     assert max(cell.works, cell.warns, cell.falls_back, cell.refuses) == sum(o.answer == cell.answer for o in found)
     assert not cell.error > cell.error_95
-
-
-def test_a_cell_depends_on_its_seed_alone():
-    sweep = Sweep("number", "count", (5, 8), SWEEPS[0].others)
-    one, again, other = (measure(sweep, 0, 1600.0, seed, quick=True) for seed in (1, 1, 2))
-    assert [repr(cell) for cell in one] == [repr(cell) for cell in again] != [repr(cell) for cell in other]
-    assert {cell.series for cell in one} == {OURS, "EPnP", "SQPnP + LM"}
-
-
-@settings(max_examples=50)
-@given(points=st.lists(st.tuples(values, values), max_size=30))
-def test_no_kept_point_is_beaten_and_every_dropped_one_is(points):
-    kept = pareto_front([cost for cost, _ in points], [error for _, error in points])
-    measured = [point for point in points if np.isfinite(point).all()]
-    for point, keep in zip(points, kept, strict=True):
-        beaten = any(a <= point[0] and b <= point[1] and (a, b) != point for a, b in measured)
-        assert keep == (point in measured and not beaten)
 
 
 @pytest.mark.parametrize("name", DEGRADATIONS)

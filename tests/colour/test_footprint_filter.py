@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from oneframe.colour.footprint_filter import averaged, mean_over_pixels, squares_for
+from oneframe.colour.footprint_filter import averaged, squares_for
 from oneframe.images.pixel_values import sample_bilinear
 
 SIZE, FINE = 64, 20
@@ -70,20 +70,6 @@ def test_near_to_the_scene(rng, scene, sums, scale):
         assert error < 0.8 * rms(sample_bilinear(frame, centres) - truth)
 
 
-@pytest.mark.parametrize("scale", [0.2, 1.0])
-def test_at_the_frame_s_own_scale_and_nearer_nothing_is_filtered(rng, scene, scale):
-    frame, centres = frame_of(scene), rng.uniform(4, SIZE - 5, (200, 2))
-    assert np.allclose(filtered_lookups(frame, centres, scale), sample_bilinear(frame, centres), rtol=1e-5)
-
-
-@pytest.mark.parametrize("scale", [2, 3, 5])
-def test_nothing_jumps_where_the_squares_grow(rng, scene, scale):
-    frame, centres = frame_of(scene), rng.uniform(12, SIZE - 13, (600, 2))
-    before, after = (filtered_lookups(frame, centres, scale + step) for step in (-1e-9, 1e-9))
-    # exactly continuous at 2; elsewhere both approximate the same footprint
-    assert rms(after - before) < (1e-4 if scale == 2 else 0.025) * scene.std()
-
-
 @pytest.mark.parametrize("period", [2, 4, 8])
 def test_stripes_average_to_their_mean_and_never_alias(rng, period):
     stripes = np.where(np.arange(SIZE) % period < period / 2, 255.0, 0.0)
@@ -102,13 +88,3 @@ def test_colours_of_unknown_texels_are_never_used(rng):
     for side in (1, 2):
         assert np.array_equal(averaged(image, known, side)[0], averaged(other, known, side)[0])
     assert np.array_equal(averaged(image, known, 1)[0][known], image[known])
-
-
-def test_pixel_means_are_exact_for_quadratics(rng):
-    a, b, c, d, e, f = rng.normal(size=6)
-    v, u = np.mgrid[:12, :17].astype(float)
-    values = a * u**2 + b * u * v + c * v**2 + d * u + e * v + f
-    # the mean of t^2 over -h/2..h/2 is h^2 / 12: of what the pixels cover, the values have a quarter already
-    means = mean_over_pixels(values[..., None], 2.0)[..., 0]
-    assert np.allclose(means[1:-1, 1:-1], (values + (a + c) / 12 * (1 - 1 / 4))[1:-1, 1:-1])
-    assert np.array_equal(mean_over_pixels(values[..., None], 0.7)[..., 0], values)

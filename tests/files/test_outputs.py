@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from oneframe.errors import InputError, RunError
-from oneframe.files.outputs import check_folder, check_outputs, check_own_folder
+from oneframe.files.outputs import check_outputs, check_own_folder
 
 
 def refused(outputs: list[Path], inputs: dict, message: str, error: type[Exception] = InputError) -> None:
@@ -52,25 +52,3 @@ def test_a_folder_of_own_files_holds_nothing_else(tmp_path):
     (tmp_path / "view_1.png.txt").mkdir()
     with pytest.raises(InputError, match=r"found view_1\.png\.txt in it"):
         check_own_folder(tmp_path, names, {})
-
-
-def test_a_folder_of_own_files_holds_no_input_under_whatever_name(tmp_path):
-    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
-    for folder in (out / "deep", elsewhere):
-        folder.mkdir(parents=True)
-    (tmp_path / "way").symlink_to(out)
-    own, other = out / "view_1.png", elsewhere / "photo.png"
-    own.touch()
-    other.touch()
-    os.link(other, out / "view_2.png")
-    (elsewhere / "soft.png").symlink_to(own)
-    for path in (out, own, tmp_path / "way" / "view_1.png", other, elsewhere / "soft.png", out / "deep" / "x.png"):
-        for folder in (out, tmp_path / "way"):
-            with pytest.raises(InputError, match="found the photograph in it"):
-                check_own_folder(folder, r"view_\d+\.png|deep", {"photograph": path})
-            # a hard link is found among own files alone: nothing else is replaced
-            if path != other:
-                with pytest.raises(InputError, match="found the poses in it"):
-                    check_folder(folder, {"poses": path})
-    check_folder(out / "deep", {"frame": own})
-    check_own_folder(out, r"view_\d+\.png|deep", {"folder": tmp_path, "photograph": elsewhere / "another.png"})

@@ -31,37 +31,6 @@ def pack(root: Path, out: Path, **options) -> dict[str, bytes]:
     return tree(out)
 
 
-def scene_table(root: Path, name: str) -> dict:
-    return json.loads((root / "train_synt" / "000000" / name).read_text())
-
-
-def test_webdataset_reads_every_view_as_the_folder_has_it(dataset, packed):
-    webdataset = pytest.importorskip("webdataset", reason="webdataset is not installed")
-    shards = [str(path) for path in sorted(packed.glob("shard-*.tar"))]
-    samples = list(webdataset.WebDataset(shards, shardshuffle=False))
-    assert [sample["__key__"] for sample in samples] == [f"000000_{view:06d}" for view in range(COUNT)]
-    scene = dataset / "train_synt" / "000000"
-    for view, sample in enumerate(samples):
-        assert {name for name in sample if not name.startswith("__")} == {
-            "camera.json", "gt.json", "gt_info.json", "mask.json", "mask_visib.json", "mask_observed.json", "depth.png",
-            "depth_mm.npy", "source_frame.png", "rgb.png",
-        }  # fmt: skip
-        for name, file in {
-            "rgb.png": f"rgb/{view:06d}.png", "depth.png": f"depth/{view:06d}.png",
-            "depth_mm.npy": f"depth_mm/{view:06d}.npy", "source_frame.png": f"source_frame/{view:06d}.png",
-        }.items():  # fmt: skip
-            assert sample[name] == (scene / file).read_bytes()
-        for name in ("camera", "gt", "gt_info"):
-            assert json.loads(sample[f"{name}.json"]) == scene_table(dataset, f"scene_{name}.json")[str(view)]
-        for name in ("mask", "mask_visib", "mask_observed"):
-            (entry,) = json.loads(sample[f"{name}.json"]).values()
-            image = cv2.imread(str(scene / name / f"{view:06d}_000000.png"), cv2.IMREAD_UNCHANGED)
-            found = np.repeat(np.arange(len(entry["counts"])) % 2, entry["counts"])
-            np.testing.assert_array_equal(found.reshape(image.shape[::-1]).T, image > 0)
-    decoded = next(iter(webdataset.WebDataset(shards[:1], shardshuffle=False).decode("rgb8")))
-    np.testing.assert_array_equal(decoded["rgb.png"], cv2.imread(str(scene / "rgb/000000.png"))[..., ::-1])
-
-
 def test_the_same_bytes_whoever_packs(dataset, packed, tmp_path):
     """Any number of threads, another place, and again over what is there."""
 
